@@ -116,6 +116,11 @@ def spread(of: Callable[..., float], *arguments: float, by: float) -> float:
     return float(pairs.max(axis=1).sum())
 
 
+def gravity(recording: Recording) -> float:
+    """Return the acceleration of gravity in a scene, 0 without [m/s²]."""
+    return float(np.linalg.norm(recording.plan.scene.gravity or 0.0))
+
+
 def turning_rate(recording: Recording) -> float:
     """Return the largest |ω| of the run [rad/s]."""
     omega = np.linalg.norm(recording.measures.angular_velocity, axis=1)

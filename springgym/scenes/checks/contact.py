@@ -14,7 +14,17 @@ from springgym.bodies.elasticity import spring_force_and_jacobian
 from springgym.bodies.precession import axial_moments
 from springgym.contact.law import SLOW
 from springgym.scenes.checks import needs
-from springgym.scenes.checks.basis import Check, applies, crossings, peaks, period, slack, spread, within
+from springgym.scenes.checks.basis import (
+    Check,
+    applies,
+    crossings,
+    gravity,
+    peaks,
+    period,
+    slack,
+    spread,
+    within,
+)
 from springgym.scenes.checks.tops import angles, mean_rate
 from springgym.scenes.recording import Recording, record
 from springgym.surfaces import Bowl, Contact, PaperContact, Pipe, Plane, scales
@@ -63,7 +73,7 @@ CREEP = 1e-6
 def _met(recording: Recording) -> tuple[Contact | PaperContact, float, float, float]:
     """Return the contact of a scene, its c [N·m²] and Δ [m], and g [m/s²]."""
     scene = recording.plan.scene
-    return scene.contact, *scales(scene.contact, scene.body), float(np.linalg.norm(scene.gravity or 0.0))
+    return scene.contact, *scales(scene.contact, scene.body), gravity(recording)
 
 
 def _carried(recording: Recording) -> np.ndarray:
@@ -126,12 +136,15 @@ def rest_height(recording: Recording) -> list[Check]:
     # what does not balance the weight moves the body: m Δv in that time
     upwards = recording.measures.momentum[late, 2]
     moved = float(np.ptp(upwards)) / float(np.ptp(recording.times[late]))
+    still = at_rest(recording, late)
+    carried = float(force.mean()) if still.passed else math.nan  # else it does not rest yet
+    return [within(WITHIN, "force of the floor", weight, carried, "N", moved / weight), still]
+
+
+def at_rest(recording: Recording, late: np.ndarray) -> Check:
+    """Check that no particle moves in some late states: a mask of states, or their indices."""
     speed = float(np.linalg.norm(recording.velocities[late], axis=2).max())
-    carried = float(force.mean()) if speed <= STILL else math.nan  # else it does not rest yet
-    return [
-        within(WITHIN, "force of the floor", weight, carried, "N", moved / weight),
-        Check("largest speed at rest", 0.0, speed, STILL, "m/s"),
-    ]
+    return Check("largest speed at rest", 0.0, speed, STILL, "m/s")
 
 
 @applies(needs.level, needs.friction, needs.moves, needs.gravity)
@@ -155,22 +168,31 @@ def stopping(recording: Recording) -> list[Check]:
 @applies(needs.slope, needs.gravity, needs.coulomb)
 def slope(recording: Recording) -> list[Check]:
     """Compare a block on a slope with theory: it rests, or slides with a known acceleration."""
-    contact, _, _, g = _met(recording)
+    contact = recording.plan.scene.contact
     surface = recording.plan.scene.surfaces[0]
     assert isinstance(surface, Plane)
     angle = math.acos(surface.normal[2])
     down = np.array([surface.normal[0], surface.normal[1], 0.0])
     down = np.cross(np.cross(surface.normal, down / np.linalg.norm(down)), surface.normal)
     way = (recording.measures.centre - recording.measures.centre[0]) @ (down / np.linalg.norm(down))
+    return [down_slope(recording, way, angle, contact.friction, recording.plan.scene.body.lengths.min())]
+
+
+def down_slope(recording: Recording, way: np.ndarray, angle: float, friction: float, length: float) -> Check:
+    """Check the way (T,) [m] of a body down a slope: friction holds it, or it slides as Coulomb's law says.
+
+    Theory leaves out that the body swings; ``length`` [m] says how fast, by √(g/length).
+    """
     late = recording.times > 0.5 * recording.times[-1]
-    if theory.holds(angle, contact.friction):
+    if theory.holds(angle, friction):
         creep = float(np.abs(way[late] - way[late][0]).max())
-        return [Check("way in the second half", 0.0, creep, CREEP, "m")]
-    expected = theory.slope_acceleration(angle, contact.friction, g)
+        return Check("way in the second half", 0.0, creep, CREEP, "m")
+    g = gravity(recording)
+    expected = theory.slope_acceleration(angle, friction, g)
     enough = late.sum() > 3
     measured = 2 * float(np.polyfit(recording.times[late], way[late], 2)[0]) if enough else math.nan
-    by = slack(recording, math.sqrt(g / recording.plan.scene.body.lengths.min()))
-    return [within(WITHIN, "acceleration", expected, measured, "m/s²", by * g / expected)]
+    by = slack(recording, math.sqrt(g / length))
+    return within(WITHIN, "acceleration", expected, measured, "m/s²", by * g / expected)
 
 
 @applies(needs.level, needs.ice, needs.gravity)
@@ -224,8 +246,7 @@ def impact(recording: Recording) -> list[Check]:
     By `springgym.theory.impact`, of the body's own springs: not those of the solid it may stand for, whose
     waves they do not hold. Seen in every step, from the last recorded state before.
     """
-    scene, g = recording.plan.scene, _met(recording)[3]
-    _, c, reach, _ = _met(recording)
+    scene, (_, c, reach, g) = recording.plan.scene, _met(recording)
     body, start = scene.body, scene.positions
     _, jacobian = spring_force_and_jacobian(body.with_(positions=start, lengths=body.lengths), start)
     rows = rigidity_matrix(start, body.springs).reshape(len(body.springs), -1)
@@ -304,7 +325,7 @@ def rubbing(recording: Recording) -> list[Check]:
 def resting_tip(recording: Recording) -> list[Check]:
     """Check the mean precession in the second half, when the tip rests: that of a pinned top."""
     scene, m = recording.plan.scene, recording.measures
-    body, g = scene.body, _met(recording)[3]
+    body, g = scene.body, gravity(recording)
     tip = body.particle("tip")
     late = recording.times >= 0.5 * recording.times[-1]
     tilt, azimuth = angles(recording)

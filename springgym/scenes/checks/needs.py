@@ -6,10 +6,12 @@ Each function raises `ValueError` if it is not, saying by what.
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 
 from springgym import rigid
+from springgym.bodies import Body
 from springgym.bodies.elastic import Cable, Elastic
 from springgym.bodies.network import vibrations
 from springgym.bodies.precession import axial_moments, heavy_top
@@ -149,10 +151,13 @@ def top(plan: Plan) -> None:
     heavy_top(plan.scene.body, plan.scene.pinned, plan.scene.gravity or (0.0, 0.0, 0.0))
 
 
+def _chain(body: Body) -> bool:
+    """Return whether springs join each particle of a body to the next, and no others."""
+    return len(body.masses) > 1 and np.array_equal(body.springs, list(pairwise(range(len(body.masses)))))
+
+
 def rope(plan: Plan) -> None:
-    springs, count = plan.scene.body.springs, len(plan.scene.body.masses)
-    chain = np.column_stack([np.arange(count - 1), np.arange(1, count)])
-    if count < 2 or not np.array_equal(springs, chain) or plan.scene.pinned != (0,):
+    if not _chain(plan.scene.body) or plan.scene.pinned != (0,):
         raise ValueError("it concerns a rope: a chain of springs, pinned at its first particle")
 
 
@@ -281,8 +286,7 @@ def draped(plan: Plan) -> None:
     one_held(plan)
     gravity(plan)
     cord = next(placed.body for placed in plan.scene.bodies if not placed.pinned)
-    chain = np.column_stack([np.arange(len(cord.masses) - 1), np.arange(1, len(cord.masses))])
-    if len(cord.masses) < 2 or not np.array_equal(cord.springs, chain):
+    if not _chain(cord):
         raise ValueError(f"body {cord.name!r} is not a rope, that is, a chain of springs")
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from springgym.bodies import Body, Round
 from springgym.scenes.checks import needs
-from springgym.scenes.checks.basis import Check, applies, crossings, slack, turning_rate, within
+from springgym.scenes.checks.basis import Check, applies, crossings, gravity, slack, turning_rate, within
 from springgym.scenes.plan import Plan
 from springgym.scenes.recording import Recording
 from springgym.surfaces import Contact, Plane, scales
@@ -121,10 +121,6 @@ def _egg(plan: Plan) -> None:
         raise ValueError(f"the inertia of body {body.name!r} is not symmetric about its long axis")
 
 
-def _g(recording: Recording) -> float:
-    return float(np.linalg.norm(recording.plan.scene.gravity or 0.0))
-
-
 def moment_share(body: Body) -> tuple[float, float]:
     """Return the radius [m] of a ball, and I/(m r²)."""
     radius = _only_feature(body).extent
@@ -138,7 +134,7 @@ def rolling(recording: Recording) -> list[Check]:
     surface, contact = scene.surfaces[0], scene.contact
     assert isinstance(surface, Plane)
     assert isinstance(contact, Contact)
-    angle, g = math.acos(surface.normal[2]), _g(recording)
+    angle, g = math.acos(surface.normal[2]), gravity(recording)
     down = np.array([*surface.normal[:2], 0.0])
     down = down - (down @ surface.normal) * np.array(surface.normal)
     way = (recording.measures.centre - recording.measures.centre[0]) @ (down / np.linalg.norm(down))
@@ -164,7 +160,7 @@ def skidding(recording: Recording) -> list[Check]:
     slip = m.centre_velocity - np.cross(m.angular_velocity, [0.0, 0.0, radius])
     along = slip[0] * (1, 1, 0) / max(float(np.linalg.norm(slip[0, :2])), 1e-300)
     start, turning = float(m.centre_velocity[0] @ along), float((slip - m.centre_velocity)[0] @ along)
-    speed, lasts = theory.after_skidding(start + turning, share, contact.friction, _g(recording))
+    speed, lasts = theory.after_skidding(start + turning, share, contact.friction, gravity(recording))
     expected = speed - turning
     late = recording.times > max(1.5 * lasts, 0.75 * recording.times[-1])
     rolls = float((m.centre_velocity[late] @ along).mean()) if late.any() else math.nan
@@ -188,7 +184,7 @@ def tippe_top(recording: Recording) -> list[Check]:
     kept = theory.jellett(m.angular_momentum, axis, feature.extent, off)
     last = float(kept[np.abs(kept - kept[0]).argmax()])
     strength, reach = scales(scene.contact, body)
-    gap = sliding.rest_height(body.mass * _g(recording), strength, reach)
+    gap = sliding.rest_height(body.mass * gravity(recording), strength, reach)
     high = float(m.centre[-1, 2]) - gap
     by = slack(recording, 0.0)
     return [
@@ -220,7 +216,7 @@ def _rolled(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
         _orientation(body, scene.positions) @ axes,
         recording.measures.angular_velocity[0],
         recording.times,
-        _g(recording),
+        gravity(recording),
     )
     upwards = frames[:, 2]
     sizes = np.sqrt((squares * upwards**2).sum(axis=1, keepdims=True))
@@ -265,7 +261,7 @@ def euler_disk(recording: Recording) -> list[Check]:
     azimuth = np.unwrap(np.arctan2(m.axis[:, 1], m.axis[:, 0]))
     mean = float(tilt.mean())
     moments = np.linalg.eigvalsh(body.inertia()) / body.mass
-    expected = theory.disk_rate(mean, feature.extent, float(moments[0]), _g(recording))
+    expected = theory.disk_rate(mean, feature.extent, float(moments[0]), gravity(recording))
     measured = abs(float(np.polyfit(recording.times, azimuth, 1)[0]))
     by = slack(recording, turning_rate(recording)) + float(np.ptp(tilt)) / mean
     return [within(TURNED, "rate of rolling round", expected, measured, "rad/s", by)]
@@ -306,7 +302,7 @@ def egg(recording: Recording) -> list[Check]:
     triad = np.stack([m.side, np.cross(m.axis, m.side), m.axis], axis=2)
     cosine = np.clip(np.abs(triad[:, 2] @ (triad[0].T @ turn @ axes[:, 2])), 0.0, 1.0)
     tilt, high = np.arccos(cosine), np.sqrt(across**2 + (along**2 - across**2) * cosine**2)
-    weight = body.mass * _g(recording)
+    weight = body.mass * gravity(recording)
     passed = [crossings(recording.times, tilt - of, rising=False) for of in RISE]
     rises = float(passed[1][0] - passed[0][0]) if all(map(len, passed)) else math.nan
     expected = theory.egg_rise(*RISE, (along, across), constant, weight, scene.contact.friction)

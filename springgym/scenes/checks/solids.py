@@ -10,7 +10,7 @@ from springgym.bodies import vibrations
 from springgym.bodies.elastic import Cable, Elastic
 from springgym.bodies.precession import precession_gap, wobble_growth
 from springgym.scenes.checks import needs
-from springgym.scenes.checks.basis import Check, applies, crossings, peaks, period, within
+from springgym.scenes.checks.basis import Check, applies, crossings, gravity, peaks, period, within
 from springgym.scenes.checks.tops import angles, mean_rate, rigid_top
 from springgym.scenes.recording import Recording
 from springgym.theory import rope, top
@@ -164,7 +164,7 @@ def cable(recording: Recording) -> list[Check]:
     made = scene.body.solid
     assert isinstance(made, Cable)
     given = (made.load, made.mass, made.material.young, made.section, made.length)
-    stretch = rope.cable_stretch(*given, float(np.linalg.norm(scene.gravity or 0.0)))
+    stretch = rope.cable_stretch(*given, gravity(recording))
     bounce = rope.cable_bounce(*given)
     ends = recording.positions[:, [0, -1]]
     longer = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) - made.length

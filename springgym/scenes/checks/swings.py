@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from springgym.scenes.checks import needs
-from springgym.scenes.checks.basis import Check, applies, period, slack, within
+from springgym.scenes.checks.basis import Check, applies, gravity, period, slack, within
 from springgym.scenes.recording import Recording
 from springgym.theory import pendulum as theory
 from springgym.theory import rope
@@ -36,10 +36,6 @@ DEPTH = 0.01
 dampers take 1 %; of the depth that is half."""
 
 
-def _gravity(recording: Recording) -> float:
-    return float(np.linalg.norm(recording.plan.scene.gravity or 0.0))
-
-
 def _pin(recording: Recording) -> np.ndarray:
     """Return the position of the pin, (3,) [m]."""
     scene = recording.plan.scene
@@ -58,7 +54,7 @@ def pendulum(recording: Recording) -> list[Check]:
     body = scene.body.with_(positions=scene.positions, lengths=scene.body.lengths)
     hinge = np.cross(sideways, (0, 0, 1))
     inertia = float(hinge @ body.inertia(pin) @ hinge)
-    mgl = body.mass * _gravity(recording) * float(np.linalg.norm(arm[0]))
+    mgl = body.mass * gravity(recording) * float(np.linalg.norm(arm[0]))
     expected = theory.period(inertia, mgl, amplitude)
     measured = period(recording.times, -angle)
     rate = 2 * math.sqrt(mgl / inertia)  # of the longest swing through the lowest point
@@ -79,7 +75,7 @@ def small_swings(recording: Recording) -> list[Check]:
     hanging = _hanging(recording)
     r = hanging - pin
     inertia = np.sum(body.masses * (r * r).sum(axis=1)) * np.eye(3) - (body.masses * r.T) @ r
-    mgl = body.mass * _gravity(recording) * float(np.linalg.norm(body.masses @ r / body.mass))
+    mgl = body.mass * gravity(recording) * float(np.linalg.norm(body.masses @ r / body.mass))
     root = np.linalg.inv(np.linalg.cholesky(inertia))
     squares, shapes = np.linalg.eigh(root @ np.diag([mgl, mgl, 0.0]) @ root.T)
     turned = _rotations(r, recording.positions - pin, body.masses)
@@ -127,7 +123,7 @@ def rope_stretch(recording: Recording) -> list[Check]:
     A mode of frequency ω decays as exp(−γ t), γ = c ω²/2k; so what is left of the bounce is known.
     """
     body = recording.plan.scene.body
-    k, c, g = float(body.stiffness[0]), float(body.damping[0]), _gravity(recording)
+    k, c, g = float(body.stiffness[0]), float(body.damping[0]), gravity(recording)
     lengths = np.linalg.norm(np.diff(recording.positions, axis=1), axis=2)
     expected = rope.stretched_lengths(body.masses[1:], body.lengths, body.stiffness, g)
     lowest = float(rope.bounce_modes(body.masses[1:], body.stiffness).frequencies[0])
@@ -152,10 +148,10 @@ def rope_modes(recording: Recording) -> list[Check]:
     """Check frequencies of all small sideways modes of a hanging rope."""
     body = recording.plan.scene.body
     masses = body.masses[1:]
-    modes = rope.swing_modes(masses, body.lengths, body.stiffness, _gravity(recording))
+    modes = rope.swing_modes(masses, body.lengths, body.stiffness, gravity(recording))
     sideways = recording.positions[:, 1:, 0] - recording.positions[:, :1, 0]
     slope = np.abs(np.diff(recording.positions[:, :, 0], axis=1)).max() / body.lengths.min()
-    tension = rope.tensions(masses, _gravity(recording)).min()
+    tension = rope.tensions(masses, gravity(recording)).min()
     # a slope s stretches springs by s²/2 of their length, which adds to the tension
     harder = float(slope**2 / 2 * body.stiffness.max() * body.lengths.max() / tension)
     checks = []
@@ -171,7 +167,7 @@ def rope_modes(recording: Recording) -> list[Check]:
 def rope_swing(recording: Recording) -> list[Check]:
     """Check the period of a rope with a heavy end: its lowest mode, slowed by the amplitude."""
     body = recording.plan.scene.body
-    masses, g = body.masses[1:], _gravity(recording)
+    masses, g = body.masses[1:], gravity(recording)
     modes = rope.swing_modes(masses, body.lengths, body.stiffness, g)
     arm = recording.positions[:, -1] - recording.positions[:, 0]
     angle = np.arctan2(arm[:, 0], -arm[:, 2])
@@ -193,7 +189,7 @@ def bungee(recording: Recording) -> list[Check]:
     Of the cord's own energy, at the most its fall along itself, some is left in vibration, and dampers take
     some: both make the fall shorter by their share of the force at the lowest point.
     """
-    scene, m, g = recording.plan.scene, recording.measures, _gravity(recording)
+    scene, m, g = recording.plan.scene, recording.measures, gravity(recording)
     body, top = scene.body, float(scene.positions[0, 2])
     length, cord, jumper = float(body.lengths.sum()), float(body.masses[1:-1].sum()), float(body.masses[-1])
     stiffness = 1 / float((1 / body.stiffness).sum())

@@ -9,8 +9,8 @@ import numpy as np
 from springgym.collisions import Meeting
 from springgym.contact.law import SLOW
 from springgym.scenes.checks import needs
-from springgym.scenes.checks.basis import Check, applies, slack, within
-from springgym.scenes.checks.contact import CREEP, STILL, WITHIN
+from springgym.scenes.checks.basis import Check, applies, gravity, within
+from springgym.scenes.checks.contact import WITHIN, at_rest, down_slope
 from springgym.scenes.recording import Recording
 from springgym.surfaces import Bowl
 from springgym.theory import contact as theory
@@ -46,10 +46,6 @@ SETTLED = 8
 
 def _met(recording: Recording) -> Meeting:
     return recording.plan.scene.meetings[0]
-
-
-def _gravity(recording: Recording) -> float:
-    return float(np.linalg.norm(recording.plan.scene.gravity or 0.0))
 
 
 def _late(recording: Recording) -> np.ndarray:
@@ -137,16 +133,7 @@ def slab(recording: Recording) -> list[Check]:
     down = down / np.linalg.norm(down)
     centre = recording.bodies[free].centre
     way = (centre - centre[0]) @ down
-    late = recording.times > 0.5 * recording.times[-1]
-    if theory.holds(angle, met.contact.friction):
-        creep = float(np.abs(way[late] - way[late][0]).max())
-        return [Check("way in the second half", 0.0, creep, CREEP, "m")]
-    g = _gravity(recording)
-    expected = theory.slope_acceleration(angle, met.contact.friction, g)
-    enough = late.sum() > 3
-    measured = 2 * float(np.polyfit(recording.times[late], way[late], 2)[0]) if enough else math.nan
-    by = slack(recording, math.sqrt(g / scene.bodies[free].body.swept))
-    return [within(WITHIN, "acceleration", expected, measured, "m/s²", by * g / expected)]
+    return [down_slope(recording, way, angle, met.contact.friction, scene.bodies[free].body.swept)]
 
 
 @applies(needs.collide, needs.gravity, together=True)
@@ -162,7 +149,7 @@ def stacked(recording: Recording) -> list[Check]:
     for n, met in enumerate(scene.meetings):
         if recording.pairs.touching[-1, n]:
             upper = max(high[met.first], high[met.second])
-            weight = _gravity(recording) * sum(
+            weight = gravity(recording) * sum(
                 placed.body.mass for placed, z in zip(scene.bodies, high, strict=True) if z >= upper
             )
             name = " on ".join(
@@ -170,8 +157,7 @@ def stacked(recording: Recording) -> list[Check]:
             )
             measured = float(impulse[-1, n] - impulse[0, n]) / time
             checks.append(within(WITHIN, f"force of {name}", weight, measured, "N", moved / weight))
-    speed = float(np.linalg.norm(recording.velocities[late], axis=2).max())
-    return [*checks, Check("largest speed at rest", 0.0, speed, STILL, "m/s")]
+    return [*checks, at_rest(recording, late)]
 
 
 @applies(needs.collide, needs.surface, needs.gravity, together=True, contacts=True)
@@ -182,7 +168,7 @@ def pile(recording: Recording) -> list[Check]:
     """
     scene, late = recording.plan.scene, _late(recording)
     masses = np.array([placed.body.mass for placed in scene.bodies])
-    weights = masses * _gravity(recording)
+    weights = masses * gravity(recording)
     carried = np.zeros((len(late), len(masses)))
     outside = np.zeros(len(late))
     told = recording.contacts if len(recording.contacts) == len(recording.times) else ()
@@ -196,11 +182,10 @@ def pile(recording: Recording) -> list[Check]:
     whole = float(outside.mean()) if told else math.nan
     time = float(np.ptp(recording.times[late]))
     moved = sum(np.ptp(m.momentum[late, 2]) for m in recording.bodies) / time  # what does not balance weight
-    speed = float(np.linalg.norm(recording.velocities[late], axis=2).max())
     return [
         within(WITHIN, "force of floor and walls", weights.sum(), whole, "N", moved / weights.sum()),
         Check("largest force that is not balanced", 0.0, off, WITHIN * weights.max(), "N", moved),
-        Check("largest speed at rest", 0.0, speed, STILL, "m/s"),
+        at_rest(recording, late),
     ]
 
 
@@ -223,7 +208,7 @@ def draped(recording: Recording) -> list[Check]:
     for name, order in (("first", slice(None)), ("last", slice(None, None, -1))):
         count = int(np.argmin(hangs[order]))  # particles that hang at this end
         masses = body.masses[order][:count]
-        expected = float(tensions(masses[::-1], _gravity(recording))[0]) if count else math.nan
+        expected = float(tensions(masses[::-1], gravity(recording))[0]) if count else math.nan
         measured = float(pull[order][count - 1]) if count else math.nan
         checks.append(within(DRAPED, f"tension at its {name} end", expected, measured, "N"))
     middle = recording.positions[
@@ -250,7 +235,7 @@ def wave(recording: Recording) -> list[Check]:
     edge = np.array([thickness / 2, 0.0, -height / 2])
     inertia = float(body.inertia(body.centre + edge)[1, 1]) / body.mass
     start = float(recording.bodies[first].angular_velocity[0, 1])
-    reach, friction, g = _met(recording).reach, _met(recording).contact.friction, _gravity(recording)
+    reach, friction, g = _met(recording).reach, _met(recording).contact.friction, gravity(recording)
     speeds = []
     for more in (0.0, reach, 0.5 * reach):
         hits = dominoes.impacts(
