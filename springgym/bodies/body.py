@@ -14,7 +14,7 @@ from springgym.bodies import surface
 from springgym.bodies.elastic import Cable, Elastic
 from springgym.bodies.round import Round, weights
 from springgym.checks import TINY, array, flag, indices, instance, number, shown, whole_array
-from springgym.records import ReadOnly
+from springgym.records import ReadOnly, read_only
 
 MOST_PARTICLES, MOST_SPRINGS = 1000, 20_000
 """Limits on the size of a body. The check of its shape and the largest stable step need matrices of (3 N)²
@@ -270,9 +270,7 @@ class Body(ReadOnly):
     @cached_property
     def centre(self) -> np.ndarray:
         """Return the centre of mass of the unstretched shape [m], (3,)."""
-        centre = self.masses @ self.positions / self.mass
-        centre.setflags(write=False)
-        return centre
+        return read_only(self.masses @ self.positions / self.mass)
 
     @cached_property
     def size(self) -> float:
@@ -301,9 +299,9 @@ class Body(ReadOnly):
     @cached_property
     def edges(self) -> np.ndarray:
         """Return the sharp edges (E, 2) of a closed surface: convex, and turning by more than 1°."""
-        edges = surface.sharp_edges(self.positions, self.triangles) if self.closed else np.zeros((0, 2), int)
-        edges.setflags(write=False)
-        return edges
+        if not self.closed:
+            return read_only(np.zeros((0, 2), int))
+        return read_only(surface.sharp_edges(self.positions, self.triangles))
 
     @cached_property
     def thickness(self) -> float:
