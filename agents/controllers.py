@@ -457,7 +457,7 @@ def juggle_wrench(task: juggle.SpringJuggle, observations: np.ndarray) -> np.nda
 
 @cache
 def _tower_gain(period: float) -> np.ndarray:
-    """For x = way, velocity, tilt n, and its rate of a block that hangs by its upper face, along an axis.
+    """Return the gain along an axis of x = way, velocity, tilt n and its rate, of a block hanging by its top.
 
     A force F there is l above the centre of mass: M X'' = F, I n'' = l (F − Mg n).
     """

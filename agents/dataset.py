@@ -85,7 +85,7 @@ class Recorded(VectorWrapper):
 
 
 def _of(seen: Any, copy: int) -> Any:
-    """What one copy observes."""
+    """Return what one copy observes."""
     if isinstance(seen, dict):
         return {name: own[copy] for name, own in seen.items()}
     return np.array(seen[copy])

@@ -73,7 +73,7 @@ class Contacts(NamedTuple):
 
 
 class PairSums(NamedTuple):
-    """What happened between colliding bodies, (copies,), over all pairs: see `PairReadings`."""
+    """Sums over all pairs of colliding bodies, (copies,): see `PairReadings`."""
 
     touching: np.ndarray
     """number of pairs that touch"""

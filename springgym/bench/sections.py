@@ -65,7 +65,7 @@ HALF_REACH = 0.005
 
 
 def two_bodies(body: Body, way: tuple[float, float, float]) -> Feature:
-    """Two bodies at rest, one aside of the other, passing through each other and colliding.
+    """Return scenes of two bodies at rest side by side, which do not collide and which do.
 
     What pushes them is so weak that they stay where they are.
     """

@@ -155,7 +155,7 @@ def alone(observation: Any) -> Any:
 
 
 def _of_parts(act: Policy, space: spaces.Dict) -> Policy:
-    """A policy for observations with several entries, of one for their numbers one after another."""
+    """Turn a policy of numbers in a row into one of observations with several entries."""
 
     def of_parts(observations: Any) -> np.ndarray:
         return act(np.concatenate([observations[name] for name in space], axis=-1, dtype=np.float32))

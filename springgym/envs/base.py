@@ -795,7 +795,7 @@ def _seed(name: str, seed: object) -> int | None:
 
 
 def _of_copy(seen: Any, copy: Any) -> Any:
-    """What one copy observes, of what all do."""
+    """Return what one copy observes, of what all observe."""
     return {name: own[copy] for name, own in seen.items()} if isinstance(seen, dict) else seen[copy]
 
 

@@ -62,7 +62,7 @@ def heading_of(m: Measures, c: int, body: int) -> float:
 
 @compiled
 def speed_of(m: Measures, c: int) -> float:
-    """The speed of the box, with its turning [m/s]."""
+    """Return the speed of the box, with its turning [m/s]."""
     velocity = m.centre_velocity[c, BOX]
     return math.hypot(velocity[0], velocity[1]) + TURNING_ARM * abs(m.angular_velocity[c, BOX, 2])
 

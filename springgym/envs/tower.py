@@ -72,7 +72,7 @@ def fell(m: Measures, s: Situation, c: int, k: int) -> bool:
 
 @kernel
 def move(m: Measures, s: Situation, goal: np.ndarray) -> None:
-    """The crane lets go of the block that it holds, and takes the next."""
+    """Let the crane drop the block that it holds and take the next."""
     for c in range(goal.shape[0]):
         if goal[c, 0] < m.centre.shape[1] and s.action[c, 3] > LET_GO:
             goal[c, 0] += 1.0

@@ -177,7 +177,7 @@ def rigid_body(plan: Plan) -> None:
 
 
 def flips(plan: Plan) -> None:
-    """It spins near its middle axis.
+    """Refuse a body that does not spin near its middle axis.
 
     On the polhode, H² = Σ Hᵢ² and 2T = Σ Hᵢ²/Iᵢ. The middle component is largest where that along the axis
     of least moment or, if H² < 2T I₂, of greatest moment is zero: H₂² (1/I₂ − 1/I_c) = 2T − H²/I_c with the
@@ -216,7 +216,7 @@ def symmetric(plan: Plan) -> None:
 
 
 def struck(plan: Plan) -> None:
-    """Its lowest vibration, of all of the same frequency, is excited, and not turned away from its modes."""
+    """Refuse a body whose lowest vibrations are not excited, or that is turned away from its modes."""
     scene, body = plan.scene, plan.scene.body
     frequencies, modes = vibrations(body)
     lowest = modes[frequencies < frequencies[0] * (1 + 1e-6)]
