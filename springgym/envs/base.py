@@ -169,15 +169,51 @@ class _Common(Stateful):
 
 
 class _OneCopy(_Common):
-    """Environments of one copy share how they draw it."""
+    """Share what environments of one copy have in common: how they draw it, and what their state holds."""
 
     render_mode: str | None
     _canvas: Renderer | None
+    _np_random: np.random.Generator | None
+    _np_random_seed: int | None
 
     def _draw(self) -> np.ndarray | None:
         if self._canvas is None:
             self._canvas = self._renderer(self.render_mode)
         return self._picture(self._canvas, 0)
+
+    def _draw_start(self) -> None:
+        """Show the start of an episode, to whoever looks."""
+        if self._canvas is not None:
+            self._restart(self._canvas, 0)
+        if self.render_mode == "human":
+            self._draw()
+
+    def _draw_step(self) -> None:
+        """Show the end of a control period, to whoever looks."""
+        if self._canvas is not None:
+            self._canvas.follow(self.episodes.particles[0][0])
+        if self.render_mode == "human":
+            self._draw()
+
+    def _state(self, generator: np.random.Generator, seed: int | None) -> dict[str, Any]:
+        """Return the full state, with clock and random generator."""
+        return {
+            "episodes": self.episodes.state(),
+            "rng": generator.bit_generator.state,
+            "seed": seed,
+            "ready": not self.episodes.unready,
+        }
+
+    def _set_state(self, state: Mapping[str, Any]) -> None:
+        """Check all of a state of the right keys, then set it."""
+        generator = _generator("state['rng']", state["rng"])
+        seed = _seed_of("state['seed']", state["seed"])
+        ready = flag("state['ready']", state["ready"])
+        self.episodes.restore(state["episodes"])
+        self._np_random, self._np_random_seed = generator, seed
+        self.episodes.unready = "" if ready else NOT_BEGUN
+        if self._canvas is not None:
+            self._restart(self._canvas, 0)
 
     def close(self) -> None:
         if self._canvas is not None:
@@ -265,10 +301,7 @@ class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
         except BaseException:
             self._np_random, self._np_random_seed = before
             raise
-        if self._canvas:
-            self._restart(self._canvas, 0)
-        if self.render_mode == "human":
-            self._draw()
+        self._draw_start()
         begun = self._seen(self.episodes.observe()), self._info()
         self.episodes.unready = ""
         return begun
@@ -277,10 +310,7 @@ class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
     def step(self, action: object) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         checked = self._checked(action, self.action_space.shape)
         result, seen = self.episodes.step(checked[None])
-        if self._canvas:
-            self._canvas.follow(self.episodes.particles[0][0])
-        if self.render_mode == "human":
-            self._draw()
+        self._draw_step()
         seen, info = self._seen(self.episodes.observe(seen)), self._info()
         self.episodes.unready = ""
         return seen, result.reward.item(), result.terminated.item(), result.truncated.item(), info
@@ -306,12 +336,7 @@ class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
     @guarded
     def get_state(self) -> dict[str, Any]:
         """Return the full state, with clock and random generator, for `set_state`."""
-        return {
-            "episodes": self.episodes.state(),
-            "rng": self.np_random.bit_generator.state,
-            "seed": self.np_random_seed,
-            "ready": not self.episodes.unready,
-        }
+        return self._state(self.np_random, self.np_random_seed)
 
     @guarded
     def set_state(self, state: Mapping[str, Any]) -> None:
@@ -327,14 +352,7 @@ class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
             the message says how. Nothing changes then.
         """
         _check_keys(state, OF_ONE)
-        generator = _generator("state['rng']", state["rng"])
-        seed = _seed_of("state['seed']", state["seed"])
-        ready = flag("state['ready']", state["ready"])
-        self.episodes.restore(state["episodes"])
-        self._np_random, self._np_random_seed = generator, seed
-        self.episodes.unready = "" if ready else NOT_BEGUN
-        if self._canvas:
-            self._restart(self._canvas, 0)
+        self._set_state(state)
 
 
 class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.ndarray]):

@@ -10,19 +10,17 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.utils import seeding
 
-from springgym.checks import chosen, flag, instance, shown, whole
+from springgym.checks import chosen, instance, shown, whole
 from springgym.envs.base import (
+    OF_ONE,
     SpringEnv,
     _check_keys,
-    _generator,
     _OneCopy,
     _plain,
     _seed,
-    _seed_of,
     frame_rate,
 )
 from springgym.envs.duel import FIRST, SECOND, SpringDuel
-from springgym.envs.episodes import NOT_BEGUN
 from springgym.envs.options import Observation, SimulationOptions, mapping
 from springgym.envs.task import MET
 from springgym.extras import missing
@@ -137,10 +135,7 @@ class ParallelDuel(_OneCopy, ParallelEnv):
         self.episodes.begin(np.array([0]), [generator], options)
         self._np_random, self._np_random_seed = generator, known
         self.agents = list(AGENTS)
-        if self._canvas:
-            self._restart(self._canvas, 0)
-        if self.render_mode == "human":
-            self._draw()
+        self._draw_start()
         begun = self._seen(), self._infos(self._outcomes())
         self.episodes.unready = ""
         return begun
@@ -174,10 +169,7 @@ class ParallelDuel(_OneCopy, ParallelEnv):
         rewards = {AGENTS[n]: float(out[n, :terms].sum()) for n in (FIRST, SECOND)}
         ended, cut = bool(result.terminated[0]), bool(result.truncated[0])
         terminations, truncations = dict.fromkeys(AGENTS, ended), dict.fromkeys(AGENTS, cut)
-        if self._canvas:
-            self._canvas.follow(self.episodes.particles[0][0])
-        if self.render_mode == "human":
-            self._draw()
+        self._draw_step()
         seen, infos = self._seen(), self._infos(out)
         if ended or cut:
             self.agents = []
@@ -214,13 +206,7 @@ class ParallelDuel(_OneCopy, ParallelEnv):
 
     @guarded
     def get_state(self) -> dict[str, Any]:
-        return {
-            "episodes": self.episodes.state(),
-            "rng": self.np_random.bit_generator.state,
-            "seed": self.np_random_seed,
-            "ready": not self.episodes.unready,
-            "agents": list(self.agents),
-        }
+        return self._state(self.np_random, self.np_random_seed) | {"agents": list(self.agents)}
 
     @guarded
     def set_state(self, state: Mapping[str, Any]) -> None:
@@ -231,17 +217,11 @@ class ParallelDuel(_OneCopy, ParallelEnv):
         ValueError
             If the state does not fit this environment. Nothing changes then.
         """
-        _check_keys(state, ("episodes", "rng", "seed", "ready", "agents"))
+        _check_keys(state, (*OF_ONE, "agents"))
         if state["agents"] not in ([], list(AGENTS)):
             raise ValueError(f"state['agents'] is {shown(state['agents'])}; it must be {list(AGENTS)} or []")
-        generator = _generator("state['rng']", state["rng"])
-        seed = _seed_of("state['seed']", state["seed"])
-        ready = flag("state['ready']", state["ready"])
-        self.episodes.restore(state["episodes"])
-        self._np_random, self._np_random_seed = generator, seed
-        self.episodes.unready, self.agents = "" if ready else NOT_BEGUN, list(state["agents"])
-        if self._canvas:
-            self._restart(self._canvas, 0)
+        self._set_state(state)
+        self.agents = list(state["agents"])
 
     def _seen(self) -> dict[str, np.ndarray]:
         m, situation, rows = self.episodes.seen
