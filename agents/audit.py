@@ -25,7 +25,7 @@ from typing import Any, Literal
 
 import gymnasium as gym
 import numpy as np
-from config import MENDABLE, ConfigError, making, whole
+from config import MENDABLE, ConfigError, add_overrides, making, whole
 from evaluate import LAST_SEED, MOST_EPISODES, Evaluation, evaluate, find_task
 from runs import HELD_OUT_SEED, write_atomically
 
@@ -165,10 +165,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--seed", type=whole(0, LAST_SEED), default=HELD_OUT_SEED, help="seed of the first episode"
     )
-    parser.add_argument(
-        "--set", dest="overrides", metavar="KEY=VALUE", nargs="+", action="extend", default=[],
-        help="arguments of the environment",
-    )  # fmt: skip
+    add_overrides(parser)
     parser.add_argument("--json", type=Path, help="write the findings to this file")
     options = parser.parse_args(arguments)
     if options.json and not options.json.absolute().parent.is_dir():

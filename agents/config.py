@@ -41,6 +41,13 @@ def making(env_id: str) -> Iterator[None]:
 MENDABLE = (ConfigError, OSError, MemoryError, gym.error.Error)
 
 
+def add_overrides(parser: argparse.ArgumentParser, what: str = "arguments of the environment") -> None:
+    """Declare the option ``--set KEY=VALUE …`` of a script; it may be given several times."""
+    parser.add_argument(
+        "--set", dest="overrides", metavar="KEY=VALUE", nargs="+", action="extend", default=[], help=what
+    )
+
+
 def whole(low: int, high: int) -> Callable[[str], int]:
     """Return a type for arguments that are whole numbers from ``low`` to ``high``."""
 

@@ -24,7 +24,7 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from config import MENDABLE, ConfigError, making, parse_assignments, whole
+from config import MENDABLE, ConfigError, add_overrides, making, parse_assignments, whole
 from controllers import controller_env_kwargs, make_controller
 from evaluate import named, trained_kwargs, trained_on
 from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
@@ -161,9 +161,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--episodes", type=whole(1, 100_000), default=100, help="of each (default: 100)")
     parser.add_argument("--seed", type=whole(0, 2**31), default=FIRST_SEED, help="seed of the first episode")
-    parser.add_argument(
-        "--set", dest="overrides", metavar="KEY=VALUE", nargs="+", default=[], help="of the environment"
-    )
+    add_overrides(parser)
     options = parser.parse_args(arguments)
 
     def run() -> int:

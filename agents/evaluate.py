@@ -26,6 +26,7 @@ from config import (
     MENDABLE,
     Config,
     ConfigError,
+    add_overrides,
     load_config,
     making,
     parse_assignments,
@@ -217,15 +218,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "evaluate.py") -
     parser.add_argument(
         "--seed", type=whole(0, LAST_SEED), default=HELD_OUT_SEED, help="seed of the first episode"
     )
-    parser.add_argument(
-        "--set",
-        dest="overrides",
-        metavar="KEY=VALUE",
-        nargs="+",
-        action="extend",
-        default=[],
-        help="arguments of the environment",
-    )
+    add_overrides(parser)
     parser.add_argument("--json", type=Path, help="write the evaluations to this file")
     options = parser.parse_args(arguments)
     if options.json and not options.json.absolute().parent.is_dir():

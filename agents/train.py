@@ -23,7 +23,16 @@ import torch
 from agent import save_agent
 from board import make_logger
 from checkpoint import load_checkpoint
-from config import CONFIG_OF, MENDABLE, ConfigError, LinearConfig, PPOConfig, load_config, whole
+from config import (
+    CONFIG_OF,
+    MENDABLE,
+    ConfigError,
+    LinearConfig,
+    PPOConfig,
+    add_overrides,
+    load_config,
+    whole,
+)
 from controllers import controllers_of
 from evaluate import MOST_EPISODES, evaluate, table, task_kwargs, write_json
 from imitation import imitate
@@ -56,15 +65,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "train.py") -> i
     )
     parser.add_argument("--run", type=Path, help="run folder (default: runs/<env id>-<algo>-<seed>)")
     parser.add_argument("--config", type=Path, help="file of hyperparameters (default: configs/<algo>.yaml)")
-    parser.add_argument(
-        "--set",
-        dest="overrides",
-        metavar="KEY=VALUE",
-        nargs="+",
-        action="extend",
-        default=[],
-        help="change hyperparameters",
-    )
+    add_overrides(parser, "change hyperparameters")
     parser.add_argument("--timesteps", type=int, help="same as --set total_timesteps=...")
     parser.add_argument("--resume", type=Path, metavar="RUN", help="continue this run")
     parser.add_argument(

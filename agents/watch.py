@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
-from config import MENDABLE, ConfigError, making, whole
+from config import MENDABLE, ConfigError, add_overrides, making, whole
 from controllers import controller_env_kwargs, make_controller
 from evaluate import LAST_SEED, find_task, named, trained_kwargs, trained_on
 from runs import HELD_OUT_SEED, load_policy
@@ -128,15 +128,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "watch.py") -> i
     parser.add_argument(
         "--browser", action="store_true", help="show the agent in the browser, where you can turn and slow it"
     )
-    parser.add_argument(
-        "--set",
-        dest="overrides",
-        metavar="KEY=VALUE",
-        nargs="+",
-        action="extend",
-        default=[],
-        help="arguments of the environment",
-    )
+    add_overrides(parser)
     options = parser.parse_args(arguments)
     if options.out and options.browser:
         parser.error("--out and --browser are both given; give one of them")
