@@ -187,14 +187,10 @@ class Stage:
 
     def _add_net(self, number: int, net: np.ndarray) -> None:
         """Show a curved surface by points (m, n, 3) in rows and columns."""
-        rows, columns, _ = net.shape
-        corners = np.arange(rows * columns).reshape(rows, columns)
-        a, b, c, d = corners[:-1, :-1], corners[1:, :-1], corners[1:, 1:], corners[:-1, 1:]
-        faces = np.concatenate([np.stack(t, axis=-1).reshape(-1, 3) for t in ((a, b, c), (a, c, d))])
         self._scene.add_mesh_simple(
             f"/ground/surface{number}",
             net.reshape(-1, 3).astype(np.float32),
-            faces,
+            _cells(*net.shape[:2]),
             color=(225, 232, 242),
             opacity=0.55,
             side="double",
@@ -525,7 +521,11 @@ def _ball(rows: int = 12, columns: int = 18) -> tuple[np.ndarray, np.ndarray]:
     )
     flat = np.sin(polar)
     vertices = np.stack([flat * np.cos(around), flat * np.sin(around), np.cos(polar)], axis=-1)
-    corners = np.arange((rows + 1) * (columns + 1)).reshape(rows + 1, columns + 1)
-    a, b, c, d = corners[:-1, :-1], corners[1:, :-1], corners[1:, 1:], corners[:-1, 1:]
-    faces = np.concatenate([np.stack(t, axis=-1).reshape(-1, 3) for t in ((a, b, c), (a, c, d))])
-    return vertices.reshape(-1, 3).astype(np.float32), faces
+    return vertices.reshape(-1, 3).astype(np.float32), _cells(rows + 1, columns + 1)
+
+
+def _cells(rows: int, columns: int) -> np.ndarray:
+    """Return two triangles (T, 3) for each cell of a grid of points, which are numbered row by row."""
+    points = np.arange(rows * columns).reshape(rows, columns)
+    a, b, c, d = points[:-1, :-1], points[1:, :-1], points[1:, 1:], points[:-1, 1:]
+    return np.concatenate([np.stack(t, axis=-1).reshape(-1, 3) for t in ((a, b, c), (a, c, d))])
