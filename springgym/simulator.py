@@ -870,8 +870,8 @@ class Simulator:
         place, pairs = self.readout.positions[copies], collisions.pairs
         if tell_shown(place, pairs.first, pairs.second, self._outlines, self._boxes[thread], shown):
             totals.count_shown(collisions, start, shown)
-        found = totals.unresolved(collisions, self.step, slice(first, last)).ravel()
-        self.unresolved[copies] = found[: len(shown)]
+        lanes = numbers(collisions.totals)[first:last]
+        totals.tell_unresolved(lanes, pairs.reach, self.step, self.unresolved[copies])
 
     @guarded
     def counts(self) -> np.ndarray:

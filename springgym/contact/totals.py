@@ -12,7 +12,7 @@ import numpy as np
 from springgym.contact.pairs import Pairs
 from springgym.contact.rows import FAR, MET, ContactRows
 from springgym.core.blocks import numbers, set_copies, to_copies
-from springgym.core.compiling import compiled
+from springgym.core.compiling import compiled, kernel
 from springgym.core.kinds import Number, Numbers
 from springgym.core.lanes import any_lane, load, select, store
 
@@ -163,13 +163,22 @@ def resolved_speeds(collisions: Collisions, step: float) -> np.ndarray:
     return RESOLVED / step * collisions.pairs.reach
 
 
-def unresolved(collisions: Collisions, step: float, blocks: slice) -> np.ndarray:
-    """Tell whether bodies met in a way that a step [s] cannot resolve, (blocks, copies of a block)."""
-    totals = numbers(collisions.totals)[blocks]
-    limit = resolved_speeds(collisions, step)[:, None]
-    late, left_out = totals[:, MISSES::ENTRIES], totals[:, OVERFLOW::ENTRIES]
-    found = (late + left_out > 0.0) | (totals[:, FASTEST::ENTRIES] > limit)
-    return np.asarray(found.any(axis=1))
+@kernel
+def tell_unresolved(totals: np.ndarray, reach: np.ndarray, step: float, found: np.ndarray) -> None:
+    """Tell in which copies, ``found`` (copies,), bodies met in a way that a step [s] cannot resolve.
+
+    The ``totals`` (blocks, pairs × `ENTRIES`, copies of a block) are of blocks that begin with the first of
+    these copies; the ``reach`` (pairs,) is Δ [m].
+    """
+    width = totals.shape[2]
+    for copy in range(found.size):
+        own, lane = totals[copy // width], copy % width
+        found[copy] = False
+        for p in range(reach.size):
+            entry = p * ENTRIES
+            wrong = own[entry + MISSES, lane] + own[entry + OVERFLOW, lane] > 0.0
+            if wrong or own[entry + FASTEST, lane] > RESOLVED / step * reach[p]:
+                found[copy] = True
 
 
 def count_shown(collisions: Collisions, first: int, found: np.ndarray) -> None:
