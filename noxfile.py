@@ -1,7 +1,8 @@
 """Chores, a word each: ``nox -s style``; ``nox -l`` lists them.
 
-They run by the interpreter that runs nox, with what is installed beside it, and the workflows in .github/workflows run the same
-ones. What follows ``--`` goes on to the command, as in ``nox -s tests -- tests/test_lanes.py -n 0``.
+They run by the interpreter that runs nox, with what is installed beside it. The workflows in
+.github/workflows run the same ones. What follows ``--`` goes on to the command, as in
+``nox -s tests -- tests/test_lanes.py -n 0``.
 """
 
 import shutil
