@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterable, Mapping
 from statistics import median
 from typing import Any, NamedTuple
 
-
 PATIENCE = 2.0
 """A user who waits for the first run of a case, which may compile, is told so after this long [s]."""
 
