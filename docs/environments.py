@@ -460,8 +460,8 @@ def table_of_estimates(report: Report) -> list[str]:
 
 # --- Texts ------------------------------------------------------------------------------------------
 
-INTRODUCTION = """Each environment has a page with its spaces, reward, start, baselines and variants. All of them
-share these features:
+INTRODUCTION = """Each environment has a page with its spaces, reward, start, baselines and variants.
+All of them share these features:
 
 - **Observations** are positions and velocities of particles (`observation="particles"`), or a few numbers
   such as axis and spin (`observation="frame"`). Both are scaled to order one.
