@@ -1,10 +1,12 @@
 """Chores, a word each: ``nox -s style``; ``nox -l`` lists them.
 
-They use what is installed in the current environment, and the workflows in .github/workflows run the same
-ones. What follows ``--`` goes on to the command, as in ``nox -s tests -- tests/test_lanes.py -n 0``.
+They run by the interpreter that runs nox, with what is installed beside it. The workflows in
+.github/workflows run the same ones. What follows ``--`` goes on to the command, as in
+``nox -s tests -- tests/test_lanes.py -n 0``.
 """
 
 import shutil
+import sys
 
 import nox
 
@@ -14,21 +16,21 @@ nox.options.sessions = ["style", "types", "tests"]
 
 def pytest(session: nox.Session, *arguments: str) -> None:
     """Run tests by the interpreter that runs nox."""
-    session.run("python", "-m", "pytest", *arguments, *session.posargs)
+    session.run(sys.executable, "-m", "pytest", *arguments, *session.posargs)
 
 
 @nox.session
 def style(session: nox.Session) -> None:
     """Hold the code against the rules of ruff, and its format; `nox -s style -- --fix` mends."""
     fix = "--fix" in session.posargs
-    session.run("ruff", "check", *(["--fix"] if fix else []), ".")
-    session.run("ruff", "format", *([] if fix else ["--check"]), ".")
+    session.run(sys.executable, "-m", "ruff", "check", *(["--fix"] if fix else []), ".")
+    session.run(sys.executable, "-m", "ruff", "format", *([] if fix else ["--check"]), ".")
 
 
 @nox.session
 def types(session: nox.Session) -> None:
     """Check types."""
-    session.run("mypy", *session.posargs)
+    session.run(sys.executable, "-m", "mypy", *session.posargs)
 
 
 @nox.session
@@ -52,7 +54,7 @@ def browser(session: nox.Session) -> None:
 @nox.session
 def site(session: nox.Session) -> None:
     """Build the documentation into docs/_build/html."""
-    session.run("python", "docs/build.py", *session.posargs)
+    session.run(sys.executable, "docs/build.py", *session.posargs)
 
 
 @nox.session
@@ -60,23 +62,23 @@ def package(session: nox.Session) -> None:
     """Build sdist and wheel into dist/, and check what will be seen of them."""
     for folder in ("build", "dist"):
         shutil.rmtree(folder, ignore_errors=True)
-    session.run("python", "-m", "build", *session.posargs)
-    session.run("twine", "check", "--strict", "dist/*")
+    session.run(sys.executable, "-m", "build", *session.posargs)
+    session.run(sys.executable, "-m", "twine", "check", "--strict", "dist/*")
 
 
 @nox.session
 def kernels(session: nox.Session) -> None:
     """Build the wheel of compiled code into dist/: `nox -s kernels -- SpringTop-v0` of one environment."""
-    session.run("python", "kernels.py", *session.posargs)
+    session.run(sys.executable, "kernels.py", *session.posargs)
 
 
 @nox.session
 def release(session: nox.Session) -> None:
     """Check whether a tag can be released: `nox -s release -- v0.2.0`."""
-    session.run("python", "release.py", *session.posargs)
+    session.run(sys.executable, "release.py", *session.posargs)
 
 
 @nox.session
 def rehearse(session: nox.Session) -> None:
     """Rehearse the release of a tag in clean environments: `nox -s rehearse -- v0.2.0`."""
-    session.run("python", "rehearse.py", *session.posargs)
+    session.run(sys.executable, "rehearse.py", *session.posargs)

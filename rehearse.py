@@ -2,6 +2,7 @@
 
     python rehearse.py v0.2.0                                  # what the workflows do, but publishing
     python rehearse.py v0.2.0 --python python3.11 python3.13   # first steps on these, too
+    python rehearse.py v0.2.0 --ids SpringTop-v0 SpringRope-v0 # compiled code of these environments
     python rehearse.py v0.2.0 --site                           # the site with its films: ten minutes more
 
 The clone is of what is committed here. In it alone, the addresses get an owner and the changelog a date if
@@ -46,8 +47,13 @@ policy = agent.policy(env)
 observation, info = env.reset(seed=0)
 assert env.step(policy(observation))[1] > 0
 """
-AT_ONCE = f"""{STEP}
-import os
+AT_ONCE = """
+import os, sys
+import gymnasium, springgym
+for name in sys.argv[1:]:
+    env = gymnasium.make(name)
+    env.reset(seed=0)
+    env.step(env.action_space.sample())
 assert not os.path.exists(os.environ["SPRINGGYM_CACHE_DIR"]), "something was compiled"
 """
 EVERY = """
@@ -142,6 +148,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("tag", help="the tag to rehearse, such as v0.2.0")
     parser.add_argument("--python", nargs="*", default=[], metavar="P", help="interpreters for first steps")
+    parser.add_argument(
+        "--ids", nargs="+", default=["SpringTop-v0"], metavar="ID", help="environments to compile in advance"
+    )
     parser.add_argument("--site", action="store_true", help="build the site with its films")
     parser.add_argument(
         "--out", type=Path, default=ROOT / "build" / "rehearsal", metavar="FOLDER", help="what it leaves"
@@ -164,7 +173,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     nox = (sys.executable, "-m", "nox", "-s")
     at.run("sdist, wheel", *nox, "package", cwd=clone)
-    at.run("wheel of compiled code", *nox, "kernels", "--", "SpringTop-v0", cwd=clone)
+    at.run("wheel of compiled code", *nox, "kernels", "--", *options.ids, cwd=clone)
     index, pins = clone / "dist", clone / "constraints.txt"
     here = ("--no-index", "--no-deps", "--find-links", index, f"springgym=={options.tag.removeprefix('v')}")
 
@@ -179,7 +188,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     at.run("user: first step", user, "-c", STEP)
     (compiled,) = index.glob("springgym_kernels-*.whl")
     at.install("user: compiled code", user, compiled)
-    at.run("user: first step at once", user, "-c", AT_ONCE, cache="cache-not-used")
+    at.run("user: first step at once", user, "-c", AT_ONCE, *options.ids, cache="cache-not-used")
     at.run("user: published agent", user, "-c", AGENT)
     at.run("user: every environment", user, "-c", EVERY)
     command("user: first agent", "train SpringTop-v0 --timesteps 20000 --episodes 10")

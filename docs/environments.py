@@ -460,8 +460,8 @@ def table_of_estimates(report: Report) -> list[str]:
 
 # --- Texts ------------------------------------------------------------------------------------------
 
-INTRODUCTION = """springgym has thirteen environments. Each has a page with its spaces, reward, start,
-baselines and variants. All of them share these features:
+INTRODUCTION = """Each environment has a page with its spaces, reward, start, baselines and variants.
+All of them share these features:
 
 - **Observations** are positions and velocities of particles (`observation="particles"`), or a few numbers
   such as axis and spin (`observation="frame"`). Both are scaled to order one.
@@ -469,7 +469,7 @@ baselines and variants. All of them share these features:
 - **The reward** of each step lies between 0 and 1.
 - **Success**: `info["is_success"]` says whether the aim is met. An episode that ends by failure is no
   success, however long the aim was met before.
-- **Dynamics**: bodies are made of springs or, except for ropes and what rolls, rigid (`dynamics="rigid"`).
+- **Dynamics**: bodies are made of springs or, except for ropes, rigid (`dynamics="rigid"`).
 - **Batches, randomisation and states** are described under [Common features](features.md).
 
 "Solved at" is the return from which a task counts as solved. The return is at most one per step.
@@ -656,7 +656,7 @@ def page() -> str:
             "# Environments\n",
             INTRODUCTION,
             *table_of_environments(),
-            "![The environments in the order of the table](figures/environments.webp)\n",
+            "![Twelve of the environments, in the order of the table](figures/environments.webp)\n",
             *table_of_named_variants(),
             "Written by `python docs/environments.py`.\n",
         ]

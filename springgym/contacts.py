@@ -84,7 +84,8 @@ class PairSums(NamedTuple):
     misses: np.ndarray
     """number of contacts that were found too late"""
     too_fast: np.ndarray
-    """number of contacts that came too fast to be computed well"""
+    """number of contacts that moved by more than a fifth of Δ in a step, each counted in every such step: the
+    impact is coarse"""
 
 
 def pair_sums(collisions: Collisions, copies: int) -> PairSums:

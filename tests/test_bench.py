@@ -22,8 +22,13 @@ from springgym.envs.task import Task
 from springgym.simulator import PAPER_STEP, Simulator
 
 
-def test_rates_are_units_over_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
-    """By a clock that the cases move on: 5 units in 0.01 s and in 0.02 s, however long they begin."""
+def test_rates_are_units_over_seconds(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """By a clock that the cases move on: 5 units in 0.01 s and in 0.02 s, however long they begin.
+
+    What takes long to begin is told.
+    """
     now = [0.0]
 
     def take(seconds: float) -> None:
@@ -38,6 +43,7 @@ def test_rates_are_units_over_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
     assert (a.median, a.low, a.high) == pytest.approx((500, 500, 500))
     speeds = {name: pytest.approx(250) for name in ("median", "low", "high")}
     assert b.flat() == {"name": "b", "unit": "steps/s", "error": 0.1} | speeds
+    assert capsys.readouterr().err == "  2 of 2 ready after 3 s: b\n"
     assert str(b).split() == ["b", "250", "steps/s", "(250", "…", "250)", "error", "0.1"]
 
 

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable, Iterable, Mapping
 from statistics import median
 from typing import Any, NamedTuple
+
+PATIENCE = 2.0
+"""A user who waits for the first run of a case, which may compile, is told so after this long [s]."""
 
 
 class Case(NamedTuple):
@@ -38,9 +42,8 @@ class Row(NamedTuple):
         return {**self.what, **speed, **self.facts}
 
     def __str__(self) -> str:
-        parts = [value if isinstance(value, str) else f"{name} {value}" for name, value in self.what.items()]
         number = ",.0f" if self.median >= 100 else ",.3g"
-        text = f"{', '.join(parts):58} {self.median:>13{number}} {self.unit}"
+        text = f"{named(self.what):58} {self.median:>13{number}} {self.unit}"
         text += f" ({self.low:{number}} … {self.high:{number}})"
         facts = [
             value if isinstance(value, str) else f"{name.replace('_', ' ')} {value:.3g}"
@@ -49,16 +52,25 @@ class Row(NamedTuple):
         return f"{text}  {', '.join(facts)}".rstrip()
 
 
+def named(what: Mapping[str, Any]) -> str:
+    """Return in words what is measured."""
+    return ", ".join(value if isinstance(value, str) else f"{name} {value}" for name, value in what.items())
+
+
 def measured(cases: Iterable[Case], rounds: int, unit: str, seconds: float = 0.02) -> list[Row]:
     """Median, lowest and highest rate of each case over ``rounds`` rounds, taken in turn.
 
     On a shared machine speeds drift: what is to be compared runs side by side. Each case runs once
-    before it counts, and is repeated within a round until about ``seconds`` have passed.
+    before it counts, and is repeated within a round until about ``seconds`` have passed. Cases that take long
+    before they can be measured are told on stderr: they compile.
     """
     cases = list(cases)
     repeats = []
-    for case in cases:
+    for n, case in enumerate(cases, 1):
+        started = time.perf_counter()
         _spent(case, 1)
+        if (waited := time.perf_counter() - started) > PATIENCE:
+            print(f"  {n} of {len(cases)} ready after {waited:.0f} s: {named(case.what)}", file=sys.stderr)
         repeats.append(max(1, round(seconds / _spent(case, 1))))
     seen: list[list[float]] = [[] for _ in cases]
     for _ in range(rounds):

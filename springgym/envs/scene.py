@@ -21,6 +21,7 @@ from springgym import checks
 from springgym.checks import TINY, chosen, instance, suggestion
 from springgym.envs.arrows import torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
+from springgym.envs.goals import Aim, Goals, reach
 from springgym.envs.observation import BOUND, Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, RewardedOptions, mapping
 from springgym.envs.task import Start, Task
@@ -60,8 +61,11 @@ POINTS = {
 class SceneOptions(RewardedOptions, total=False):
     """The options of `make_scene_env` besides its own arguments."""
 
+    goals: bool
     failed: Seeing | None
     succeeded: Seeing | None
+    achieved: Seeing | None
+    aims: Sequence[Aim]
     hold: int
     wins: bool
     observe: Seeing | None
@@ -152,10 +156,18 @@ def make_scene_env(
         If an actuator is unknown or not in the scene, a function is not callable, takes other arguments or
         returns something else, or there is no such option; the message names it.
     """
-    known = {*SceneOptions.__annotations__, "goals", *(() if num_envs is None else ("autoreset_mode",))}
+    known = {*SceneOptions.__annotations__, *(() if num_envs is None else ("autoreset_mode",))}
     for name in options:
         if name not in known:
             raise TypeError(f"make_scene_env has no option {name!r}{suggestion(name, sorted(known))}")
+    if options.get("goals") is True:
+        if options.get("achieved") is None:
+            raise ValueError("goals is True; give achieved and aims, too: they say when a goal is reached")
+        if options.get("observe") is not None:
+            raise ValueError(
+                "goals is True and observe is given; leave observe out: the goal must not be among what is "
+                "observed besides, which only the observation of particles ensures"
+            )
     options |= {"scene": scene, "reward": reward, "actuators": actuators}
     spec = EnvSpec(
         id="SpringScene-v0",
@@ -189,6 +201,12 @@ class SceneTask(Task):
     failed, succeeded
         Functions of (m, s), as the reward. They return bools (n,): whether the episode ends by failure, and
         whether the aim is met now.
+    achieved, aims
+        In place of ``succeeded``, where the aim is to reach the goal. ``achieved`` is a function of (m, s)
+        that returns which goals (n, G) would be reached now, in SI units. Each `springgym.envs.goals.Aim`
+        names some of the G numbers, in their order: they are reached together, if their distance from those
+        of ``s.goal`` is smaller than its limit. The aim is met if all are reached. With both, ``goals=True``
+        tells goals apart in observations, see `springgym.envs.base.SpringEnv`.
     hold
         Number of consecutive steps in which the aim must be met for ``info["is_success"]``.
     wins
@@ -239,6 +257,8 @@ class SceneTask(Task):
         actuators: Mapping[str, Most],
         failed: Seeing | None = None,
         succeeded: Seeing | None = None,
+        achieved: Seeing | None = None,
+        aims: Sequence[Aim] = (),
         hold: int = 1,
         wins: bool = False,
         observe: Seeing | None = None,
@@ -285,6 +305,20 @@ class SceneTask(Task):
         self._reset_options = () if start is None else _defaulted(start)
         self._goal = np.zeros(0) if start is None else self._begun(np.random.default_rng(0), {})[2]
         self.goal_size = len(self._goal)  # type: ignore[misc]
+        self._achieved = _given("achieved", achieved)
+        self.aims = _checked_aims(aims, self.goal_size)  # type: ignore[misc]
+        if (achieved is None) != (not self.aims):
+            raise ValueError(
+                f"achieved is {checks.shown(achieved)} and aims is {checks.shown(aims)}; give both or neither"
+            )
+        if achieved is not None:
+            if succeeded is not None:
+                raise ValueError(
+                    "achieved and succeeded are both given; give one of them: the aim is met where the "
+                    "goal is reached"
+                )
+            self.achieve = self._reached  # type: ignore[misc]
+            self._goals = Goals(self.aims)
         self.memory = checks.array("memory", memory, (None,)).tolist()  # type: ignore[misc]
         self._move, self._remember = _given("move", move), _given("remember", remember)
         if move is not None:
@@ -408,12 +442,26 @@ class SceneTask(Task):
     def _judged(self, m: Measures, s: Situation) -> dict[str, np.ndarray]:
         """Return whether each copy meets the aim, and whether it fails."""
         copies = len(s.x)
-        return {
+        found = {
             field: np.zeros(copies, bool)
             if judge is None
             else _of_shape(name, judge(self._named(m), s), (copies,), "b", "bools")
             for field, name, judge in self._judges
         }
+        if self._achieved is not None:
+            achieved, desired = np.empty((2, copies, self.goal_size))
+            met = np.zeros(copies)
+            self._reached(m, s, achieved, desired)
+            reach(achieved, desired, self._goals.ends, self._goals.within, met)
+            found["met"] = met > 0
+        return found
+
+    def _reached(self, m: Measures, s: Situation, achieved: np.ndarray, desired: np.ndarray) -> None:
+        """Set goals (n, G): those that are reached now, and those of the episodes."""
+        assert self._achieved is not None
+        with _hearing(m):
+            achieved[:] = _numbers("achieved", self._achieved(self._named(m), s), achieved.shape, m)
+        desired[:] = s.goal
 
     def _moved(self, m: Measures, s: Situation, goal: np.ndarray) -> None:
         assert self._move is not None
@@ -518,6 +566,27 @@ def _defaulted(function: Callable[..., Any]) -> tuple[str, ...]:
         return ()
     kinds = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
     return tuple(own.name for own in others if own.kind in kinds)
+
+
+def _checked_aims(given: object, goal_size: int) -> tuple[Aim, ...]:
+    """Return aims after checking that they name all numbers of the goal; a spec holds them as lists."""
+    if not isinstance(given, Sequence) or isinstance(given, str):
+        raise TypeError(f"aims is {checks.shown(given)}; it must be a sequence of Aim(name, size, within)")
+    aims = []
+    for n, each in enumerate(given):
+        if not isinstance(each, (tuple, list)) or len(each) != 3:
+            raise TypeError(f"aims[{n}] is {checks.shown(each)}; it must be an Aim(name, size, within)")
+        name, size, within = each
+        aims.append(
+            Aim(
+                instance(f"aims[{n}].name", name, str),
+                checks.whole(f"aims[{n}].size", size, 1),
+                checks.number(f"aims[{n}].within", within, TINY),
+            )
+        )
+    if aims and (total := sum(aim.size for aim in aims)) != goal_size:
+        raise ValueError(f"aims have {total} numbers, and the goal that start gave has {goal_size}")
+    return tuple(aims)
 
 
 def _most(name: str, given: Most) -> np.ndarray:

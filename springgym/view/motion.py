@@ -287,8 +287,10 @@ def weight_of(scene: Scene) -> np.ndarray:
 
 
 def _supported_at(recording: Recording) -> np.ndarray:
-    """Return where the support acts, (T, 3): the pin, or the middle of the particles within reach of a
-    surface."""
+    """Return where the support acts, (T, 3): the pin, or the middle of the contacts by their forces.
+
+    Where no contact is recorded, it is the middle of the particles within reach of a surface.
+    """
     scene, x = recording.plan.scene, recording.positions
     if scene.pinned:
         return x[:, list(scene.pinned)].mean(axis=1)
@@ -296,4 +298,9 @@ def _supported_at(recording: Recording) -> np.ndarray:
     heights = np.min([surface.height(x) for surface in scene.surfaces], axis=0)
     near = np.maximum(1.5 * reach, heights.min(axis=1, keepdims=True) + 1e-9)
     touching = (heights <= near)[..., None]
-    return (x * touching).sum(axis=1) / touching.sum(axis=1)
+    at = (x * touching).sum(axis=1) / touching.sum(axis=1)
+    for n, found in enumerate(recording.contacts):
+        push = np.linalg.norm(found.force[0], axis=1)
+        if push.any():
+            at[n] = push @ found.point[0] / push.sum()
+    return at

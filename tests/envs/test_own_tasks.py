@@ -11,10 +11,12 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from numpy.random import Generator
+from stable_baselines3 import SAC, HerReplayBuffer
 
 import springgym
 from springgym.bodies import box, cube, gyroscope, rigid_velocities, rotation, stretched_shapes
 from springgym.envs.arrows import across, torque_arrow
+from springgym.envs.goals import FARTHEST, Aim
 from springgym.envs.observation import Situation
 from springgym.envs.sb3 import make_sb3
 from springgym.envs.starts import direction, tilted, uniform
@@ -258,6 +260,131 @@ def test_a_goal_is_observed_with_the_particles_and_set_by_reset_options() -> Non
         env.reset(options={"near": 1.0})
 
 
+# --- Goals told apart ---------------------------------------------------------------------------------
+
+NAN = float("nan")
+AIMS = (Aim("place", 2, 0.05), Aim("velocity", 2, 0.2))
+
+
+def berth(rng: Generator, off: float = 0.08) -> Start:
+    """A cube at rest, wanted at rest some way off."""
+    return Start(cube().positions, np.zeros((8, 3)), [*rng.uniform(-off, off, 2), 0.0, 0.0])
+
+
+def berthed(m: MeasuresOfBodies, s: Situation) -> np.ndarray:
+    return np.hstack([m.centre[:, :2], m.centre_velocity[:, :2]])
+
+
+def reached(m: MeasuresOfBodies, s: Situation) -> np.ndarray:
+    """The same aim as a judge of success, written out."""
+    off = berthed(m, s) - s.goal
+    near = np.hypot(off[:, 0], off[:, 1]) < 0.05
+    return np.asarray(near & (np.hypot(off[:, 2], off[:, 3]) < 0.2))
+
+
+def parking(**options: Any) -> Any:
+    settings: dict[str, Any] = {"actuators": {"force": (5.0, 5.0, 0.0)}, "start": berth, "hold": 3}
+    return springgym.make_scene_env(Scene(cube(), gravity=None), way, **(settings | options))
+
+
+APART: dict[str, Any] = {"achieved": berthed, "aims": AIMS, "goals": True, "sparse": True}
+
+
+def test_goals_of_ones_own_are_told_apart() -> None:
+    """They are rewarded as the same aim written as a judge, and again from the goals alone."""
+    apart, judged = parking(num_envs=32, **APART), parking(num_envs=32, succeeded=reached, sparse=True)
+    seen, usual = apart.reset(seed=0)[0], judged.reset(seed=0)[0]
+    rng, paid = np.random.default_rng(0), []
+    for _ in range(15):
+        assert seen["observation"].shape == (32, 48)
+        np.testing.assert_array_equal(seen["observation"], usual[:, :48])
+        np.testing.assert_allclose(seen["desired_goal"], usual[:, 48:], atol=1e-7)
+        actions = rng.uniform(-1, 1, (32, 2))
+        seen, earned, *_, infos = apart.step(actions)
+        usual, expected, *_, told = judged.step(actions)
+        np.testing.assert_array_equal(earned, expected)
+        np.testing.assert_array_equal(infos["is_success"], told["is_success"])
+        again = apart.compute_reward(seen["achieved_goal"], seen["desired_goal"], infos)
+        np.testing.assert_array_equal(earned, again)
+        paid.append(earned)
+    assert 0 < np.mean(paid) < 1
+    np.testing.assert_allclose(
+        seen["achieved_goal"][:, :2], apart.episodes.particles[0].mean(axis=1)[:, :2], atol=1e-12
+    )  # its masses are equal
+
+
+def test_aims_without_goals_told_apart_judge_success() -> None:
+    env = parking(achieved=berthed, aims=AIMS)
+    env.reset(seed=0, options={"off": 0.0})
+    told = [env.step([0, 0])[4]["is_success"] for _ in range(3)]
+    assert told == [False, False, True]
+    assert not hasattr(env.unwrapped, "compute_reward")
+
+
+def test_goals_of_ones_own_are_learnt_in_hindsight() -> None:
+    """An environment made from the spec rewards goals that were reached later."""
+    env = parking(max_episode_steps=10, **APART)
+    again = gym.make(env.spec)
+    assert again.reset(seed=1)[0].keys() == {"observation", "achieved_goal", "desired_goal"}
+    envs = make_sb3(env.spec, num_envs=2, seed=0)
+    model = SAC(
+        "MultiInputPolicy",
+        envs,
+        replay_buffer_class=HerReplayBuffer,
+        learning_starts=30,
+        batch_size=16,
+        policy_kwargs={"net_arch": [8]},
+        device="cpu",
+        seed=0,
+    )
+    model.learn(50)
+    buffer: Any = model.replay_buffer
+    assert buffer.sample(256).rewards.mean() > buffer.rewards[: buffer.pos].mean()
+
+
+def test_a_copy_that_diverged_reaches_no_goal() -> None:
+    envs = parking(num_envs=2, autoreset_mode="NextStep", **APART)
+    envs.reset(seed=0, options={"off": 0.0})
+    simulator = envs.episodes.simulator
+    velocities = simulator.velocities
+    velocities[0, 0] = 1e25
+    simulator.place(simulator.positions, velocities)
+    seen, earned, terminated, *_ = envs.step(np.zeros((2, 2)))
+    assert terminated.tolist() == [True, False]
+    assert earned.tolist() == [0.0, 1.0]
+    assert (seen["achieved_goal"][0] == FARTHEST).all()
+
+
+@pytest.mark.parametrize(
+    ("given", "error", "says"),
+    [
+        ({"achieved": None}, ValueError, "goals is True; give achieved and aims, too"),
+        ({"sparse": False}, ValueError, "give sparse=True, too"),
+        ({"observe": berthed}, ValueError, "goals is True and observe is given; leave observe out"),
+        ({"aims": ()}, ValueError, "achieved is .* and aims is .*; give both or neither"),
+        ({"goals": False, "achieved": None}, ValueError, "achieved is None and aims is .*; give both"),
+        ({"goals": 1}, TypeError, "goals is 1; it must be True or False"),
+        ({"aims": AIMS[:1]}, ValueError, "aims have 2 numbers, and the goal that start gave has 4"),
+        ({"start": None}, ValueError, "aims have 4 numbers, and the goal that start gave has 0"),
+        ({"aims": 0.1}, TypeError, "aims is 0.1; it must be a sequence of Aim"),
+        ({"aims": [("place", 4)]}, TypeError, r"aims\[0\] is"),
+        ({"aims": [Aim("place", 4, NAN)]}, ValueError, r"aims\[0\]\.within is nan"),
+        ({"aims": [Aim("place", 4, -1.0)]}, ValueError, r"aims\[0\]\.within is -1.0"),
+        ({"aims": [Aim("place", True, 0.1)]}, TypeError, r"aims\[0\]\.size is True"),
+        ({"aims": [Aim(3, 4, 0.1)]}, TypeError, r"aims\[0\]\.name is 3"),
+        ({"succeeded": reached}, ValueError, "achieved and succeeded are both given; give one"),
+        ({"achieved": lambda m: 0}, TypeError, r"achieved takes \(m\)"),
+        ({"achieved": lambda m, s: m.centre}, ValueError, r"achieved gave .* numbers of shape \(1, 4\)"),
+        ({"achieved": lambda m, s: NAN * s.goal}, ValueError, "achieved gave .* for copy 0; it must be fin"),
+    ],
+)
+def test_goals_that_cannot_be_told_apart_are_refused(
+    given: dict[str, Any], error: type[Exception], says: str
+) -> None:
+    with pytest.raises(error, match=says):
+        parking(**(APART | given))
+
+
 def test_copies_that_diverge_keep_finite_goals_and_memories() -> None:
     envs = chase(num_envs=2, autoreset_mode="NextStep")
     envs.reset(seed=0)
@@ -339,8 +466,6 @@ def test_marks_are_marks() -> None:
 
 
 # --- What is refused ----------------------------------------------------------------------------------
-
-NAN = float("nan")
 
 
 @pytest.mark.parametrize(

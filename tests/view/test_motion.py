@@ -61,6 +61,17 @@ def test_floor_holds_what_lies_on_it():
     )
 
 
+def test_what_rolls_is_held_where_it_touches():
+    """The floor holds a ball below its centre, a radius away, where no particle is."""
+    recording = record(replace(load("ball-skids"), duration=0.2), contacts=True)
+    arrows, scene = of_recording(recording, twin=False).arrows, recording.plan.scene
+    radius = np.sqrt(scene.body.rounds[0].matrix[0, 0])
+    origins = arrows["support"].origins
+    below = recording.measures.centre - np.array([0.0, 0.0, radius])
+    np.testing.assert_allclose(origins, below, atol=0.02 * radius)
+    assert scene.surfaces[0].height(recording.positions).min() > 0.1 * radius
+
+
 def test_contacts_are_recorded_where_they_can_be_told():
     plan = replace(load("stack"), duration=0.1)
     told = record(plan, contacts=True)
