@@ -84,6 +84,16 @@ class Planner:
 SETTINGS: dict[str, dict[str, Any]] = {
     "SpringPendulum-v0": {"horizon": 3.0},  # a swing to the other side takes 1.5 s
     "SpringFreeTop-v0": {"horizon": 1.2, "spread": 0.2},  # larger pushes fell it, whatever comes after
+    # one stroke decides, and has to be found before it is made
+    "SpringBilliards-v0": {"samples": 256, "horizon": 4.0, "spacing": 1.0, "iterations": 6},
+    # what collides takes longer to simulate: fewer plans, or not so far
+    "SpringLabyrinth-v0": {"samples": 48, "horizon": 1.5, "spacing": 0.2},
+    "SpringBalance-v0": {"samples": 32, "horizon": 1.0},
+    "SpringJuggle-v0": {"samples": 32, "horizon": 1.0},
+    "SpringShove-v0": {"samples": 32, "spacing": 0.2},
+    "SpringDuel-v0": {"samples": 32, "horizon": 1.0, "spacing": 0.2},
+    "SpringTower-v0": {"samples": 32, "spacing": 0.2},
+    "SpringStack-v0": {"samples": 32, "horizon": 1.5, "spacing": 0.2},
 }
 """What the planner of an environment and its variants does otherwise than `Planner`."""
 
