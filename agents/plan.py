@@ -84,8 +84,8 @@ class Planner:
 SETTINGS: dict[str, dict[str, Any]] = {
     "SpringPendulum-v0": {"horizon": 3.0},  # a swing to the other side takes 1.5 s
     "SpringFreeTop-v0": {"horizon": 1.2, "spread": 0.2},  # larger pushes fell it, whatever comes after
-    # one stroke decides, and has to be found before it is made
-    "SpringBilliards-v0": {"samples": 256, "horizon": 4.0, "spacing": 1.0, "iterations": 6},
+    # one stroke of a hundred pots the ball, and the planner waits until it has found one
+    "SpringBilliards-v0": {"samples": 1024, "horizon": 4.0, "spacing": 2.0, "iterations": 3, "spread": 1.0},
     # what collides takes longer to simulate: fewer plans, or not so far
     "SpringLabyrinth-v0": {"samples": 48, "horizon": 1.5, "spacing": 0.2},
     "SpringBalance-v0": {"samples": 32, "horizon": 1.0},
