@@ -248,7 +248,8 @@ def wilson(successes: int, episodes: int) -> tuple[float, float]:
     z, rate = 1.96, successes / episodes
     centre = rate + z * z / (2 * episodes)
     half = z * math.sqrt(rate * (1 - rate) / episodes + z * z / (4 * episodes**2))
-    return tuple((centre + side * half) / (1 + z * z / episodes) for side in (-1, 1))  # type: ignore[return-value]
+    low, high = ((centre + side * half) / (1 + z * z / episodes) for side in (-1, 1))
+    return max(low, 0.0), min(high, 1.0)
 
 
 class Tables:

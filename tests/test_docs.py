@@ -68,6 +68,27 @@ def test_baselines_page_is_current() -> None:
     assert {row["task"] for row in rows} <= {task.id for task in writer.TASKS}
 
 
+@pytest.mark.parametrize(
+    ("reference", "learned", "lack"),
+    [
+        ([(0.6, 0.9)], [(0.41, 1.0)], ""),
+        ([(0.6, 0.9)], [(0.43, 0.0)], "it is learned"),
+        ([(0.6, 0.9)], [(0.6, 0.0), (0.2, 0.0)], ""),  # of a mean of 0.4
+        ([(0.6, 0.89)], [(0.1, 0.0)], "the reference succeeds in 89 %"),
+        ([(0.6, 0.9)], [], "no row of learning"),
+        ([], [(0.1, 0.0)], "no reference"),
+    ],
+)
+def test_headroom_is_what_can_be_done_and_is_not_learned(
+    reference: list[tuple[float, float]], learned: list[tuple[float, float]], lack: str
+) -> None:
+    runs = [
+        [{"mean_return": earned, "success_rate": success} for earned, success in own]
+        for own in (reference, learned)
+    ]
+    assert page_writer("baselines").lack_of_headroom(*runs) == lack
+
+
 def outdated_rows() -> set[str]:
     """Return tasks whose rows are marked as of another physics, or whose classical control acts otherwise."""
     writer = page_writer("baselines")  # it puts agents/ on the path
