@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import re
 from pathlib import Path
 from types import ModuleType
 
@@ -66,6 +67,21 @@ def test_baselines_page_is_current() -> None:
     assert writer.PAGE.read_text(encoding="utf-8") == writer.page(rows)
     assert [writer.key(row) for row in rows] == sorted({writer.key(row) for row in rows})
     assert {row["task"] for row in rows} <= {task.id for task in writer.TASKS}
+
+
+def test_every_environment_has_a_row_of_the_planner() -> None:
+    """Made by the planner as it is, of the task as it is by the rows of the controllers."""
+    pytest.importorskip("torch")
+    writer = page_writer("baselines")  # it puts agents/ on the path
+    plan = importlib.import_module("plan")
+    rows = {row["task"]: row for row in writer.planned()}
+    tasks = {own["task"]: own for own in writer.read(writer.ROWS) if own["algorithm"] == "zero"}
+    for env_id in (row.id for row in writer.ENVIRONMENTS if row.id != "SpringStack-v0"):  # which has none yet
+        row, own = rows[env_id], tasks[env_id]
+        assert row["episodes"] >= 5
+        assert row["config"] == plan.digest(plan.planner_of(env_id)), env_id
+        assert abs(row["probe"] - own.get("present_probe", own["probe"])) <= writer.SAME, env_id
+        assert re.fullmatch("[0-9a-f]{40}", row["commit"]), env_id
 
 
 @pytest.mark.parametrize(
