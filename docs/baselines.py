@@ -97,8 +97,8 @@ PLANS = """## Planner
 
 The planner has the exact model, and learns nothing ([how it plans](training.md#plan-without-learning)). These
 are its settings for each task, what it reaches with 95 % intervals, and the seconds of one core that it takes
-for each simulated second. Where bodies collide, plans are few and short, for what they cost. Classical control
-does more in most of these tasks.
+for each simulated second. Where bodies collide, plans are few and short, for what they cost. Classical
+control does more in most of these tasks.
 
 {table}
 """
