@@ -21,6 +21,7 @@ folders, another node continues the runs of a node that fails. Otherwise these r
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
 import multiprocessing
 import os
@@ -29,7 +30,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
-from dataclasses import MISSING, Field, asdict, dataclass, fields
+from dataclasses import Field, asdict, dataclass, fields
 from functools import partial
 from hashlib import sha256
 from importlib.util import find_spec
@@ -214,8 +215,11 @@ def digest_of(config: Config | None) -> str:
 
 
 def usual(field: Field[Any]) -> object:
-    """Return the value of a field that is not given; `MISSING` if it has to be."""
-    return field.default if field.default_factory is MISSING else field.default_factory()
+    """Return the value of a field that is not given; `dataclasses.MISSING` if it has to be.
+
+    Ray copies what this module holds, and a copy of that constant is another object.
+    """
+    return field.default if field.default_factory is dataclasses.MISSING else field.default_factory()
 
 
 def wandering(task: str, **kwargs: Any) -> Iterator[tuple[Any, Any, Any]]:

@@ -84,6 +84,16 @@ class Planner:
 SETTINGS: dict[str, dict[str, Any]] = {
     "SpringPendulum-v0": {"horizon": 3.0},  # a swing to the other side takes 1.5 s
     "SpringFreeTop-v0": {"horizon": 1.2, "spread": 0.2},  # larger pushes fell it, whatever comes after
+    # one stroke of a hundred pots the ball, and the planner waits until it has found one
+    "SpringBilliards-v0": {"samples": 1024, "horizon": 4.0, "spacing": 2.0, "iterations": 3, "spread": 1.0},
+    # what collides takes longer to simulate: fewer plans, or not so far
+    "SpringLabyrinth-v0": {"samples": 48, "horizon": 1.5, "spacing": 0.2},
+    "SpringBalance-v0": {"samples": 32, "horizon": 1.0},
+    "SpringJuggle-v0": {"samples": 32, "horizon": 1.0},
+    "SpringShove-v0": {"samples": 32, "spacing": 0.2},
+    "SpringDuel-v0": {"samples": 32, "horizon": 1.0, "spacing": 0.2},
+    "SpringTower-v0": {"samples": 32, "spacing": 0.2},
+    "SpringStack-v0": {"samples": 32, "horizon": 1.5, "spacing": 0.2},
 }
 """What the planner of an environment and its variants does otherwise than `Planner`."""
 
@@ -238,7 +248,8 @@ def wilson(successes: int, episodes: int) -> tuple[float, float]:
     z, rate = 1.96, successes / episodes
     centre = rate + z * z / (2 * episodes)
     half = z * math.sqrt(rate * (1 - rate) / episodes + z * z / (4 * episodes**2))
-    return tuple((centre + side * half) / (1 + z * z / episodes) for side in (-1, 1))  # type: ignore[return-value]
+    low, high = ((centre + side * half) / (1 + z * z / episodes) for side in (-1, 1))
+    return max(low, 0.0), min(high, 1.0)
 
 
 class Tables:

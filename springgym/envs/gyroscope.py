@@ -45,7 +45,7 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
         spin, across = spinning(m, c)
         aligned = long_tail(angle, 0.5, 0.03) / 4 * thrift(s.action, c)
         out["reward_aligned"][c] = aligned
-        out["reward_calm"][c] = 3 * aligned * gaussian(angle, 0.15, 0.03) * gaussian(across, 0.45, 0.1)
+        out["reward_calm"][c] = 3 * aligned * gaussian(angle, 0.15, 0.03) * gaussian(across, 0.3, 0.1)
         out["angle"][c] = angle
         out["spin"][c] = spin
         out["precession"][c] = across
@@ -237,7 +237,7 @@ class SpringGyroscopeEnv(SpringEnv, gym.Env):
 
     ## Rewards
     With G(x; b, m) = 0.1^(d²), L(x; b, m) = 1/(1 + 9d²), d = max(|x| − b, 0)/m, the angle α between axle and
-    target and the effort E = 1 − 0.1 mean(a²), the reward is A [1 + 3 G(α; 0.03, 0.15) G(|ω⊥|; 0.1, 0.45)]
+    target and the effort E = 1 − 0.1 mean(a²), the reward is A [1 + 3 G(α; 0.03, 0.15) G(|ω⊥|; 0.1, 0.3)]
     with A = L(α; 0.03, 0.5) E / 4: from 0 to 1. Its terms are `reward_aligned` and `reward_calm` in `info`.
 
     ## Starting State

@@ -269,6 +269,18 @@ def test_a_cluster_that_loses_a_node(configs, tmp_path):
         assert_same_run(folder, reference)
 
 
+def test_digests_are_the_same_on_another_node():
+    """Ray sends the functions of a script as copies, with what they use of its names."""
+    cloudpickle = pytest.importorskip("cloudpickle")
+    here = benchmark.load_config("ppo", "SpringTop-v0", [])
+    cloudpickle.register_pickle_by_value(benchmark)
+    try:
+        there = cloudpickle.loads(cloudpickle.dumps(benchmark.digest_of))
+    finally:
+        cloudpickle.unregister_pickle_by_value(benchmark)
+    assert there(here) == benchmark.digest_of(here)
+
+
 def test_digests_know_of_controllers(monkeypatch):
     """A row of classical control is of what the controller does: another gain makes it anew."""
     plan = benchmark.Plan(Path(), 100, (), None)

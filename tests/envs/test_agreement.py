@@ -99,7 +99,6 @@ def test_concordance() -> None:
 
 
 SLOW = pytest.mark.slow
-LESS = [SLOW, pytest.mark.xfail(reason="of the gyroscope .88 and .89 of the pairs agree", strict=True)]
 
 
 @pytest.mark.parametrize(
@@ -109,8 +108,8 @@ LESS = [SLOW, pytest.mark.xfail(reason="of the gyroscope .88 and .89 of the pair
         pytest.param("SpringDetumble-v0", {}, marks=SLOW),
         pytest.param("SpringDetumble-v0", {"start": "flat"}, marks=SLOW),
         pytest.param("SpringPendulum-v0", {}, marks=SLOW),
-        pytest.param("SpringGyroscope-v0", {}, marks=LESS),
-        pytest.param("SpringGyroscope-v0", {"hard": True}, marks=LESS),
+        pytest.param("SpringGyroscope-v0", {}, marks=SLOW),
+        pytest.param("SpringGyroscope-v0", {"hard": True}, marks=SLOW),
     ],
 )
 def test_what_succeeds_more_earns_more(env_id: str, arguments: dict[str, Any]) -> None:

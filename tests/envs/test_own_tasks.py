@@ -55,7 +55,7 @@ def reward(m: MeasuresOfBodies, s: Situation) -> dict[str, np.ndarray]:
     seen = measured(m, s)
     thrift = 1 - 0.1 * (s.action**2).mean(axis=1)
     aligned = long_tail(seen["angle"], 0.5, 0.03) / 4 * thrift
-    calm = gaussian(seen["angle"], 0.15, 0.03) * gaussian(seen["precession"], 0.45, 0.1)
+    calm = gaussian(seen["angle"], 0.15, 0.03) * gaussian(seen["precession"], 0.3, 0.1)
     return {"aligned": aligned, "calm": 3 * aligned * calm}
 
 
