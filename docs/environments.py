@@ -656,7 +656,7 @@ def page() -> str:
             "# Environments\n",
             INTRODUCTION,
             *table_of_environments(),
-            "![Twelve of the environments, in the order of the table](figures/environments.webp)\n",
+            "![The environments, in the order of the table](figures/environments.webp)\n",
             *table_of_named_variants(),
             "Written by `python docs/environments.py`.\n",
         ]

@@ -38,7 +38,7 @@ SCENES = ("top", "elongated-top", "unbalanced-top", "irregular-fall")
 FILMED = "SpringTop-v0"
 FILM_SIZE, FILM_SECONDS = 400, 2.4
 """Pixels of the film, the size that the README shows it at, and seconds of the motion."""
-COLUMNS, TILE, SEED, MOMENT = 4, 420, 8, 0.7
+COLUMNS, TILE, SEED, MOMENT = 5, 420, 8, 0.7
 """Of the sheet of environments: columns, pixels of a picture, seed and second of its episode."""
 POSTER, EARLY, MIDDLE = 320, 0.08, 0.6
 """Of a poster: its larger side in pixels, and what share of the film of an environment, where the agent still

@@ -175,6 +175,12 @@ def commands(page: Path) -> Iterator[tuple[str, list[str]]]:
                         yield line, words
 
 
+def declarations(script: Path) -> str:
+    """The text that declares the options of a script: its own, and that of the option it shares."""
+    text = script.read_text(encoding="utf-8")
+    return text + (ROOT / "agents/config.py").read_text(encoding="utf-8") * ("add_overrides(" in text)
+
+
 def extras() -> set[str]:
     with (ROOT / "pyproject.toml").open("rb") as file:
         return set(tomllib.load(file)["project"]["optional-dependencies"])
@@ -193,7 +199,7 @@ def test_commands_of_a_page_are_understood(page: Path) -> None:
                 assert scene in names() or scene.endswith((".yaml", ".yml")), line
         elif program == "springgym" or (program.startswith("python") and name.endswith(".py")):
             for option in (word for word in words[2:] if word.startswith("--")):
-                assert f'"{option}"' in script.read_text(encoding="utf-8"), line
+                assert f'"{option}"' in declarations(script), line
         elif program.startswith("pip") or words[1:3] == ["-m", "pip"]:
             for named in re.findall(r"\[([\w,]+)\]", line):
                 assert set(named.split(",")) <= extras(), line
