@@ -1,4 +1,4 @@
-"""Read off which bodies touch at a node from what kernels computed there, as arrays over the copies."""
+"""Return which bodies touch at a node, as arrays over the copies, from the results of kernels there."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ class Contacts(NamedTuple):
 
     ``most`` is the largest number of contacts in a copy. In a copy with fewer contacts, ``there`` is False
     for the other entries, their indices are −1, and all else is 0. Contacts between bodies come first, by
-    pair, then those of particles with surfaces, by particle, then those of round features with surfaces, by
-    body. Two features have a contact if they are nearer than Δ or push each other, so two cubes that lie face
-    on face have several. A round feature touches a surface in one point.
+    pair. Those of particles with surfaces follow, by particle, and then those of round features with
+    surfaces, by body. Two features have a contact if they are nearer than Δ or push each other, so two cubes
+    that lie face on face have several contacts. A round feature touches a surface in one point.
 
     ``impulse`` acts on the first body in the step h around the node. The second body, or the surface, gets
     the opposite impulse. ``force`` is the mean over that time. At rest, the impulses of a body's contacts sum
@@ -122,7 +122,7 @@ def sum_pairs(totals: np.ndarray, reach: np.ndarray, sums: np.ndarray) -> None:
 
 
 class Here(NamedTuple):
-    """A block of copies whose last node was just made anew."""
+    """A block of copies whose last node was just computed again."""
 
     block: int
     x: np.ndarray
@@ -150,7 +150,7 @@ class Here(NamedTuple):
 
 
 def any_possible(scene: Scene) -> bool:
-    """Tell whether anything may touch anything in a scene."""
+    """Return whether anything in a scene can touch something else."""
     return bool(scene.surfaces or len(scene.meetings))
 
 
@@ -395,7 +395,7 @@ def _gradient(surface: Surface, places: np.ndarray, step: np.ndarray) -> np.ndar
 
 
 def _told_apart(particle: np.ndarray, normal: np.ndarray, given: np.ndarray) -> np.ndarray:
-    """Share what surfaces gave particles (n, 3) among those that are near, of normals (n, 3).
+    """Divide the impulse of surfaces on particles (n, 3) among the near surfaces, with normals (n, 3).
 
     Pushes are the least along the normals that make up for what lies in their span; all else is friction,
     which is shared as the pushes are.
