@@ -155,8 +155,7 @@ def any_possible(scene: Scene) -> bool:
 
 
 def clear(workspace: Any, rigid: bool) -> None:
-    """Set to zero what earlier nodes left in the workspace of rigid bodies: a node writes only where they
-    touch."""
+    """Set the workspace of rigid bodies to zero: a node writes only where bodies touch."""
     if rigid:
         numbers(workspace.surfaces if isinstance(workspace, Company) else workspace)[:] = 0.0
 
@@ -211,7 +210,7 @@ def padded(found: list[Contacts], copies: int) -> Contacts:
 
 
 def _of_bodies(scene: Scene, here: Here) -> Contacts:
-    """Read contacts between bodies off the rows of a thread."""
+    """Return contacts between bodies, from the rows of a thread."""
     work, met = here.workspace, scene.meetings
     contacts = getattr(work, "exchange", work).contacts
     rows = int(contacts.length[ROWS])
@@ -250,7 +249,7 @@ def _of_bodies(scene: Scene, here: Here) -> Contacts:
 
 
 def _with_surfaces(scene: Scene, here: Here) -> Contacts:
-    """Read contacts with surfaces off what they gave each particle; of several, their normals tell which."""
+    """Return contacts with surfaces, from their impulse on each particle; several surfaces share it."""
     begin, x, end, given = _ways(scene, here)
     reach, radius = scene.of_particles(
         [(scales(scene.contact, placed.body)[1], placed.body.radius) for placed in scene.bodies]
@@ -364,9 +363,10 @@ def _attitude(scene: Scene, body: int, x: np.ndarray, here: Here) -> np.ndarray:
 
 
 def _ways(scene: Scene, here: Here) -> tuple[np.ndarray, ...]:
-    """Return where particles were half a step before the node, there, and will be, and what surfaces gave.
+    """Return the positions of particles half a step before the node, at it and half a step after it, and the
+    impulse of surfaces on them.
 
-    Each is (width, N, 3): in m, and in N·s.
+    Each is (width, N, 3): positions in m, and impulses in N·s.
     """
     terms, block, work = here.terms, here.block, here.workspace
     mean, arrived = (numbers(_values(of))[block].astype(float) for of in (here.v, terms.memory.arrived))
@@ -397,8 +397,8 @@ def _gradient(surface: Surface, places: np.ndarray, step: np.ndarray) -> np.ndar
 def _told_apart(particle: np.ndarray, normal: np.ndarray, given: np.ndarray) -> np.ndarray:
     """Divide the impulse of surfaces on particles (n, 3) among the near surfaces, with normals (n, 3).
 
-    Pushes are the least along the normals that make up for what lies in their span; all else is friction,
-    which is shared as the pushes are.
+    The pushes are the smallest ones along the normals that add up to the part of the impulse in their span.
+    The rest is friction, which is divided in the same proportions.
     """
     impulse = given.copy()
     each, count = np.unique(particle, return_counts=True)
