@@ -48,10 +48,10 @@ SAME = 1e-6
 CARDS = HERE.parent / "agents" / "trained"
 TASKS: tuple[Row | Variant, ...] = (*ENVIRONMENTS, *VARIANTS)
 TIERS = {
-    "first steps": "Even linear control solves these, found in seconds. Begin here.",
-    "standard": "PPO solves these with the hyperparameters that ship. Linear control does not.",
-    "harder": "PPO still does most of these, from three seeds.",
-    "hard": "PPO does not do these, although they can be done.",
+    "first steps": "Even linear control solves these tasks, and it is found in seconds. Begin here.",
+    "standard": "PPO solves most of these tasks with the package's hyperparameters. Linear control does not.",
+    "harder": "PPO succeeds in most episodes of these tasks, where it was trained, from three seeds.",
+    "hard": "PPO fails in most episodes of these tasks, although most of the tasks can be done.",
 }
 INTRODUCTION = """# Baselines
 
@@ -60,15 +60,15 @@ return per step, which is at most 1, averaged over training seeds. The brackets 
 number of seeds, if there are several. The second line is the share of held-out episodes that succeed. Agents
 play without exploration.
 
-*Best known* is the largest return of any row, of a planner with the exact model among them: the ceiling, as
-far as it is known, with the row that reaches it. *Sparse* is PPO in the task of the same environment in which
-nothing is rewarded before its aim is met. *Used* says what rows had beside the rewards of the task's own
-episodes; "model" is a controller written for the task.
+*Best known* is the largest return in the table, and the algorithm that reaches it. A planner with the exact
+model is one of the algorithms. *Sparse* is PPO in a variant of the task that gives no reward before the aim
+is met. *Used* names what an algorithm used besides the rewards of its own episodes in the task. There,
+"model" stands for a controller that was written for the task.
 """
-CHANGED = """Tasks marked † have changed since some of their rows were made: the simulator computes
-contact, or a control period, slightly differently now, and the balls of SpringBalance, SpringShove,
-SpringStack and SpringJuggle, which slid, roll. Those rows describe the task as it was. The mean reward of
-given actions from given starts has changed by {most:.1e} or less.
+CHANGED = """Tasks marked † have changed since some of their rows were made. The simulator now computes
+contact, or a control period, slightly differently. The balls of SpringBalance, SpringShove, SpringStack and
+SpringJuggle used to slide, and now roll. The older rows describe the older task. The probe, which is the mean
+reward of given actions from given starts, has changed by {most:.1e} or less.
 """
 AGENTS = """## Trained agents
 
@@ -80,10 +80,10 @@ springgym evaluate SpringTop-v0
 springgym watch SpringTop-v0 --out top.gif
 ```
 
-The audit asks whether an agent lives on errors of the simulation. It plays the same episodes with a quarter
+The audit checks whether an agent exploits errors of the simulation. It plays the same episodes with a quarter
 of the step, with another method and with the rigid twin, and computes which share of the return is lost. An
-agent survives if it loses less than 2 %, with a certainty of 95 %. Some simulations cannot play the task;
-they tell nothing.
+agent survives if it loses less than 2 %, with a certainty of 95 %. "Not played" means that this simulation
+could not run the task when the agent was audited.
 """
 TIME = """## Time to learn
 
@@ -97,17 +97,18 @@ PLANS = """## Planner
 
 The planner has the exact model, and learns nothing ([how it plans](training.md#plan-without-learning)). These
 are its settings for each task, what it reaches with 95 % intervals, and the seconds of one core that it takes
-for each simulated second. Where bodies collide, plans are few and short, for what they cost. Classical
-control does more in most of these tasks.
+for each simulated second. Where bodies collide, planning is expensive, so the plans are few and short.
+Classical control earns more in most of these tasks.
 
 {table}
 """
 HEADROOM = """## Headroom
 
-A task tells algorithms apart if it can be done and is not yet learned. This has two measures. A reference,
-which is classical control or the planner, succeeds in {succeeds:.0f} % of its episodes. And the best
-algorithm that is told neither a model nor the actions of others returns less than {share:.0f} % of what the
-reference returns, after its whole budget. The table holds all tasks that are called harder or hard.
+A task distinguishes algorithms if it can be done and is not yet learned. Two conditions define this headroom.
+First, a reference, which is classical control or the planner, succeeds in {succeeds:.0f} % of its
+episodes. Second, the best algorithm that uses neither a model nor the actions of others, with its whole
+budget, returns less than {share:.0f} % of what the reference returns. The table holds all tasks of the
+sections *Harder* and *Hard*.
 """
 METHOD = """## How it was made
 
@@ -119,20 +120,19 @@ python docs/environments.py
 ```
 
 The second command trains and evaluates everything, on all cores or on a Ray cluster. If it is stopped, the
-same command goes on where it was. The third command writes this page and draws all curves. The same command,
+same command continues the work. The third command writes this page and draws all curves. The same command,
 seed, machine and commit give the same curve, to the bit.
 
 - *Linear* is a ← clip(W o + b) over the compact observation, found by the cross-entropy method.
 - *Classical* is the controller in `agents/controllers.py`, which does not learn.
-- Hyperparameters are those of `configs/`. These files also say what an agent observes: particles for PPO
-  where they say nothing, and the compact observation for the others. A variant uses those of its
-  environment.
-- PPO of `SpringDuel-v0` and `SpringDuelStrong-v0`
-  [imitates](training.md#begin-with-what-is-known) classical control in its first 400,000 steps.
-  So do the agents of `SpringShove-v0` and `SpringStack-v0` that the package contains, in their first 250,000;
-  the rows of these tasks were made from nothing.
-- PPO in `SpringGyroscopeHard-v0` has rows of before its reward asked for more calm, a change that the probe
-  does not reach.
+- `configs/` holds the hyperparameters. These files also say what an agent observes. If they do not, PPO
+  observes particles, and the other algorithms get the compact observation. A variant uses the
+  hyperparameters of its environment.
+- PPO [imitates](training.md#begin-with-what-is-known) classical control first in some tasks: in the first
+  400,000 steps of `SpringDuel-v0` and `SpringDuelStrong-v0`, and in the first 250,000 steps of
+  `SpringShove-v0` and `SpringStack-v0`.
+- The rows of PPO in `SpringGyroscopeHard-v0` are older than a change of its reward, which now requires a
+  calmer axle. The probe does not show this change.
 - Seconds are processor time of one core, so they do not depend on what else the machine does.
 {older}
 The rows are in `docs/baselines.json`; [the protocol](benchmark.md) describes them. A test compares them with
@@ -140,9 +140,9 @@ the present tasks and configurations. If a task has changed, its rows also hold 
 benchmark runs again.
 """
 OLDER = """- {old} of {all} rows are older than the protocol. They hold neither episodes nor a learning curve,
-  and have an interval only from {fewest} seeds on. {dirty} of these are of a source tree that differed from
-  its commit. In most of them, the runs of a task shared most of their starts. New rows like these are
-  refused.
+  and have an interval only if there are {fewest} seeds or more. {dirty} of them were made with a source
+  tree that differed from its commit. In most of them, the runs of a task shared most of their starts. The
+  benchmark refuses new rows of this kind.
 """
 
 
@@ -311,9 +311,10 @@ def table_of_costs(rows: Sequence[dict[str, Any]]) -> list[str]:
             f"| {name} | {len(runs)} | {steps.min():,.0f}–{steps.max():,.0f} | {seconds.min():.0f}–"
             f"{seconds.max():.0f} | {' | '.join(reached)} |"
         )
-    lines.append("\nThe last columns are interquartile means, with their 95 % intervals.")
+    lines.append("\nThe last three columns are interquartile means, with their 95 % intervals.")
     if tasks:
-        lines += ["", f"These have {SEEDS} seeds or more of all: {', '.join(f'`{task}`' for task in tasks)}."]
+        named = ", ".join(f"`{task}`" for task in tasks)
+        lines += ["", f"The compared algorithms all have {SEEDS} seeds or more in these tasks: {named}."]
     return lines
 
 
@@ -353,9 +354,9 @@ def table_of_agents() -> list[str]:
             f"{100 * card['success_rate']:.0f} % | {'<br>'.join(lost)} |"
         )
     if any("§" in line for line in lines):
-        lines.append("\n§ The agent was trained for the task as it was, with another reward.")
+        lines.append("\n§ This agent was trained for an earlier version of the task, with another reward.")
     if any("‡" in line for line in lines):
-        lines.append("\n‡ The agent was chosen among its seeds on the episodes that it is reported on here.")
+        lines.append("\n‡ This agent is the best of several seeds in the episodes that the table reports.")
     return lines
 
 

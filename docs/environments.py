@@ -479,11 +479,11 @@ HARDER = """## Tiers and harder variants
 
 | tier | meaning |
 |---|---|
-| first steps | even linear control solves it, found in seconds |
-| standard | PPO solves it with the hyperparameters that ship; linear control does not |
-| harder | PPO does most of it |
-| hard | PPO does not do it, although it can be done |
-| sparse | a task of the same environment, in which nothing is rewarded before its aim is met |
+| first steps | even linear control solves it, and is found in seconds |
+| standard | PPO solves it with the package's hyperparameters; linear control does not |
+| harder | PPO succeeds in most episodes |
+| hard | PPO fails in most episodes, although the task can be done |
+| sparse | a task of the same environment that gives no reward before the aim is met |
 
 Some variants have ids of their own, so that programs can run them that accept nothing but an id.
 [Baselines](baselines.md) shows what each algorithm reaches.

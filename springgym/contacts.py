@@ -1,4 +1,4 @@
-"""Read off which bodies touch at a node from what kernels computed there, as arrays over the copies."""
+"""Return which bodies touch at a node, as arrays over the copies, from the results of kernels there."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ class Contacts(NamedTuple):
 
     ``most`` is the largest number of contacts in a copy. In a copy with fewer contacts, ``there`` is False
     for the other entries, their indices are −1, and all else is 0. Contacts between bodies come first, by
-    pair, then those of particles with surfaces, by particle, then those of round features with surfaces, by
-    body. Two features have a contact if they are nearer than Δ or push each other, so two cubes that lie face
-    on face have several. A round feature touches a surface in one point.
+    pair. Those of particles with surfaces follow, by particle, and then those of round features with
+    surfaces, by body. Two features have a contact if they are nearer than Δ or push each other, so two cubes
+    that lie face on face have several contacts. A round feature touches a surface in one point.
 
     ``impulse`` acts on the first body in the step h around the node. The second body, or the surface, gets
     the opposite impulse. ``force`` is the mean over that time. At rest, the impulses of a body's contacts sum
@@ -122,7 +122,7 @@ def sum_pairs(totals: np.ndarray, reach: np.ndarray, sums: np.ndarray) -> None:
 
 
 class Here(NamedTuple):
-    """A block of copies whose last node was just made anew."""
+    """A block of copies whose last node was just computed again."""
 
     block: int
     x: np.ndarray
@@ -150,13 +150,12 @@ class Here(NamedTuple):
 
 
 def any_possible(scene: Scene) -> bool:
-    """Tell whether anything may touch anything in a scene."""
+    """Return whether anything in a scene can touch something else."""
     return bool(scene.surfaces or len(scene.meetings))
 
 
 def clear(workspace: Any, rigid: bool) -> None:
-    """Set to zero what earlier nodes left in the workspace of rigid bodies: a node writes only where they
-    touch."""
+    """Set the workspace of rigid bodies to zero: a node writes only where bodies touch."""
     if rigid:
         numbers(workspace.surfaces if isinstance(workspace, Company) else workspace)[:] = 0.0
 
@@ -211,7 +210,7 @@ def padded(found: list[Contacts], copies: int) -> Contacts:
 
 
 def _of_bodies(scene: Scene, here: Here) -> Contacts:
-    """Read contacts between bodies off the rows of a thread."""
+    """Return contacts between bodies, from the rows of a thread."""
     work, met = here.workspace, scene.meetings
     contacts = getattr(work, "exchange", work).contacts
     rows = int(contacts.length[ROWS])
@@ -250,7 +249,7 @@ def _of_bodies(scene: Scene, here: Here) -> Contacts:
 
 
 def _with_surfaces(scene: Scene, here: Here) -> Contacts:
-    """Read contacts with surfaces off what they gave each particle; of several, their normals tell which."""
+    """Return contacts with surfaces, from their impulse on each particle; several surfaces share it."""
     begin, x, end, given = _ways(scene, here)
     reach, radius = scene.of_particles(
         [(scales(scene.contact, placed.body)[1], placed.body.radius) for placed in scene.bodies]
@@ -364,9 +363,10 @@ def _attitude(scene: Scene, body: int, x: np.ndarray, here: Here) -> np.ndarray:
 
 
 def _ways(scene: Scene, here: Here) -> tuple[np.ndarray, ...]:
-    """Return where particles were half a step before the node, there, and will be, and what surfaces gave.
+    """Return the positions of particles half a step before the node, at it and half a step after it, and the
+    impulse of surfaces on them.
 
-    Each is (width, N, 3): in m, and in N·s.
+    Each is (width, N, 3): positions in m, and impulses in N·s.
     """
     terms, block, work = here.terms, here.block, here.workspace
     mean, arrived = (numbers(_values(of))[block].astype(float) for of in (here.v, terms.memory.arrived))
@@ -395,10 +395,10 @@ def _gradient(surface: Surface, places: np.ndarray, step: np.ndarray) -> np.ndar
 
 
 def _told_apart(particle: np.ndarray, normal: np.ndarray, given: np.ndarray) -> np.ndarray:
-    """Share what surfaces gave particles (n, 3) among those that are near, of normals (n, 3).
+    """Divide the impulse of surfaces on particles (n, 3) among the near surfaces, with normals (n, 3).
 
-    Pushes are the least along the normals that make up for what lies in their span; all else is friction,
-    which is shared as the pushes are.
+    The pushes are the smallest ones along the normals that add up to the part of the impulse in their span.
+    The rest is friction, which is divided in the same proportions.
     """
     impulse = given.copy()
     each, count = np.unique(particle, return_counts=True)

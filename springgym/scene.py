@@ -38,7 +38,10 @@ MOST_TOLD = 20
 
 @dataclass(frozen=True)
 class WrenchActuator:
-    """Apply a force and a torque to the body; ``axial`` keeps only the world torque's part along its axis."""
+    """Apply a force and a torque to the body.
+
+    If ``axial``, only the component of the world torque along the axis of the body acts.
+    """
 
     axial: bool = True
 
@@ -82,12 +85,12 @@ class Placed(ReadOnly):
     positions, velocities : (N, 3), optional
         The state at the start [m], [m/s]. The default is the unstretched shape, at rest.
     pinned
-        Particles that do not move (zero inverse mass). The first is the pivot, from which torques and angular
-        momenta count.
+        Particles that do not move (zero inverse mass). The first is the pivot, about which torques and
+        angular momenta are taken.
     wrench, thrust, drive
-        Actuators; None for those that the body does not have.
+        Actuators of the body, or None.
     forces
-        Forces of your own, see `springgym.own_forces`. They number particles as the body does.
+        Forces of your own, see `springgym.own_forces`. Their particle numbers are those of the body.
     name
         Name of the body in calls, plots and errors of a scene of several bodies. The default is the name of
         ``body``, followed by a number if several bodies share it: "cube0", "cube1".
@@ -145,19 +148,19 @@ class Placed(ReadOnly):
     def check_start(
         self, positions: np.ndarray, velocities: np.ndarray, copies: np.ndarray | None = None
     ) -> None:
-        """Refuse what cannot be started from.
+        """Refuse a start from which no simulation is possible.
 
         Parameters
         ----------
         positions, velocities : (N, 3) or (k, N, 3)
             [m], [m/s]; numbers that have been checked.
         copies : (k,), optional
-            What errors call the copies.
+            Numbers of the copies in error messages.
 
         Raises
         ------
         ValueError
-            If a pinned particle moves without a drive, or faster than its drive allows; if the ends of a
+            If a pinned particle moves without a drive, or faster than its drive allows; or if the ends of a
             spring coincide, so that it has no direction.
         """
 
@@ -187,7 +190,10 @@ class Placed(ReadOnly):
 
     @property
     def pivot(self) -> int:
-        """Return the particle that torques and angular momenta count from: the first pinned one, else −1."""
+        """Return the particle about which torques and angular momenta are taken, the first pinned one.
+
+        It is −1 if no particle is pinned.
+        """
         return self.pinned[0] if self.pinned else -1
 
     def __repr__(self) -> str:
@@ -206,7 +212,7 @@ def _as_bytes(feature: Round) -> tuple[bytes, bytes, tuple[int, ...]]:
 def too_short(springs: np.ndarray, lengths: np.ndarray, positions: np.ndarray) -> np.ndarray | None:
     """Return a mask (…, S) of springs too short to have a direction, or None if all are long enough.
 
-    Positions are (…, N, 3) and lengths without load (S,) [m]. None takes a fraction of the time of a mask.
+    Positions are (…, N, 3), and lengths without load are (S,) [m]. To return None takes much less time.
     """
     placed = np.array(positions, order="C").reshape(-1, *positions.shape[-2:])
     if extremes(springs, lengths[None], placed)[0] >= TINY**2:
@@ -434,10 +440,11 @@ class Scene(ReadOnly):
         return bodies
 
     def _replaced(self) -> bool:
-        """Tell whether `dataclasses.replace` makes it, from the fields of a scene of one body.
+        """Return whether `dataclasses.replace` makes the scene from the fields of a scene of one body.
 
-        These say all that belongs to the body a second time, beside ``bodies``. Who writes the body twice
-        does not say how it starts twice: nothing that is in the `Placed` may be dropped for that.
+        These fields repeat the contents of ``bodies``. A user who gives a body and ``bodies`` by mistake does
+        not also give the same positions or velocities twice. Such a scene is refused, because fields of the
+        `Placed` would be lost.
         """
         (first, *others) = self.bodies
         if others or not isinstance(first, Placed) or self.body is not first.body:
@@ -523,7 +530,7 @@ class Scene(ReadOnly):
         return [met[n] for n in np.unique(sorts, axis=0, return_index=True)[1].tolist()]
 
     def restitution_at(self, speed: float) -> float:
-        """Estimate, to 0.07, the largest restitution that the softest contact can have at a speed [m/s].
+        """Estimate the largest restitution of the softest contact at a speed [m/s], to about 0.07.
 
         Raises
         ------
@@ -539,14 +546,14 @@ class Scene(ReadOnly):
     def check_start(
         self, positions: np.ndarray, velocities: np.ndarray, copies: np.ndarray | None = None
     ) -> None:
-        """Refuse what cannot be started from.
+        """Refuse a start from which no simulation is possible.
 
         Parameters
         ----------
         positions, velocities : (N, 3) or (k, N, 3)
             [m], [m/s] of all bodies, one after another; numbers that have been checked.
         copies : (k,), optional
-            What errors call the copies.
+            Numbers of the copies in error messages.
 
         Raises
         ------
@@ -589,16 +596,16 @@ class Scene(ReadOnly):
 
     @cached_property
     def _springs_of(self) -> np.ndarray:
-        """Return the body that each spring is of, (S,)."""
+        """Return for each spring the index of its body, (S,)."""
         return np.repeat(np.arange(len(self.bodies)), [len(placed.body.springs) for placed in self.bodies])
 
     @cached_property
     def _held(self) -> frozenset[int]:
-        """Return the bodies that particles are pinned of."""
+        """Return the indices of the bodies with pinned particles."""
         return frozenset(n for n, placed in enumerate(self.bodies) if placed.pinned)
 
     def of_particles(self, each: Sequence[Any]) -> np.ndarray:
-        """Return for each particle the value of its body, (N, …), from values for each body."""
+        """Return for each particle the value of its body, (N, …), given a value for each body."""
         return np.repeat(np.asarray(each), np.diff(self.starts), axis=0)
 
     def number(self, body: int | str | None) -> int:
@@ -669,13 +676,14 @@ class Scene(ReadOnly):
 
     @property
     def pivot(self) -> int:
-        """Return the particle that torques on the only body count from, see `Placed.pivot`."""
+        """Return the particle about which torques on the only body are taken, see `Placed.pivot`."""
         return self.pinned[0] if self.pinned else -1
 
     def with_(self, **changes: Any) -> Self:
         """Return a copy with some fields changed, and check it.
 
-        In a scene of one body, ``bodies`` is changed instead of all that belongs to the body.
+        In a scene of one body, changes to fields of the body, such as ``positions``, also change ``bodies``.
+        ``bodies`` replaces all of these fields.
         """
         kept = {own.name: getattr(self, own.name) for own in fields(self) if own.name not in OWN}
         if len(self.bodies) == 1 and "bodies" not in changes:

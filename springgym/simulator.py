@@ -57,7 +57,7 @@ STRAIN_LIMIT = 0.5
 """Largest strain of a spring for which the model holds."""
 
 STRAINED = 0.3
-"""Strain above which a spring no longer holds a body in shape: a `PrecisionWarning` says so."""
+"""Strain above which a spring no longer keeps a body in shape. A `PrecisionWarning` then appears."""
 
 COARSE = 1e-5
 """A `PrecisionWarning` appears if positions are rounded to more than this share of the shortest spring. The
@@ -103,7 +103,7 @@ class UnresolvedContactError(SimulationDivergedError):
 
 
 class PrecisionWarning(UserWarning):
-    """A simulation is less accurate than it seems, see `STRAINED` and `COARSE`. It is warned of once."""
+    """A simulation is less accurate than it seems, see `STRAINED` and `COARSE`. It appears once."""
 
 
 UNRESOLVED = ("raise", "count")
@@ -269,7 +269,7 @@ class Simulator:
         Raises
         ------
         ValueError
-            If the contact has a restitution: the paper has a damping instead, see `PaperContact`.
+            If the contact has a restitution. The paper uses damping instead, see `PaperContact`.
         """
         contact = checks.instance("scene", scene, Scene).contact
         if scene.surfaces and isinstance(contact, Contact):
@@ -299,7 +299,7 @@ class Simulator:
         return block_array(self.copies, shape, self.dtype)
 
     def _controlled(self, tolerance: tuple[float, float] | None) -> float | Control:
-        """Return what the method is given in place of h: h itself, or the `Control`."""
+        """Return the step for the method: h, or the `Control` of a method that chooses its steps."""
         if not self.integrator.controlled:
             if tolerance is not None:
                 raise ValueError(
@@ -415,7 +415,7 @@ class Simulator:
         TypeError
             If an argument has the wrong type; nothing is changed.
         ValueError
-            If a shape is another, a number not finite, there is no such copy, or `Scene.check_start` refuses
+            If a shape is wrong, a number is not finite, there is no such copy, or `Scene.check_start` refuses
             the start; nothing is changed.
         """
         index, read = self._index(copies), checks.flag("read", read)
@@ -489,7 +489,7 @@ class Simulator:
             lanes[blocks] = np.where(placed[:, None, None], lanes[blocks], others)
 
     def _meet(self, index: np.ndarray) -> None:
-        """Find which bodies of fresh copies touch, and what is in the barriers between them."""
+        """Find which bodies of fresh copies touch, and the energy in the barriers between them."""
         if self._terms.collisions is not None:
             for first, last in self._block_ranges(index):
                 self._run(0, first, last, START, settles=False, reads=False)
@@ -685,21 +685,22 @@ class Simulator:
         _set(arrays, values, where)
 
     def _recall(self) -> None:
-        """Find what follows from a state that was set, and is not part of it."""
+        """Compute what follows from a state that was set, but is not part of the state."""
         if self._terms.collisions is not None:
             totals.find_changing(self._terms.collisions)
 
     @guarded
     def take_over(self, other: Simulator) -> None:
-        """Take over the state of another simulator of the same scene, and continue with one's own steps.
+        """Take over the state of another simulator of the same scene, and continue with other steps.
 
-        The state is equal to the bit, except for the decay by dampers in a step: it follows from one's own
-        step and from `vary`. In scenes with surfaces the copies start as if they had been placed.
+        The state is equal to the bit, except for the decay by dampers in a step. This decay follows from the
+        step of this simulator and from `vary`. In scenes with surfaces the copies start as if they had been
+        placed.
 
         Raises
         ------
         TypeError, ValueError
-            If the other one has another scene, number of copies or type of numbers; nothing is changed.
+            If the other simulator has another scene, number of copies or dtype; nothing is changed.
         """
         must = "; it must be made like this simulator but for its step"
         made = checks.instance("other", other, Simulator).identity
@@ -712,7 +713,7 @@ class Simulator:
         self._meet(self._all)
 
     def _changing(self) -> Iterator[tuple[str, np.ndarray]]:
-        """Return names and arrays of all that changes: what moves, what actuators do, and what was varied."""
+        """Return names and arrays of all that changes: the motion, the actuators and varied parameters."""
         yield from (("x", self._x), ("v", self._v), ("time", self.time))
         if self._ledger is not None:
             yield "ledger", self._ledger
@@ -732,9 +733,9 @@ class Simulator:
     ) -> None:
         """Advance all copies by ``steps`` steps.
 
-        Ctrl-C, or any other exception, ends the call within about a second. `time` then says how far each
-        copy got. A call of many steps consists of several compiled calls. The number of steps in each depends
-        on the scene only, so results depend neither on the copies nor on the threads.
+        Ctrl-C, or any other exception, ends the call within about a second. `time` then holds the time that
+        each copy has reached. A call of many steps consists of several compiled calls. The number of steps in
+        each of these depends on the scene only, so results do not depend on the copies or the threads.
 
         Parameters
         ----------
@@ -745,8 +746,9 @@ class Simulator:
         read
             Whether to `read` the copies afterwards, in the same compiled call.
         then
-            A function that each thread calls when its copies have arrived, with the first of them and the one
-            behind the last. It may use `readout`, but no method of the simulator.
+            A function that each thread calls when its copies have taken the steps. Its arguments are the
+            index of the first copy and the index after the last. It may use `readout`, but no method of the
+            simulator.
 
         Raises
         ------
@@ -755,8 +757,8 @@ class Simulator:
         SimulationDivergedError
             If ``check`` is set and a copy has diverged. The other copies are not affected.
         UnresolvedContactError
-            If ``check`` is set and, since a copy was placed or `pairs` forgot, its bodies met in a way that a
-            step cannot resolve; unless the simulator counts this.
+            If ``check`` is set, ``unresolved`` is "raise", and bodies of a copy met in a way that a step
+            cannot resolve, since the copy was placed or `pairs` was called with ``forget``.
         """
         # Compiled code is given an int and a bool, and no other type: see `SameTypes`.
         if steps.__class__ is not int or not 0 <= steps <= MANY:
@@ -831,7 +833,7 @@ class Simulator:
             )
 
     def _strain_of_note(self, meant: bool) -> float:
-        """Return the strain from which to warn; infinite where strain is meant, as in ropes."""
+        """Return the strain from which to warn; infinite for bodies that are meant to stretch, as ropes."""
         shaped = not any(placed.body.floppy for placed in self.scene.bodies)
         return STRAINED if shaped and not meant else math.inf
 
@@ -880,7 +882,7 @@ class Simulator:
         Raises
         ------
         ValueError
-            If the method has no tolerance, and so no steps of its own.
+            If the method has no tolerance, and so does not choose its steps.
         """
         if not isinstance(self._control, Control):
             raise ValueError(
@@ -932,8 +934,8 @@ class Simulator:
     def pairs(self, *, forget: bool = False) -> PairReadings:
         """Return what happened between colliding bodies since the copies were placed or last forgotten.
 
-        There is an entry for each pair, so half a million for 1000 bodies. `contacts` has only those that
-        touch.
+        There is an entry for each pair, so 1000 bodies have half a million entries. `contacts` returns only
+        those that touch.
 
         Parameters
         ----------
@@ -975,8 +977,8 @@ class Simulator:
         Raises
         ------
         ValueError
-            If the method has no nodes, see `springgym.integrators`; or if the scene has surfaces, and its
-            bodies are several that do not collide.
+            If the method has no nodes, see `springgym.integrators`; or if the scene has surfaces and several
+            bodies that do not collide.
         """
         if reason := contacts.refusal(self.scene, self._terms):
             raise ValueError(reason)
@@ -1152,7 +1154,7 @@ class Simulator:
 
 
 def _tell(what: str) -> None:
-    """Warn whoever called the simulator."""
+    """Warn at the line that called the simulator."""
     warnings.warn(what, PrecisionWarning, stacklevel=4)
 
 
@@ -1163,7 +1165,7 @@ def _pool(process: int, threads: int) -> ThreadPoolExecutor:
 
 
 def _await(lock: Lock) -> None:
-    """Wait until a lock is free; Ctrl-C is on its way already, and another is not heard."""
+    """Wait until a lock is free. Ignore Ctrl-C meanwhile: an earlier one is being handled already."""
     while True:
         try:
             with lock:
@@ -1213,14 +1215,14 @@ def copies_in(state: Mapping[str, Any], wanted: int) -> int:
 
 
 def _layout(array: np.ndarray, copies: int) -> tuple[tuple[int, ...], np.dtype[Any]]:
-    """Return the shape and type of an array as of `Simulator._changing`, were there so many copies."""
+    """Return the shape and type that an array of `Simulator._changing` has for a number of copies."""
     if not array.dtype.names:
         return (copies,), array.dtype
     return block_layout(copies, array.shape[1:], numbers(array).dtype)
 
 
 def _lost(arrays: Iterable[np.ndarray], copies: int) -> np.ndarray:
-    """Return which copies (copies,) have a number that is not finite, in arrays as `Simulator._changing`."""
+    """Return which copies (copies,) have a number that is not finite, in arrays of `Simulator._changing`."""
     lost = np.zeros(copies, bool)
     for array in arrays:
         values = numbers(array) if array.dtype.names else array
@@ -1235,7 +1237,7 @@ def _lost(arrays: Iterable[np.ndarray], copies: int) -> np.ndarray:
 def _set(
     arrays: Iterable[np.ndarray], values: Iterable[np.ndarray], where: Iterable[Any] = repeat(...)
 ) -> None:
-    """Copy values to arrays, all or none: Python runs in between no line at which Ctrl-C is served."""
+    """Copy values to arrays, all or none. Python cannot handle Ctrl-C between two of these copies."""
     deque(map(np.ndarray.__setitem__, tuple(arrays), where, tuple(values)), 0)
 
 

@@ -20,11 +20,11 @@ REACH = 0.01
 """The default reach Δ of contact, as a share of `Body.swept`."""
 
 NEAREST = 1e-3
-"""The least height to start at, as a share of Δ: below it the barrier's energy c/h has no sensible bound."""
+"""The least height at the start, as a share of Δ. Below it the energy c/h of the barrier is too large."""
 
 SOFTEST, STIFFEST = 0.005, 0.05
-"""The least and the largest strength c of contact that is derived, as shares of k Δ³. At the edge of the
-barrier contact is 2 c/Δ³ stiff: a hundredth or a tenth of a spring, lest impacts ring the springs."""
+"""The least and the largest strength c that is derived, as shares of k Δ³. At the edge of the barrier the
+stiffness of contact is 2 c/Δ³, a hundredth or a tenth of a spring's. So impacts do not excite the springs."""
 
 IMPACT = 10.0
 """Between these, the derived c is the least at which a corner of a block that strikes at this speed [m/s]
@@ -40,13 +40,13 @@ class Contact:
     friction
         μ, static and kinetic; 0 for ice. With ``kinetic`` it is the static one.
     restitution
-        Rebound speed over impact speed, 0 … 1, at every speed above `springgym.contact.law.SLOW`. Slower
-        bodies come to rest.
+        Rebound speed divided by impact speed, from 0 to 1, at every speed above
+        `springgym.contact.law.SLOW`. Slower bodies come to rest.
     strength, reach
         c [N·m²] and Δ [m]. By default Δ is `REACH` of `Body.swept`, and c is `derived_strength`.
     kinetic, stribeck
         Stribeck's friction, see `springgym.contact.cone`: the kinetic μ, at most ``friction``, and the speed
-        of slip [m/s] at which μ has fallen to halfway between both. By default μ does not fall. Where copies
+        of slip [m/s] at which μ is halfway between both. By default μ does not depend on the speed. If copies
         vary ``friction``, the kinetic μ varies by the same factor.
 
     Raises
@@ -126,17 +126,17 @@ def loss_of(restitution: ArrayLike) -> np.ndarray:
 def derived_strength(
     stiffness: float | np.ndarray, mass: float | np.ndarray, reach: float | np.ndarray
 ) -> np.ndarray:
-    """Return c [N·m²] where none is given, for numbers or arrays of one shape.
+    """Return the default strength c [N·m²], for numbers or arrays of one shape.
 
-    A corner of a block counts as a quarter of its mass, or less; of ½ (m/4) v² = c (Δ − h)²/(h Δ²) and
-    h = Δ/10 follows c = m v² Δ/64.8. It is kept between `SOFTEST` and `STIFFEST` of k Δ³.
+    A corner of a block counts as at most a quarter of its mass. From ½ (m/4) v² = c (Δ − h)²/(h Δ²) and
+    h = Δ/10 follows c = m v² Δ/64.8. c is limited to the range from `SOFTEST` to `STIFFEST` times k Δ³.
 
     Parameters
     ----------
     stiffness
-        k [N/m]: of the stiffest spring, of the softer body.
+        k [N/m] of the stiffest spring of a body, or of the softer one of two bodies.
     mass
-        m [kg]: of the body, or the reduced mass of two.
+        m [kg] of a body, or the reduced mass of two bodies.
     reach
         Δ [m]
     """
@@ -149,33 +149,34 @@ def derived_strength(
 def strength_of_impact(mass: float | np.ndarray, reach: float | np.ndarray) -> np.ndarray:
     """Return the strength c [N·m²] at which a corner that strikes at `IMPACT` stays a tenth of Δ away.
 
-    `derived_strength` keeps it within the bounds that springs set.
+    `derived_strength` limits it by the stiffness of the springs.
     """
     return np.asarray(mass * IMPACT**2 * reach / 64.8)
 
 
 @lru_cache(maxsize=256)
 def slowest_vibration(body: Body) -> float:
-    """Return ω [rad/s] of a free body's slowest vibration; infinite of one that has none, or is floppy."""
+    """Return ω [rad/s] of a free body's slowest vibration; infinite if it is floppy or does not vibrate."""
     if body.floppy or len(body.masses) < 2:
         return math.inf
     return float(vibrations(body)[0][0])
 
 
 def faithful_speed(reach: float, *bodies: Body) -> float:
-    """Return the speed [m/s] up to which bodies rebound as their restitution says, to about .02.
+    """Return the speed [m/s] up to which the rebound of bodies agrees with their restitution to about 0.02.
 
-    A body that is struck closes for as long as its slowest vibration ω takes, by some v/ω. That fits into the
-    reach Δ where v ≤ Δ ω/3; what is faster leaves energy in vibrations, whatever the strength of contact.
+    During an impact, a body is compressed for about a period of its slowest vibration ω, by about v/ω. This
+    fits into the reach Δ if v ≤ Δ ω/3. Faster impacts leave energy in vibrations, whatever the strength of
+    contact.
     """
     return reach * min(map(slowest_vibration, bodies)) / 3
 
 
 def restitution_at_most(speed: float, faithful: float) -> float:
-    """Estimate the restitution that is to be had at a speed, given the `faithful_speed`; both in m/s.
+    """Estimate the largest restitution at a speed, given the `faithful_speed`; both in m/s.
 
-    It is a curve through what was measured of stiff and soft cubes, face on face, to .07: 1 up to .8 of the
-    faithful speed, .75 at twice that, and half far beyond.
+    The estimate is a curve through measurements of stiff and soft cubes, face on face, accurate to 0.07. It
+    is 1 up to 0.8 of the faithful speed, 0.75 at twice the faithful speed, and 0.5 far beyond it.
     """
     beyond = max(speed / faithful - 0.8, 0.0) / 1.3
     return 0.5 + 0.5 / (1.0 + beyond**1.3)
@@ -187,7 +188,7 @@ def scales(contact: Contact | PaperContact, body: Body) -> tuple[float, float]:
     Raises
     ------
     ValueError
-        If one is to be derived from a body that has no size or no springs.
+        If one of them has no value, and cannot be derived because the body has no size or no springs.
     """
     reach, strength = contact.reach, contact.strength
     if reach is None:
@@ -203,9 +204,9 @@ def scales(contact: Contact | PaperContact, body: Body) -> tuple[float, float]:
 
 
 def coupled(surfaces: tuple[Surface, ...]) -> bool:
-    """Tell whether what a surface gives depends on where others lead, or on where the way ends.
+    """Return whether the impulse of a surface depends on other surfaces, or on the end of a particle's path.
 
-    It does not where all are planes, any two of them at a right angle or parallel.
+    It does not if all surfaces are planes, and any two of them are parallel or at a right angle.
     """
     flat = all(isinstance(surface, Plane) for surface in surfaces)
     return not flat or any(abs(dot) > 1e-12 and dot > -1 + 1e-12 for _, _, dot in _planes(surfaces))
@@ -217,7 +218,7 @@ def check_surfaces(surfaces: tuple[Surface, ...], reach: float) -> None:
     Raises
     ------
     ValueError
-        If planes meet in a notch sharper than a right angle, or opposite ones are nearer than 4 Δ.
+        If two planes meet at less than a right angle, or face each other at less than 4 Δ.
     """
     for i, j, dot in _planes(surfaces):
         first, second = surfaces[i], surfaces[j]
@@ -264,11 +265,12 @@ def check_heights(
     free : (N,)
         The particles that surfaces act on: those that are not pinned.
     body
-        Heights are those of its round features if it has any, else those of the skin of its balls or rods.
+        The body. Its round features must be above the surface or, if it has none, its balls, rods or
+        particles.
     copies : (k,), optional
         Numbers of the copies in messages.
     owner
-        Text behind the particle's number in messages: " of" its body, if there are several.
+        Text after the particle's number in messages: " of" and the body, if there are several bodies.
 
     Raises
     ------

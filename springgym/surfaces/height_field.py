@@ -2,11 +2,11 @@
 
 f is the natural bicubic spline through heights on a grid (de Boor, J. Math. Phys. 41 (1962) 212): a sum of
 products of B-splines, with two continuous derivatives everywhere. Beyond the grid it continues with the slope
-of its edge. Its error is of fourth order in the spacing, if f is not bent at the edges of the grid.
+at its edge. Its error is of fourth order in the spacing if f has no curvature at the edges of the grid.
 
 The height is 0 on the ground. At a distance d from ground of curvature κ and slope tan θ, it differs from d
 by κ d² tan² θ/2. In contact, where d < Δ, this is a share of at most κ Δ tan² θ/2. Forces follow the gradient
-of the height, so they conserve energy whatever that share is.
+of the height, so they conserve energy in spite of this difference.
 """
 
 from __future__ import annotations
@@ -152,8 +152,9 @@ def ground(along_x: Any, along_y: Any, k: int, own: HeightFields) -> Any:
 
 @dataclass(frozen=True, repr=False)
 class HeightField(Surface):
-    """Uneven ground z = f(x, y): a smooth surface through heights on a grid of square cells. Bodies are above
-    it.
+    """Uneven ground z = f(x, y): a smooth surface through heights on a grid of square cells.
+
+    Bodies are above it.
 
     Parameters
     ----------
@@ -245,7 +246,7 @@ class HeightField(Surface):
 def _coefficients(values: np.ndarray) -> np.ndarray:
     """Return the coefficients (m + 2, n) of natural cubic splines along the first axis of ``values`` (m, n).
 
-    (c₋ + 4 c + c₊)/6 is the value at a node; the ends are not bent, so that there c is the value.
+    (c₋ + 4 c + c₊)/6 is the value at a node. The curvature is zero at the ends, so c is the value there.
     """
     inner = 6.0 * values[1:-1]
     if len(inner):
@@ -275,7 +276,8 @@ def waves(
     amplitude, length
         a and λ [m]
     size
-        Distance from the origin to each edge [m], rounded up to where a wave crosses its level.
+        Distance from the origin to each edge [m]. It is rounded up to the next place where a wave crosses the
+        level.
     spacing
         Distance between heights [m], at most λ/8.
     level

@@ -13,13 +13,13 @@ TRIED = 1e-4
 """Share of a feature's extent over which the height of a curved surface is differentiated."""
 
 BENDS = 20
-"""Turns in which a point and the normal of a curved surface find each other."""
+"""Iterations that find the point of a feature and the normal of a curved surface there."""
 
 
 def heights(body: Body, positions: np.ndarray, surface: Surface) -> np.ndarray:
     """Return the heights [m] of a body's particles (…, N), or of its round features (…, F) if it has some.
 
-    Heights count from the skin of balls and rods, and from the nearest point of a feature.
+    The height of a ball or rod is that of its skin. The height of a feature is that of its nearest point.
     """
     positions = np.asarray(positions, float)
     if not body.rounds:
@@ -43,7 +43,7 @@ def _height(body: Body, feature: Round, positions: np.ndarray, surface: Surface)
 
 
 def _surface_height(surface: Surface, places: np.ndarray) -> np.ndarray:
-    """Return the heights (…,) of places (…, 3) of any number of axes."""
+    """Return the heights (…,) of places (…, 3), an array of any number of axes."""
     return np.asarray(surface.height(places.reshape(-1, 3))).reshape(places.shape[:-1])
 
 

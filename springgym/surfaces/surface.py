@@ -1,15 +1,17 @@
 """The base of surfaces: a height and, in compiled code, its gradient.
 
 A kind of surface is one file of this folder and one line of `springgym.surfaces.SURFACES`. The file has a
-frozen dataclass for users, a `Surface`, and a named tuple for compiled code: arrays with one row for each
-surface of the kind, of which the first says how many there are, and two static compiled functions,
+frozen dataclass for users, a `Surface`, and a named tuple for compiled code. The named tuple holds arrays
+with one row for each surface of the kind. The length of the first array is the number of surfaces. The named
+tuple has two static compiled functions:
 
-    height(place, k, own)    how high a place is above surface k [m]: smooth, 0 on it, its distance near it
-    gradient(place, k, own)  of the height there: the normal, a unit vector where the height is the distance
+    height(place, k, own)    the height of a place above surface k [m]: smooth, 0 on the surface, and near it
+                             the distance from it
+    gradient(place, k, own)  the gradient of this height: the normal, a unit vector if the height is the
+                             distance
 
-A kind that has a function ``flat`` which returns True says that its gradient is a unit vector, and the same
-everywhere. Contact needs no more: how it takes the normal of a way from them is said in
-`springgym.contact.surfaces`.
+If the gradient is the same unit vector everywhere, the kind has a function ``flat`` that returns True.
+Contact needs no more. `springgym.contact.surfaces` explains how it computes a normal from these functions.
 """
 
 from __future__ import annotations
@@ -58,7 +60,7 @@ class Surface(ABC):
 
 
 def by_kind(surfaces: Sequence[Surface]) -> dict[type[Surface], list[int]]:
-    """Return the numbers of some surfaces by their kinds, in the order in which compiled code takes them."""
+    """Return the indices of some surfaces by their kinds, in the order of compiled code."""
     kinds: dict[type[Surface], list[int]] = {}
     for n, surface in enumerate(surfaces):
         kinds.setdefault(type(surface), []).append(n)
