@@ -428,7 +428,7 @@ assert 0 < info["step_error"] < 1e-3
 
 - The estimate is of this one period. Over many periods, errors grow as the motion lets them.
 - It uses the randomised parameters of the copy.
-- The first `info` of an episode says 0. A copy that has diverged says infinity.
+- The first `info` of an episode reports 0, and that of a copy that has diverged reports infinity.
 - With `dynamics="rigid"` it is the error of the rigid motion, not its distance from the motion of the
   springs.
 - In float32 both runs have rounded, so the estimate does not fall below some 1e-7.
@@ -511,7 +511,7 @@ GOALS = """## Goals
 SpringGyroscope, SpringRope, SpringTumble and SpringShove have a goal that can be told apart, for agents
 that learn from goals which they reached by chance. `goals=True` does so in the form of
 [Gymnasium-Robotics](https://robotics.farama.org/content/multi-goal_api/), for single environments and
-for batches. It needs `sparse=True`. Scenes of your own show their goals in observations only, and refuse it:
+for batches. It needs `sparse=True`:
 
 ```python
 import gymnasium as gym
@@ -537,6 +537,45 @@ assert env.unwrapped.compute_reward(achieved, achieved, info) == 1.0
 - Episodes do not end when a goal is reached, since success means that it is held. So there is no
   `compute_terminated`. What is achieved 100 m or m/s away, or after the simulation diverged, reaches no
   goal.
+
+Tasks [of your own](tutorials/task.md) tell their goals apart, too. They need two arguments. `achieved` returns
+which goal would be reached now, from the motion alone, without a look at `s.goal`. Each `Aim` names
+some numbers of the goal, how many they are, and within what distance they are reached:
+
+```python
+from springgym.bodies import cube
+from springgym.envs.goals import Aim
+from springgym.scene import Scene
+
+
+def start(rng):
+    # the cube starts at rest; the goal is a place, and a velocity of zero there
+    return cube().positions, np.zeros((8, 3)), [*rng.uniform(-1, 1, 3), 0, 0, 0]
+
+
+def achieved(m, s):
+    return np.hstack([m.centre, m.centre_velocity])
+
+
+def reward(m, s):
+    return 1 / (1 + np.linalg.norm(achieved(m, s) - s.goal, axis=1))
+
+
+env = springgym.make_scene_env(
+    Scene(cube(), gravity=None),
+    reward,
+    actuators={"force": 5.0},
+    start=start,
+    achieved=achieved,
+    aims=[Aim("place", 3, 0.1), Aim("velocity", 3, 0.1)],
+    goals=True,
+    sparse=True,
+)
+seen, info = env.reset(seed=0)
+print(seen["achieved_goal"], seen["desired_goal"])
+```
+
+Without `goals=True`, `achieved` and `aims` take the place of `succeeded`: the aim is met where the goal is reached.
 
 [Train an agent](training.md#goals-reached-by-chance) shows hindsight experience replay.
 """

@@ -54,7 +54,7 @@ def test_an_environment_over_a_scene_declares_what_it_takes():
     given = keywords(make_scene_env)
     assert {"scene", "reward", "actuators"} <= given
     own = keywords(SceneTask.__init__) - given
-    assert set(get_type_hints(SceneOptions)) == own | set(get_type_hints(options.RewardedOptions))
+    assert set(get_type_hints(SceneOptions)) == own | {"goals"} | set(get_type_hints(options.RewardedOptions))
 
 
 CLIENT = """
