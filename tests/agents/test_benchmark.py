@@ -252,7 +252,7 @@ def test_a_cluster_that_loses_a_node(tmp_path):
     (tmp_path / "ppo.yaml").write_text(f"{text}SpringTop-v0: *toy\n")
     algorithms = ["ppo", "zero", "classical"]  # so the first two runs train at once
     asked = ["--tasks", TOY, "SpringTop-v0", "--algorithms", *algorithms, "--seeds", "2", "--episodes", "20"]
-    asked += ["--configs", str(tmp_path), "--set", "total_timesteps=32768"]
+    asked += ["--configs", str(tmp_path), "--set", "total_timesteps=65536"]
     local, shared = tmp_path / "local", tmp_path / "cluster"
     assert benchmark.main([*asked, "--runs", str(local), "--local", "--jobs", "1"]) == 0
 
