@@ -131,8 +131,6 @@ seed, machine and commit give the same curve, to the bit.
 - PPO [imitates](training.md#begin-with-what-is-known) classical control first in some tasks: in the first
   400,000 steps of `SpringDuel-v0` and `SpringDuelStrong-v0`, and in the first 250,000 steps of
   `SpringShove-v0` and `SpringStack-v0`.
-- The rows of PPO in `SpringGyroscopeHard-v0` are older than a change of its reward, which now requires a
-  calmer axle. The probe does not show this change.
 - Seconds are processor time of one core, so they do not depend on what else the machine does.
 {older}
 The rows are in `docs/baselines.json`; [the protocol](benchmark.md) describes them. A test compares them with
