@@ -538,9 +538,9 @@ assert env.unwrapped.compute_reward(achieved, achieved, info) == 1.0
   `compute_terminated`. What is achieved 100 m or m/s away, or after the simulation diverged, reaches no
   goal.
 
-Tasks [of your own](tutorials/task.md) tell their goals apart, too. They need two arguments. `achieved` returns
-which goal would be reached now, from the motion alone, without a look at `s.goal`. Each `Aim` names
-some numbers of the goal, how many they are, and within what distance they are reached:
+Tasks [of your own](tutorials/task.md) tell their goals apart, too. They need two arguments. `achieved`
+returns the goal that would be reached now. It uses the motion alone, not `s.goal`. Each `Aim` names some
+numbers of the goal, says how many they are, and within what distance they are reached:
 
 ```python
 from springgym.bodies import cube
@@ -575,7 +575,8 @@ seen, info = env.reset(seed=0)
 print(seen["achieved_goal"], seen["desired_goal"])
 ```
 
-Without `goals=True`, `achieved` and `aims` take the place of `succeeded`: the aim is met where the goal is reached.
+Without `goals=True`, `achieved` and `aims` take the place of `succeeded`: the aim is met where the goal is
+reached.
 
 [Train an agent](training.md#goals-reached-by-chance) shows hindsight experience replay.
 """
