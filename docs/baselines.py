@@ -218,7 +218,7 @@ def lack_of_headroom(reference: Sequence[dict[str, Any]], learned: Sequence[dict
 
 
 def table_of_headroom(rows: Sequence[dict[str, Any]]) -> list[str]:
-    """Return a table of the harder and hard tasks: best known return, reference, best learned agents."""
+    """Return the lines of a table of the harder and hard tasks, which says whether they have headroom."""
     by_cell = cells([*rows, *planned()])
     lines = [
         "| task | best known | reference | best learned | share | headroom |",
@@ -246,7 +246,7 @@ def table_of_headroom(rows: Sequence[dict[str, Any]]) -> list[str]:
 
 
 def table_of_plans(rows: Sequence[dict[str, Any]]) -> list[str]:
-    """Return a table of the rows of the planner."""
+    """Return the lines of a table of the planner's settings and results."""
     lines = [
         "| task | tries × iterations | horizon | return per step | success | episodes | seconds a second |",
         "|---|---|---|---|---|---|---|",

@@ -530,7 +530,7 @@ class Scene(ReadOnly):
         return [met[n] for n in np.unique(sorts, axis=0, return_index=True)[1].tolist()]
 
     def restitution_at(self, speed: float) -> float:
-        """Estimate the largest restitution of the softest contact at a speed [m/s], to about 0.07.
+        """Estimate the largest restitution that the softest contact reaches at a speed [m/s], to about 0.07.
 
         Raises
         ------

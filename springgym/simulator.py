@@ -685,7 +685,7 @@ class Simulator:
         _set(arrays, values, where)
 
     def _recall(self) -> None:
-        """Compute what follows from a state that was set, but is not part of the state."""
+        """Compute the quantities that follow from a new state, but are not part of the state."""
         if self._terms.collisions is not None:
             totals.find_changing(self._terms.collisions)
 
@@ -1237,7 +1237,7 @@ def _lost(arrays: Iterable[np.ndarray], copies: int) -> np.ndarray:
 def _set(
     arrays: Iterable[np.ndarray], values: Iterable[np.ndarray], where: Iterable[Any] = repeat(...)
 ) -> None:
-    """Copy values to arrays, all or none. Python cannot handle Ctrl-C between two of these copies."""
+    """Copy values to arrays. Ctrl-C cannot interrupt the call, so all arrays are set or none."""
     deque(map(np.ndarray.__setitem__, tuple(arrays), where, tuple(values)), 0)
 
 

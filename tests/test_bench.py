@@ -25,7 +25,7 @@ from springgym.simulator import PAPER_STEP, Simulator
 def test_rates_are_units_over_seconds(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """By a clock that the cases move on: 5 units in 0.01 s and in 0.02 s, however long they begin.
+    """The rates follow a clock that the cases advance: 5 units in 0.01 s and in 0.02 s, after any first run.
 
     What takes long to begin is told.
     """

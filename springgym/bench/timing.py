@@ -9,7 +9,7 @@ from statistics import median
 from typing import Any, NamedTuple
 
 PATIENCE = 2.0
-"""A user who waits for the first run of a case, which may compile, is told so after this long [s]."""
+"""If the first run of a case takes longer than this [s], as where it compiles, a message says so."""
 
 
 class Case(NamedTuple):

@@ -18,7 +18,7 @@ RANDOMIZABLE = ("masses", "stiffness", "damping", "scale", "gravity", "friction"
 """Names for which `randomize` accepts a range of factors, if the scene has them."""
 
 NOMINAL: Mapping[str, float] = dict.fromkeys(RANDOMIZABLE, 1.0)
-"""Factors of an episode that is not randomised."""
+"""The factors of an episode without randomisation: 1 for each parameter."""
 
 OF_SPRINGS = ("stiffness", "damping", "scale")
 """Names that a rigid body does not have; ``scale`` multiplies the lengths of springs, see `stretched`."""

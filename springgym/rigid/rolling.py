@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from springgym.rigid.body import Rigid, Solid
 
 FEATURES = len(Rolling._fields)
-"""Number of the arrays of the workspace that a `Rolling` is made of."""
+"""Number of arrays in a `Rolling`."""
 
 PLACES, BEFORE, BEGIN, END, LEAVING = range(FEATURES, FEATURES + 5)
 """Indices of the arrays behind them, of rows of particles (N, 3): positions [m] and velocities [m/s] with

@@ -173,7 +173,7 @@ def faithful_speed(reach: float, *bodies: Body) -> float:
 
 
 def restitution_at_most(speed: float, faithful: float) -> float:
-    """Estimate the largest restitution at a speed, given the `faithful_speed`; both in m/s.
+    """Estimate the largest restitution that a contact reaches at a speed, given its `faithful_speed` [m/s].
 
     The estimate is a curve through measurements of stiff and soft cubes, face on face, accurate to 0.07. It
     is 1 up to 0.8 of the faithful speed, 0.75 at twice the faithful speed, and 0.5 far beyond it.

@@ -13,7 +13,7 @@ TRIED = 1e-4
 """Share of a feature's extent over which the height of a curved surface is differentiated."""
 
 BENDS = 20
-"""Iterations that find the point of a feature and the normal of a curved surface there."""
+"""Number of iterations for the contact point of a feature and the normal of a curved surface there."""
 
 
 def heights(body: Body, positions: np.ndarray, surface: Surface) -> np.ndarray:

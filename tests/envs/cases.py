@@ -122,3 +122,20 @@ def make_vec(env_id: str, num_envs: int, mode: str, autoreset: str, **options: A
         vector_kwargs={"autoreset_mode": autoreset},
         **options,
     )
+
+
+def hindsight_learner(env: Any, starts: int, batch: int) -> Any:
+    """Return SAC with hindsight experience replay and a small network; it learns after ``starts`` steps."""
+    from stable_baselines3 import SAC, HerReplayBuffer
+
+    return SAC(
+        "MultiInputPolicy",
+        env,
+        replay_buffer_class=HerReplayBuffer,
+        replay_buffer_kwargs={"n_sampled_goal": 4},
+        learning_starts=starts,
+        batch_size=batch,
+        policy_kwargs={"net_arch": [8]},
+        device="cpu",
+        seed=0,
+    )

@@ -9,13 +9,12 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
-from stable_baselines3 import SAC, HerReplayBuffer
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
 
 import springgym
 from springgym.envs import goals
 from springgym.envs.sb3 import make_sb3
-from tests.envs.cases import IDS, make, make_vec, task_type
+from tests.envs.cases import IDS, hindsight_learner, make, make_vec, task_type
 
 WITH_GOALS = [env_id for env_id in IDS if task_type(env_id).aims]
 APART: dict[str, Any] = {"goals": True, "sparse": True}
@@ -201,17 +200,7 @@ def test_hindsight_of_stable_baselines3(native: bool) -> None:
         env: Any = make_sb3("SpringRope-v0", 2, 0, env_kwargs=options)
     else:
         env = gym.make("SpringRope-v0", **options)
-    model = SAC(
-        "MultiInputPolicy",
-        env,
-        replay_buffer_class=HerReplayBuffer,
-        replay_buffer_kwargs={"n_sampled_goal": 4},
-        learning_starts=50,
-        batch_size=64,
-        policy_kwargs={"net_arch": [8]},
-        device="cpu",
-        seed=0,
-    )
+    model = hindsight_learner(env, 50, 64)
     model.learn(80)
     buffer: Any = model.replay_buffer
     assert buffer.rewards.sum() == 0

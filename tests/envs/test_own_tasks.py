@@ -11,7 +11,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from numpy.random import Generator
-from stable_baselines3 import SAC, HerReplayBuffer
 
 import springgym
 from springgym.bodies import box, cube, gyroscope, rigid_velocities, rotation, stretched_shapes
@@ -26,6 +25,7 @@ from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
 from springgym.rendering.look import AMBER, BLUE, GREEN, ORANGE, RED, TEAL
 from springgym.scene import Placed, Scene, ThrustActuator, WrenchActuator
 from springgym.scenes import film
+from tests.envs.cases import hindsight_learner
 
 # --- SpringGyroscope, by public words alone -----------------------------------------------------------
 
@@ -322,21 +322,12 @@ def test_aims_without_goals_told_apart_judge_success() -> None:
 
 
 def test_goals_of_ones_own_are_learnt_in_hindsight() -> None:
-    """An environment made from the spec rewards goals that were reached later."""
+    """An agent learns by hindsight from an environment made from the spec: relabelled goals earn rewards."""
     env = parking(max_episode_steps=10, **APART)
     again = gym.make(env.spec)
     assert again.reset(seed=1)[0].keys() == {"observation", "achieved_goal", "desired_goal"}
     envs = make_sb3(env.spec, num_envs=2, seed=0)
-    model = SAC(
-        "MultiInputPolicy",
-        envs,
-        replay_buffer_class=HerReplayBuffer,
-        learning_starts=30,
-        batch_size=16,
-        policy_kwargs={"net_arch": [8]},
-        device="cpu",
-        seed=0,
-    )
+    model = hindsight_learner(envs, 30, 16)
     model.learn(50)
     buffer: Any = model.replay_buffer
     assert buffer.sample(256).rewards.mean() > buffer.rewards[: buffer.pos].mean()

@@ -142,7 +142,7 @@ def rest_height(recording: Recording) -> list[Check]:
 
 
 def at_rest(recording: Recording, late: np.ndarray) -> Check:
-    """Check that no particle moves in some late states: a mask of states, or their indices."""
+    """Check that no particle moves in some late states, which a mask or indices select."""
     speed = float(np.linalg.norm(recording.velocities[late], axis=2).max())
     return Check("largest speed at rest", 0.0, speed, STILL, "m/s")
 
