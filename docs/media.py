@@ -50,7 +50,7 @@ def make_all(folder: Path, newest: float) -> None:
 def scene(name: str, folder: Path) -> None:
     """Write NAME.png, its figure; NAME.json, its checks; NAME.js, to turn it; NAME.mp4, its film."""
     plan = load(name)
-    recording = record(plan)
+    recording = record(plan, contacts=True)  # the viewer draws forces of support where contacts tell them
     draw(recording).savefig(folder / f"{name}.png")
     told = {"checks": rows(check(recording))}
     (folder / f"{name}.json").write_text(json.dumps(told), encoding="utf-8")
