@@ -202,7 +202,9 @@ class Episodes:
         if integrator is not None:
             instance("integrator", integrator, str)
         period = self.task.period
-        factor = {name: self.ranges.get(name, (1.0, 1.0)) for name in RANDOMIZABLE}
+        factor = dict.fromkeys(RANDOMIZABLE, (1.0, 1.0))
+        for name, (low, high) in self.ranges.items():  # the simulator is made with the body as it is, too
+            factor[name] = min(low, 1.0), max(high, 1.0)
 
         def fastest(body: Body) -> Body:
             return body.with_(

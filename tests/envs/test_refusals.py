@@ -228,6 +228,15 @@ def test_given_step_is_checked_for_the_hardest_body(factors: dict[str, Any]) -> 
         make(IDS[0], step=4e-4, randomize=factors)
 
 
+@pytest.mark.parametrize(
+    "factors", [{"stiffness": (0.3, 0.3)}, {"masses": (2.0, 3.0)}, {"damping": (0.1, 0.2)}]
+)
+def test_a_softer_body_takes_the_step_of_the_usual_one(factors: dict[str, Any]) -> None:
+    """The simulator is made with the usual body, for which the longer step of a softer one was refused."""
+    usual, softer = make(IDS[0]).unwrapped, make(IDS[0], randomize=factors).unwrapped
+    assert softer.episodes.simulator.step == usual.episodes.simulator.step
+
+
 def test_factors_that_tear_the_body_are_refused() -> None:
     """Turning fast with so much mass on such springs, it has no shape to start in."""
     env = make(IDS[0], randomize={"masses": (1, 1000), "stiffness": (0.01, 1)})
