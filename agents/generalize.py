@@ -1,0 +1,153 @@
+"""Play published agents and classical control in worlds that they were not made for.
+
+    python agents/generalize.py SpringTop-v0 SpringTumble-v0
+    python agents/generalize.py --rows docs/generalization.json      # every environment
+
+`WORLDS` lists the worlds. In each of them, every agent plays the same 100 held-out episodes. An episode draws
+its parameters from its seed, so the sets of parameters are fixed, too. The script prints a table of success
+and of the return as a share of that in the world "as it is". With ``--rows``, it also writes a row for every
+agent and world to a JSON file. Rows that are there are kept if neither the task nor the agent has changed, so
+the same command continues a run that was stopped. A world that a task cannot have is told with the reason.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from benchmark import made_with, probe
+from config import MENDABLE, ConfigError, making, whole
+from controllers import CLASSICAL
+from evaluate import MOST_EPISODES, evaluate, find_task
+from runs import HELD_OUT_SEED, write_atomically
+from scores import interval
+
+from springgym.cli import guarded
+from springgym.envs.trained import PUBLISHED, published
+from springgym.registration import ENVIRONMENTS
+
+WORLDS: Mapping[str, Mapping[str, Any]] = {
+    "as it is": {},
+    "rigid": {"dynamics": "rigid", "integrator": None, "step": None},
+    "soft": {"randomize": {"stiffness": (0.3, 0.3)}},
+    "varied": {"randomize": {"masses": (0.8, 1.2), "actuator": (0.8, 1.2)}},
+    "light": {"randomize": {"masses": (0.6, 0.8)}},
+    "heavy": {"randomize": {"masses": (1.2, 1.4)}},
+    "weak": {"randomize": {"actuator": (0.6, 0.8)}},
+    "strong": {"randomize": {"actuator": (1.2, 1.4)}},
+}
+"""Names of worlds, and the arguments that make them. Learn in "varied": the four after it are held out."""
+
+
+def agents_of(task: str, within: Path = PUBLISHED) -> list[tuple[str, str]]:
+    """Return the names and digests of the agents of a task: the published one, and classical control."""
+    found = []
+    if (within / task / "card.json").exists():
+        card = json.loads((published(task, within) / "card.json").read_text(encoding="utf-8"))
+        found.append((card["algorithm"], sha256(json.dumps(card["sha256"]).encode()).hexdigest()[:8]))
+    if task in CLASSICAL:
+        found.append(("classical", ""))
+    return found
+
+
+def played(task: str, agent: str, world: str, episodes: int) -> dict[str, Any]:
+    """Return what an agent reaches in a world; of a world that the task cannot have, the reason."""
+    name = agent if agent == "classical" else str(published(task))
+    with making(task):
+        env_id, kwargs = find_task([name], task, ())
+    try:
+        found = evaluate(name, env_id, {**kwargs, **WORLDS[world]}, episodes)
+    except ConfigError as error:
+        if not WORLDS[world]:
+            raise
+        return {"refused": str(error)}
+    returned = np.array(found.returns_per_step)
+    return {
+        "mean_return": round(found.return_per_step, 6),
+        "return_interval": [round(end, 4) for end in interval([returned], lambda all_: float(np.mean(all_)))],
+        "success_rate": found.success_rate,
+        "first_seed": found.first_seed,
+        "episodes": episodes,
+    }
+
+
+def rows_of(task: str, kept: Sequence[Mapping[str, Any]], episodes: int) -> list[dict[str, Any]]:
+    """Return the rows of a task, one for every agent and world: those that hold still, and new ones."""
+    rows, present = [], {"probe": probe(task), "asked": episodes}
+    for agent, digest in agents_of(task):
+        for world, arguments in WORLDS.items():
+            whose = {"task": task, "agent": agent, "digest": digest, "world": world}
+            whose |= {"arguments": json.loads(json.dumps(arguments)), **present}
+            same = [dict(row) for row in kept if {name: row.get(name) for name in whose} == whose]
+            rows.append(same[0] if same else whose | played(task, agent, world, episodes) | made_with())
+    return rows
+
+
+def table(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return the lines of a table: a row for each agent, and a column for each world."""
+    lines = [f"| task | agent | {' | '.join(WORLDS)} |", "|---" * (len(WORLDS) + 2) + "|"]
+    for task, agent in dict.fromkeys((row["task"], row["agent"]) for row in rows):
+        of = {row["world"]: row for row in rows if (row["task"], row["agent"]) == (task, agent)}
+        cells = []
+        for world in WORLDS:
+            row = of.get(world)
+            if row is None or "refused" in row:
+                cells.append("")
+                continue
+            success = row["success_rate"]
+            share = f"{row['mean_return'] / of['as it is']['mean_return']:.2f}"
+            cells.append(share if success is None else f"{100 * success:.0f} %, {share}")
+        lines.append(f"| `{task}` | {agent} | {' | '.join(cells)} |")
+    return lines
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    known = [row.id for row in ENVIRONMENTS]
+    parser.add_argument("tasks", metavar="ID", nargs="*", help="environment ids (default: all)")
+    parser.add_argument(
+        "--episodes",
+        type=whole(2, MOST_EPISODES),
+        default=100,
+        help=f"episodes to play, from seed {HELD_OUT_SEED} on (default: 100)",
+    )
+    parser.add_argument("--rows", type=Path, help="JSON file of rows, to be continued")
+    options = parser.parse_args(arguments)
+    for task in options.tasks:
+        if task not in known:
+            parser.error(f"{task!r} is not one of {', '.join(known)}")
+    if options.rows and not options.rows.absolute().parent.is_dir():
+        parser.error(f"--rows {options.rows}: there is no folder {options.rows.absolute().parent}")
+    return guarded("generalize.py", lambda: _generalize(options), MENDABLE)
+
+
+def _generalize(options: argparse.Namespace) -> int:
+    rows: list[dict[str, Any]] = []
+    if options.rows and options.rows.exists():
+        rows = json.loads(options.rows.read_text(encoding="utf-8"))
+    for task in options.tasks or [row.id for row in ENVIRONMENTS]:
+        new = rows_of(task, rows, options.episodes)
+        rows = sorted([*(row for row in rows if row["task"] != task), *new], key=lambda row: row["task"])
+        print("\n".join(table(new) if options.tasks else [task]), flush=True)
+        for row in new:
+            if "refused" in row:
+                print(f"{task}, {row['world']}: {row['refused']}")
+        if options.rows:
+            text = ",\n".join(json.dumps(row) for row in rows)
+            write_atomically(options.rows, f"[\n{text}\n]\n")
+    if not options.tasks:
+        print("\n".join(table(rows)))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
