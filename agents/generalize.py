@@ -79,11 +79,12 @@ def played(task: str, agent: str, world: str, episodes: int) -> dict[str, Any]:
 
 def rows_of(task: str, kept: Sequence[Mapping[str, Any]], episodes: int) -> list[dict[str, Any]]:
     """Return the rows of a task, one for every agent and world: those that hold still, and new ones."""
-    rows, present = [], {"probe": probe(task), "asked": episodes}
+    rows: list[dict[str, Any]] = []
+    present: dict[str, Any] = {"probe": probe(task), "asked": episodes}
     for agent, digest in agents_of(task):
         for world, arguments in WORLDS.items():
             whose = {"task": task, "agent": agent, "digest": digest, "world": world}
-            whose |= {"arguments": json.loads(json.dumps(arguments)), **present}
+            whose = {**whose, "arguments": json.loads(json.dumps(arguments)), **present}
             same = [dict(row) for row in kept if {name: row.get(name) for name in whose} == whose]
             rows.append(same[0] if same else whose | played(task, agent, world, episodes) | made_with())
     return rows
