@@ -55,7 +55,10 @@ def whole(low: int, high: int) -> Callable[[str], int]:
         try:
             value = int(text)
         except ValueError:
-            value = low - 1
+            try:
+                value = int(number) if (number := float(text)).is_integer() else low - 1  # such as 1e5
+            except ValueError:
+                value = low - 1
         if not low <= value <= high:
             raise argparse.ArgumentTypeError(f"{text!r} must be a whole number from {low} to {high}")
         return value
@@ -247,7 +250,7 @@ def load_config(
                 import_module(module)
             gym.spec(name)
         except (gym.error.Error, ImportError) as error:
-            hint = "" if module else f" If a module of yours registers it, write MODULE:{name}"
+            hint = "" if module else f" (if a module of yours registers it, write MODULE:{name})"
             raise ConfigError(f"{path}: there is no entry for {env_id!r}: {error}{hint}") from error
         tree = _with_copy(tree, env_id, DEFAULT)
     if env_id not in tree.value:

@@ -8,7 +8,8 @@ An agent is a run folder, an environment id (for the published agent of that env
 baseline (zero, random, classical), or ``module:function``, a function from observations to actions. All
 agents play the same episodes. The return is the sum of rewards divided by the time limit: the mean reward
 per step, if an episode that ends early earns nothing for the rest. The other columns are means over the
-episodes of what the environment reports in the last step of an episode.
+episodes of what the environment reports in the last step of an episode. The number after ± is the standard
+deviation over the episodes.
 """
 
 from __future__ import annotations
@@ -44,6 +45,8 @@ from springgym.registration import find
 
 #: Keyword arguments of an environment that belong to the agent and not to the task.
 INTERFACE = ("observation", "action", "goals")
+
+BASELINES = ("zero", "random", "classical")
 
 MOST_EPISODES = 1_000_000
 LAST_SEED = 2**31 - 1 - MOST_EPISODES
@@ -85,7 +88,9 @@ def find_task(
     """
     runs = [open_run(Path(agent)) for agent in agents if Path(agent).is_dir()]
     if not runs and not env_id:
-        raise ConfigError("name the environment with --env, or give a run folder")
+        strange = [a for a in agents if a not in BASELINES and ":" not in a]
+        which = f"{strange[0]!r} is no run folder, environment id or baseline; " if strange else ""
+        raise ConfigError(f"{which}name the environment with --env, or give a run folder")
     if not env_id and ":" in runs[0].env_id:
         raise ConfigError(
             f"{runs[0].folder} names a module to import; to allow this, add --env {runs[0].env_id}"

@@ -5,10 +5,10 @@
         --set env_kwargs.observation=frame learning_rate=3e-4
     springgym train --resume runs/SpringTop-v0-ppo-0
 
-Hyperparameters come from configs/<algo>.yaml. The run folder (see runs.py) holds all results. If
-a run was stopped, --resume continues it from its newest checkpoint, with the same configuration. If
-the environment can save its state, the run continues exactly as if it had never stopped. --resume
-unpickles the checkpoint, so use it with your own runs only.
+Hyperparameters come from configs/<algo>.yaml of the package or the clone. The run folder holds all results,
+and config.yaml there holds the hyperparameters of the run. If a run was stopped, --resume continues it from
+its newest checkpoint, with the same configuration. If the environment can save its state, the run continues
+exactly as if it had never stopped. --resume unpickles the checkpoint, so use it with your own runs only.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "train.py") -> i
     parser.add_argument("--run", type=Path, help="run folder (default: runs/<env id>-<algo>-<seed>)")
     parser.add_argument("--config", type=Path, help="file of hyperparameters (default: configs/<algo>.yaml)")
     add_overrides(parser, "change hyperparameters")
-    parser.add_argument("--timesteps", type=int, help="same as --set total_timesteps=...")
+    parser.add_argument("--timesteps", type=whole(0, 10**12), help="same as --set total_timesteps=...")
     parser.add_argument("--resume", type=Path, metavar="RUN", help="continue this run")
     parser.add_argument(
         "--episodes",

@@ -196,7 +196,7 @@ def suggestion(key: str, known: Iterable[str]) -> str:
     """Return the end of a message about an unknown name: a similar name, or all names."""
     names = list(known)
     close = difflib.get_close_matches(key, names, n=1)
-    return f"; did you mean {close[0]!r}?" if close else f"; known keys: {', '.join(names)}"
+    return f"; did you mean {close[0]!r}?" if close else f"; choose from: {', '.join(names)}"
 
 
 def shown(value: object) -> str:

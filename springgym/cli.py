@@ -17,6 +17,7 @@ from pathlib import Path
 
 from gymnasium.error import DependencyNotInstalled
 
+import springgym
 from springgym import scripts
 from springgym.extras import install
 
@@ -62,7 +63,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     def run() -> int:
         if name in SCRIPTS:
             return scripts.run(name, arguments[1:])
-        args = _parser(name).parse_args(arguments)
+        if not arguments:
+            _parser(name).print_help(sys.stderr)
+            return WRONG_USE
+        args = _parse(name, arguments)
         return int(importlib.import_module(COMMANDS[args.command][0]).run(args))
 
     extra = "agents" if name in SCRIPTS else COMMANDS[name][1] if name in COMMANDS else ""
@@ -153,11 +157,21 @@ def whole_file(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+def _parse(name: str, arguments: list[str]) -> argparse.Namespace:
+    """Read a command line. An option that its command does not have exits with the usage of that command."""
+    args, unknown = (parser := _parser(name)).parse_known_args(arguments)
+    if unknown:
+        (commands,) = (a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
+        commands.choices[args.command].error(f"unrecognized arguments: {' '.join(unknown)}")
+    return args
+
+
 def _parser(given: str) -> argparse.ArgumentParser:
     """Return the parser of all commands, with the options of the given one."""
     parser = argparse.ArgumentParser(
         prog="springgym", description="Mass-spring bodies: agents, simulation, speed, accuracy."
     )
+    parser.add_argument("--version", action="version", version=f"springgym {springgym.__version__}")
     commands = parser.add_subparsers(dest="command", metavar="command", required=True)
     for name, line in SCRIPTS.items():
         commands.add_parser(name, help=line, add_help=False)  # the script reads its arguments

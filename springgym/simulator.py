@@ -790,8 +790,8 @@ class Simulator:
             self._strained = math.inf
             _tell(
                 f"a spring of copy {n} is stretched or squeezed by {strain[n]:.2g} of its length at "
-                f"t = {self.time[n]:g} s, and holds no shape any more; take stiffer springs, or say "
-                "strain_limit, the share up to which you mean it"
+                f"t = {self.time[n]:g} s, too much to keep the shape of its body; take stiffer springs, or "
+                "set strain_limit to the largest strain that you intend"
             )
         self._check_distance(self.readout.positions)
 
@@ -806,8 +806,11 @@ class Simulator:
         names = " and ".join(repr(self.scene.bodies[body].name) for body in met[:2])
         how = [
             (told.fastest[n] > resolved[n], f"at {told.fastest[n]:.4g} m/s"),
-            (told.misses[n] > 0, f"{told.misses[n]:.0f} times found only in each other, or almost"),
-            (told.overflow[n] > 0, f"{told.overflow[n]:.0f} times in more points than there is room for"),
+            (told.misses[n] > 0, f"{told.misses[n]:.0f} times detected only when they (almost) overlapped"),
+            (
+                told.overflow[n] > 0,
+                f"{told.overflow[n]:.0f} times in more points of contact than it can store",
+            ),
         ]
         finer = self.step * min(1.0, resolved[n] / max(told.fastest[n], TINY))
         return (

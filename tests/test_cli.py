@@ -7,6 +7,7 @@ import sys
 
 import pytest
 
+import springgym
 from springgym import extras
 from springgym.cli import guarded, main, whole_file
 from springgym.extras import install
@@ -135,6 +136,27 @@ def test_scripts_are_commands(tmp_path):
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.startswith("own:Own-v0: 2 episodes")
+
+
+def test_without_a_command_it_shows_the_help(capsys):
+    assert main([]) == 2
+    assert "evaluate  compare ag" in capsys.readouterr().err
+
+
+def test_version(capsys):
+    with pytest.raises(SystemExit):
+        main(["--version"])
+    assert capsys.readouterr().out == f"springgym {springgym.__version__}\n"
+
+
+@pytest.mark.parametrize("command", ["simulate", "compile", "bench"])
+def test_an_unknown_option_is_answered_by_its_command(command, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main([command, "--absent"])
+    assert ended.value.code == 2
+    said = capsys.readouterr().err
+    assert said.startswith(f"usage: springgym {command} ")
+    assert said.endswith(f"springgym {command}: error: unrecognized arguments: --absent\n")
 
 
 def test_the_words_of_a_script_are_its_own(capsys):

@@ -60,7 +60,7 @@ def test_every_way_to_write_a_number(number):
     ("text", "message"),
     [
         ("count: 1\nsise: 2", "file.yaml:2: unknown key 'sise'; did you mean 'size'?"),
-        ("count: 1\nweight: 2", "file.yaml:2: unknown key 'weight'; known keys: count, size,"),
+        ("count: 1\nweight: 2", "file.yaml:2: unknown key 'weight'; choose from: count, size,"),
         ("count: 1\nsize: 2\ncount: 3", "file.yaml:3: duplicate key 'count'"),
         ("size: 2", "file.yaml:1: the file lacks count"),
         ("count: 1.5", "file.yaml:1: count: expected a whole number, got 1.5"),

@@ -1,5 +1,6 @@
 """Configuration files: what is accepted, and that an error names file, line and key."""
 
+import argparse
 from pathlib import Path
 
 import config
@@ -50,7 +51,7 @@ def test_values_arrive_with_their_types(load):
     ("old", "new", "line", "says"),
     [
         ("gamma: 1", "gama: 1", 8, "unknown key 'gama'; did you mean 'gamma'?"),
-        ("gamma: 1", "zzz: 1", 8, "unknown key 'zzz'; known keys: total_timesteps"),
+        ("gamma: 1", "zzz: 1", 8, "unknown key 'zzz'; choose from: total_timesteps"),
         ("gamma: 1", "n_envs: 5", 8, "duplicate key 'n_envs'"),
         ("mass: 12", "mass: 12, mass: 1", 13, "duplicate key 'mass'"),
         ("learning_rate: 3e-4", "learning_rate: '3e-4'", 7, "learning_rate: expected a number"),
@@ -141,3 +142,11 @@ def test_every_environment_has_an_entry(algo):
     for env_id in ids:
         config.load_config(algo, env_id)
         assert {env_id, find(env_id)[0].id} & own, f"{env_id} has the default hyperparameters"
+
+
+def test_whole_numbers_may_have_an_exponent():
+    parse = config.whole(1, 10**6)
+    assert parse("1e4") == 10_000
+    for wrong in ("1.5", "1e9", "inf", "nan", "-1e2", "x"):
+        with pytest.raises(argparse.ArgumentTypeError, match="must be a whole number from 1 to"):
+            parse(wrong)

@@ -76,7 +76,9 @@ def test_command_line(classical, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["zero"], "name the environment with --env, or give a run folder"),
+        (["zero"], "error: name the environment with --env, or give a run folder"),
+        (["SpringTop"], "'SpringTop' is no run folder, environment id or baseline; name the environment"),
+        (["zero", "runs/absent"], "'runs/absent' is no run folder, environment id or baseline; name the"),
         (
             ["clasical", "--env", "Toy-v0"],
             "unknown controller 'clasical': use zero, random, classical or module:function",

@@ -97,7 +97,7 @@ def test_numbers_without_a_point_are_numbers(read):
         ("title: a\nbody: {kind: top, scaled: {40: 2}}\nduration: 1", "a particle that scaled names is 40"),
         (BOX.replace("duration: 1", "duration: 0"), "mine.yaml:3: duration: duration is 0 s"),
         (BOX + "interval: -1", "mine.yaml:4: interval: interval is -1 s"),
-        (BOX + "integrator: euler", "mine.yaml:4: integrator: unknown method 'euler'; known keys: verlet"),
+        (BOX + "integrator: euler", "mine.yaml:4: integrator: unknown method 'euler'; choose from: verlet"),
         (BOX + f"trace: {'x' * 1000}", "mine.yaml:4: trace: unknown part 'xxx"),
         (
             BOX + "start: {height: rest}\ngravity: -1\nsurfaces: [{kind: floor}]",
