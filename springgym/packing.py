@@ -367,7 +367,7 @@ def solids_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> Company:
     )
     return Company(
         bodies=lanes(count, ROWS, 3),
-        loads=lanes(count, most, 3),
+        loads=lanes(count, max(most, 2), 3),  # force and torque, of a body of one particle, too
         surfaces=lanes(count, arrays, most, 3),
         pushed=np.zeros(count, bool),
         before=lanes(2 * count, 3),

@@ -14,7 +14,14 @@ import pytest
 
 from springgym import Simulator
 from springgym.bodies import disk, ellipsoid, rolling_ball, start
+from springgym.core.blocks import block_array
+from springgym.core.lanes import block_dtype
+from springgym.envs.billiards import SpringBilliards
+from springgym.integrators.record import workspace
 from springgym.measures import Measures
+from springgym.packing import Options, pack_pairs, solids_workspace
+from springgym.rigid import METHODS
+from springgym.rigid.surfaces import LOADS
 from springgym.scene import Scene
 from springgym.surfaces import Bowl, Contact, floor, incline
 from springgym.theory import rolling
@@ -53,6 +60,20 @@ def run(of: Scene, duration: float, step: float = 1e-3, every: int = 10) -> tupl
         simulator.advance(every)
         rows.append([np.array(field[0]) for field in simulator.measure()])
     return step * every * np.arange(len(rows)), Measures(*map(np.array, zip(*rows, strict=True)))
+
+
+def test_actuators_of_a_body_of_one_particle_have_room() -> None:
+    """Force and torque take a row each, whatever the number of particles: outside of it is other memory."""
+    both = SpringBilliards().scene
+    alone = Scene(bodies=both.bodies[:1], surfaces=both.surfaces, contact=both.contact)
+    assert len(alone.positions) == 1
+    method, kind = METHODS["verlet"].record, block_dtype(float, 1)
+    pairs = pack_pairs(
+        both, Options(method, 1e-3, 1, frozenset(), lambda *shape: block_array(1, shape, kind))
+    )
+    assert solids_workspace(both, pairs, kind).loads.shape[1] >= 2
+    arrays: Any = workspace(method, alone, kind)
+    assert len(arrays[LOADS]) >= 2
 
 
 # --- On surfaces ----------------------------------------------------------------------------------------

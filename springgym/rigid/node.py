@@ -96,7 +96,7 @@ class Company(NamedTuple):
     bodies: np.ndarray
     """(bodies, `ROWS`, 3) the state of each body at the node, by rows from `AXES` to `NEAR`"""
     loads: np.ndarray
-    """(bodies, N, 3) what actuators give particles, see `set_loads`"""
+    """(bodies, N or 2, 3) what actuators give particles, see `set_loads`"""
     surfaces: np.ndarray
     """(bodies, arrays, N, 3) what surfaces give, as `springgym.rigid.surfaces` keeps it, or
     `springgym.rigid.rolling`"""

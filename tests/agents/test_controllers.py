@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from springgym.envs.gyroscope import SpringGyroscope
+from springgym.envs.pendulum import SpringPendulum
 from springgym.envs.top import SpringTop
 from tests.envs.cases import COLLIDING, IDS, task_type
 
@@ -53,6 +54,41 @@ def test_impulse_gives_the_moment():
     across = moment - axis * (axis @ moment)
     np.testing.assert_allclose(np.cross(axis, impulse) / 0.02, across, rtol=1e-5, atol=1e-5)
     assert np.linalg.norm(across) > 1
+
+
+PENDULUM = SpringPendulum(observation="frame")
+
+
+def cube(tilt, across=(0.0, 0.0, 0.0)):
+    """The compact observation of SpringPendulum, tilted in the plane of x and z."""
+    return np.array([[np.sin(tilt), 0.0, np.cos(tilt), *(np.array(across) / 4), 0.0]], np.float32)
+
+
+@pytest.mark.parametrize(
+    ("tilt", "across", "moment"),
+    [
+        (np.pi / 2, (0.0, 0.0, 0.0), (0.0, 4.25, 0.0)),  # 8.5 J are lacking; it is going to fall about y
+        (np.pi / 2, (0.0, 2.0, 0.0), (0.0, 4.25, 0.0)),  # 6 J
+        (np.pi / 2, (0.0, -2.0, 0.0), (0.0, -4.25, 0.0)),
+        (np.pi / 2, (1.0, 2.0, 0.0), (4.25, 4.25, 0.0)),  # each to its limit
+        (np.pi / 2, (0.0, 4.0, 0.0), (0.0, -4.25, 0.0)),  # 0.625 16 J − 8.5 J too much
+        (np.pi / 2, (0.0, 0.0, 1.5), (0.0, 4.25, -3.0)),  # it whirls
+        (0.1, (0.1, 0.2, 0.0), (-0.8, -30 * np.sin(0.1) - 1.6, 0.0)),  # it is held: n×z is along −y
+    ],
+)
+def test_pendulum_moment_by_hand(tilt, across, moment):
+    np.testing.assert_allclose(
+        controllers.pendulum_moment(PENDULUM, cube(tilt, across)), [moment], rtol=1e-5, atol=1e-5
+    )
+
+
+def test_a_cube_at_rest_is_pushed_down():
+    """A push up the slope would hold the cube where the weight has the same moment: for ever."""
+    for tilt in np.linspace(0.65, 3.12, 12):
+        moment = controllers.pendulum_moment(PENDULUM, cube(tilt))[0]
+        assert moment[1] > 0.1
+    hanging = controllers.pendulum_moment(PENDULUM, np.array([[0, 0, -1, 0, 0, 0, 0]], np.float32))
+    assert np.abs(hanging).max() == 4.25
 
 
 @pytest.mark.parametrize("action", ["torque", "impulse"])

@@ -20,8 +20,11 @@ each_variant = pytest.mark.parametrize("variant", VARIANTS, ids=lambda variant: 
 CLASSICAL_FAILS = {
     "SpringFreeTopRough-v0",  # the tip sticks, which the controller knows nothing of
 }
-AGAINST_ITSELF = {"SpringDuelStrong-v0": 0.15}
-"""Where the controller is the opponent, and wins one duel in two; this many of 16 at the least."""
+LEAST = {
+    "SpringDuelStrong-v0": 0.15,  # the controller is the opponent, and wins one duel in two
+    "SpringPendulumWeak-v0": 0.9,  # a reference
+}
+"""Share of 16 episodes in which classical control must succeed, where that is not a half."""
 
 
 @each_variant
@@ -67,8 +70,7 @@ def test_it_can_be_done(variant: Variant) -> None:
     assert controllers_of(variant.id)
     env = make(variant.id)
     policy = make_controller("classical", variant.id, {}, env.action_space)
-    least = AGAINST_ITSELF.get(variant.id, 0.5)
-    assert play(variant.id, policy, 16, observation="frame").successes.mean() >= least
+    assert play(variant.id, policy, 16, observation="frame").successes.mean() >= LEAST.get(variant.id, 0.5)
 
 
 @each_variant
