@@ -18,10 +18,9 @@ stays.
 A law is this file and its numbers in `springgym.surfaces.Contact`: its named tuple, `law_of` and `weakened`.
 
 Where a round feature meets a surface, a couple q may resist its turning, too (`springgym.contact.round`): by
-up to ρ J what turns it about tangents, by up to τ J what turns it about the normal. ρ and τ are lengths, half
-of what MuJoCo calls condim 6 (https://mujoco.readthedocs.io/en/stable/computation/index.html#contact). A
-wheel that yields carries its load by ρ ahead of its middle; a patch of radius a, under an even pressure, takes
-the moment (2/3) μ a J to turn about its normal.
+up to ρ J what turns it about tangents, by up to τ J what turns it about the normal. ρ and τ are lengths: what
+yields carries its load by ρ ahead of its middle, and a patch of radius a, under an even pressure, takes the
+moment (2/3) μ a J to turn about its normal.
 """
 
 from __future__ import annotations

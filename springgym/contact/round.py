@@ -27,9 +27,9 @@ Levinson, Int. J. Non-Linear Mech. 17 (1982) 175, doi:10.1016/0020-7462(82)90017
 Resistance to rolling and to spinning (`springgym.contact.cone.Resistance`) is a couple q, dry as friction is:
 what stops the part of ω across n, or along it, or as much as the push allows. ω is that of the feature's
 carriers, ω = I⁻¹ Σ mᵢ rᵢ × vᵢ with their arms rᵢ from their centre of mass and their inertia I, and a couple
-moves them by δvᵢ = (I⁻¹ q) × rᵢ: no momentum, the angular momentum q, and the work q · (ω₋ + ω₊)/2. Couple and
-friction act on each other. What would stop both the slip and the turning begins, and each then follows from
-the other, in turns.
+moves them by δvᵢ = (I⁻¹ q) × rᵢ. That is no momentum, the angular momentum q, and the work q · (ω₋ + ω₊)/2.
+Couple and friction act on each other. What would stop both the slip and the turning begins, and each then
+follows from the other, in turns.
 
 A rigid body is told by its particles, which keep their shape. An impulse p at the arm r from its centre of
 mass, or its pin, moves them as one body (`Carrier`),
@@ -579,6 +579,14 @@ def turning_by(
 
 
 @compiled
+def pivot(carriers: Carriers, carrier: Carrier | None) -> Vector:
+    """Return the point about which an impulse turns the carriers of a feature [m]."""
+    if carrier is None:
+        return carriers.centre
+    return carrier.point
+
+
+@compiled
 def twist(
     e: int, couple: Vector, v: Rows, carriers: Carriers, problem: RoundProblem, carrier: Carrier | None
 ) -> None:
@@ -615,8 +623,7 @@ def hold_centre(
         slip = slip - cross(rate - dot(rate, along) * along, lever)
         slip = slip - dot(slip, along) * along
         direction = 1.0 / (sqrt(dot(slip, slip)) + TINY) * slip
-        about = carriers.centre if carrier is None else carrier.point
-        moment = cross(at(e, point, here, rounds) - about, direction)
+        moment = cross(at(e, point, here, rounds) - pivot(carriers, carrier), direction)
         spun = turning_by(e, moment, carriers, problem, carrier)
         whole = inverse_mass(e, point, there, direction, problem, carrier)
         inverse = maximum(whole - dot(direction, cross(spun, lever)), LEAST * whole) + TINY

@@ -65,7 +65,9 @@ def resisted_way(
     return speed**2 / (2 * slower), speed / slower
 
 
-def resisted_spin(spin: float, moment: float, resistance: float, radius: float, gravity: float = 9.81) -> float:
+def resisted_spin(
+    spin: float, moment: float, resistance: float, radius: float, gravity: float = 9.81
+) -> float:
     """Return the time in which a ball that spins about the vertical stops, I w/(tau m g), s.
 
     ``moment`` is I/(m r^2), ``resistance`` tau, and ``radius`` r, m.
