@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, DTypeLike
 from springgym import rigid
 from springgym.bodies.elasticity import spring_forces
 from springgym.checks import HUGE, TINY
-from springgym.contact.cone import law_of
+from springgym.contact.cone import law_of, resistance_of
 from springgym.contact.lists import Lists, new_lists
 from springgym.contact.overlap import Outlines, outlines
 from springgym.contact.pairs import Pairs, longest_edge, most_contacts, packed_shapes, parallel
@@ -160,6 +160,7 @@ def _shared(scene: Scene, options: Options) -> Terms:
         surfaces=surfaces_of(surfaces),
         friction=friction,
         friction_law=law_of([contact]) if friction is not None and isinstance(contact, Contact) else None,
+        resistance=resistance_of(contact) if isinstance(contact, Contact) else None,
         loss=loss,
         paper_law=law,
         own=tuple(own) or None,

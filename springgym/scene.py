@@ -22,7 +22,13 @@ from springgym.identity import digest
 from springgym.own_forces import checked_forces
 from springgym.records import ReadOnly, read_only
 from springgym.surfaces import Contact, PaperContact, Surface, check_heights, check_surfaces, scales
-from springgym.surfaces.contact import NEAREST, faithful_speed, restitution_at_most
+from springgym.surfaces.contact import (
+    NEAREST,
+    RESISTANCES,
+    faithful_speed,
+    restitution_at_most,
+    without_resistance,
+)
 
 GRAVITY = (0.0, 0.0, -9.81)
 
@@ -460,9 +466,20 @@ class Scene(ReadOnly):
         made = [instance(f"surfaces[{n}]", surface, Surface) for n, surface in enumerate(self.surfaces)]
         object.__setattr__(self, "surfaces", tuple(made))
         instance("contact", self.contact, Contact, PaperContact)
+        self._check_resistance()
         if self.surfaces:
             for body in self._different:
                 check_surfaces(self.surfaces, scales(self.contact, body)[1])
+
+    def _check_resistance(self) -> None:
+        """Refuse a resistance to turning that would do nothing."""
+        if isinstance(self.contact, Contact) and self.contact.resists:
+            lacks = "no body has one" if self.surfaces else "the scene has no surfaces"
+            if not self.surfaces or not any(body.rounds for body in self._different):
+                given = ", ".join(f"{name} {getattr(self.contact, name):g}" for name in RESISTANCES)
+                raise ValueError(
+                    f"the contact has {given}, which acts where round features meet surfaces; {lacks}"
+                )
 
     def _check_heights(self, positions: np.ndarray, copies: np.ndarray | None = None) -> None:
         if self.surfaces and not self._well_above(positions):
@@ -581,7 +598,11 @@ class Scene(ReadOnly):
         """Return for each body a scene that contains this body alone, with the same gravity and surfaces."""
         if len(self.bodies) == 1:
             return (self,)
-        return tuple(self.with_(bodies=(placed,), collisions=None) for placed in self.bodies)
+        contact = {True: self.contact, False: without_resistance(self.contact)}
+        return tuple(
+            self.with_(bodies=(placed,), collisions=None, contact=contact[bool(placed.body.rounds)])
+            for placed in self.bodies
+        )
 
     @cached_property
     def starts(self) -> np.ndarray:

@@ -198,6 +198,13 @@ def _meetings(
                 f"{_called(first[pair], second[pair], bodies)} cannot collide by the scene's "
                 f"{type(ways[way]).__name__}; give collisions a Contact, or say collisions=None"
             )
+        if ways[way].resists:
+            pair = int(np.argmax(how == way))
+            raise ValueError(
+                f"{_called(first[pair], second[pair], bodies)} would collide by a contact with "
+                "rolling_resistance or torsional_resistance, which act on surfaces alone; give collisions a "
+                "Contact without them"
+            )
     contacts = tuple(ways[way] for way in used)
     how = np.searchsorted(used, how)
 

@@ -16,6 +16,11 @@ found by fixed-point iteration from |j| = μ_s J. What rests, and is pushed by l
 stays.
 
 A law is this file and its numbers in `springgym.surfaces.Contact`: its named tuple, `law_of` and `weakened`.
+
+Where a round feature meets a surface, a couple q may resist its turning, too (`springgym.contact.round`): by
+up to ρ J what turns it about tangents, by up to τ J what turns it about the normal. ρ and τ are lengths: what
+yields carries its load by ρ ahead of its middle, and a patch of radius a, under an even pressure, takes the
+moment (2/3) μ a J to turn about its normal.
 """
 
 from __future__ import annotations
@@ -45,6 +50,22 @@ class Stribeck(NamedTuple):
     """1 − μ_k/μ_s [1]"""
     speed: np.ndarray
     """v_s [m/s]"""
+
+
+class Resistance(NamedTuple):
+    """What resists the turning of round features on the surfaces of a scene, each (1,)."""
+
+    rolling: np.ndarray
+    """ρ [m]"""
+    torsional: np.ndarray
+    """τ [m]"""
+
+
+def resistance_of(contact: Contact) -> Resistance | None:
+    """Return what resists the turning of round features; None if nothing does."""
+    if not contact.resists:
+        return None
+    return Resistance(np.array([contact.rolling_resistance]), np.array([contact.torsional_resistance]))
 
 
 def law_of(contacts: Sequence[Contact]) -> Stribeck | None:

@@ -24,6 +24,13 @@ w′ = w friction that sticks is of first order in h: a disk precesses 1.6 % too
 the point of contact over its skin; for the rigid bodies that are the limit of stiff springs see Kane &
 Levinson, Int. J. Non-Linear Mech. 17 (1982) 175, doi:10.1016/0020-7462(82)90017-8.)
 
+Resistance to rolling and to spinning (`springgym.contact.cone.Resistance`) is a couple q, dry as friction is:
+what stops the part of ω across n, or along it, or as much as the push allows. ω is that of the feature's
+carriers, ω = I⁻¹ Σ mᵢ rᵢ × vᵢ with their arms rᵢ from their centre of mass and their inertia I, and a couple
+moves them by δvᵢ = (I⁻¹ q) × rᵢ. That is no momentum, the angular momentum q, and the work q · (ω₋ + ω₊)/2.
+Couple and friction act on each other. What would stop both the slip and the turning begins, and each then
+follows from the other, in turns.
+
 A rigid body is told by its particles, which keep their shape. An impulse p at the arm r from its centre of
 mass, or its pin, moves them as one body (`Carrier`),
 
@@ -57,14 +64,17 @@ from springgym.core.vectors import (
     choose,
     cross,
     dot,
+    inverse_symmetric,
     multiplied,
     plus_scaled,
     row,
     set_row,
+    unit,
     vec,
 )
 
 if TYPE_CHECKING:
+    from springgym.contact.cone import Resistance
     from springgym.forces import Terms
 
 
@@ -84,6 +94,12 @@ LOW, TAKEN = 1e-5, 0.2
 """Shares of Δ. What begins a step nearer than the first was missed: its point of contact went so far over
 the skin in a step, as that of a coin that falls flat, that it is behind the surface. Its gaps are taken as
 farther by what lets it begin at the second, so that it is pushed out gently, and not within a step."""
+
+PASSES = 2
+"""How often a couple and friction of a row are each found from the other within a turn."""
+
+LEAST = 0.01
+"""What friction changes the slip by without turning is taken for at least this share of K."""
 
 AWAY = 0.5
 """K is taken for at least this share of W: a flat disk has it less where the point that touches runs away
@@ -131,6 +147,8 @@ class Rolling(NamedTuple):
     """J L [N·s], and J"""
     friction: Rows
     """j [N·s]"""
+    couple: Rows
+    """q [N·m·s], where turning is resisted"""
 
 
 class Way(NamedTuple):
@@ -166,6 +184,17 @@ class Carrier(NamedTuple):
     """position of the body's point where the step would end without contact [m]"""
     end_turn: tuple[Vector, Vector]
     """inverse inertia I⁻¹ there [1/(kg·m²)]"""
+
+
+class Carriers(NamedTuple):
+    """The carriers of a feature at the node, as what turns about their centre of mass."""
+
+    centre: Vector
+    """[m]"""
+    diagonal: Vector
+    """xx, yy, zz of I⁻¹ [1/(kg·m²)]"""
+    across: Vector
+    """xy, xz, yz of it"""
 
 
 class RoundProblem(NamedTuple):
@@ -333,12 +362,18 @@ def give(
             i = rounds.particle[c]
             add_scaled(v, i, weight(c, point, rounds) * load(particles.inverse_mass, i), impulse)
     else:
-        faster, moment = carrier.lightness * impulse, cross(arm(e, point, problem, carrier), impulse)
-        spun, later = turned(carrier.turn, moment), turned(carrier.end_turn, moment)
-        for i in range(particles.mass.size):
-            set_row(v, i, row(v, i) + (faster + cross(spun, row(problem.x, i) - carrier.point)))
-            there = row(carrier.end, i) - carrier.end_point
-            set_row(carrier.leaving, i, row(carrier.leaving, i) + (faster + cross(later, there)))
+        moment = cross(arm(e, point, problem, carrier), impulse)
+        give_body(carrier.lightness * impulse, moment, v, problem, carrier)
+
+
+@compiled
+def give_body(faster: Vector, moment: Vector, v: Rows, problem: RoundProblem, carrier: Carrier) -> None:
+    """Give a rigid body a change of velocity [m/s] and the moment of an impulse about its point [N·m·s]."""
+    spun, later = turned(carrier.turn, moment), turned(carrier.end_turn, moment)
+    for i in range(problem.terms.particles.mass.size):
+        set_row(v, i, row(v, i) + (faster + cross(spun, row(problem.x, i) - carrier.point)))
+        there = row(carrier.end, i) - carrier.end_point
+        set_row(carrier.leaving, i, row(carrier.leaving, i) + (faster + cross(later, there)))
 
 
 @compiled
@@ -392,6 +427,7 @@ def roll(problem: RoundProblem) -> bool:
             set_row(space.size, r, vec(taken, base + (taken - start), inverse))
             set_row(space.push, r, vec(0.0, 0.0, 0.0))
             set_row(space.friction, r, vec(0.0, 0.0, 0.0))
+            begin_couple(r, space, problem.terms.resistance)
             if any_lane(minimum(start, ahead) < surfaces.reach):
                 found = True
     if found:
@@ -399,6 +435,13 @@ def roll(problem: RoundProblem) -> bool:
         if carrier is None:
             sum_up(problem)
     return found
+
+
+@compiled
+def begin_couple(r: int, space: Rolling, resistance: Resistance | None) -> None:
+    """Let row ``r`` begin without a couple, where turning is resisted."""
+    if resistance is not None:
+        set_row(space.couple, r, vec(0.0, 0.0, 0.0))
 
 
 @compiled
@@ -418,9 +461,11 @@ def solve(problem: RoundProblem) -> None:
     kinds = count(surfaces.kinds)
     none = 0.0 * span.out
     beta = coefficient(problem.terms.loss, none)
+    resistance = problem.terms.resistance
+    by_turns = problem.carrier is not None or resistance is not None
     enough = (AGREED + 64 * epsilon(none)) * reach
     active = 1.0 + none
-    for _ in range(TURNS):
+    for turn in range(TURNS):
         farthest = none
         for e in range(rounds.first.size):
             for k in range(kinds):
@@ -438,12 +483,15 @@ def solve(problem: RoundProblem) -> None:
                 set_row(space.push, r, new)
                 change = new[0] - old[0]
                 give(e, point, change * n, space.velocity, problem, problem.carrier)
+                if turn == 0:
+                    hold_centre(r, e, k, problem, problem.terms.friction, resistance)
                 rubbed = hold_back(r, e, k, going, problem, problem.terms.friction)
+                turned_by = hold_turning(r, e, k, going, problem, resistance)
                 moved = span.whole * inverse * change
                 farthest = maximum(farthest, maximum(moved, -moved))
-                if problem.carrier is not None:
-                    farthest = maximum(farthest, rubbed)
-        if problem.carrier is None and rounds.first.size * kinds == 1:
+                if by_turns:
+                    farthest = maximum(farthest, maximum(rubbed, turned_by))
+        if not by_turns and rounds.first.size * kinds == 1:
             break
         active = select(farthest > enough, active, 0.0)
         if not any_lane(active > 0.5):
@@ -477,6 +525,164 @@ def hold_back(r: int, e: int, k: int, going: Mask, problem: RoundProblem, fricti
     return changed
 
 
+# --- Resistance to turning --------------------------------------------------------------------------------
+
+
+@compiled
+def carriers_of(e: int, problem: RoundProblem) -> Carriers:
+    """Return the carriers of feature ``e`` at the node."""
+    rounds, mass = problem.rounds, problem.terms.particles.mass
+    total, centre = 0.0 * problem.span.out, 0.0 * row(problem.x, 0)
+    for c in range(rounds.first[e], rounds.behind[e]):
+        i = rounds.particle[c]
+        total = total + load(mass, i)
+        centre = plus_scaled(centre, load(mass, i), row(problem.x, i))
+    centre = 1.0 / total * centre
+    diagonal, across = 0.0 * centre, 0.0 * centre
+    for c in range(rounds.first[e], rounds.behind[e]):
+        i = rounds.particle[c]
+        r = row(problem.x, i) - centre
+        square = vec(r[1] * r[1] + r[2] * r[2], r[0] * r[0] + r[2] * r[2], r[0] * r[0] + r[1] * r[1])
+        diagonal = plus_scaled(diagonal, load(mass, i), square)
+        across = plus_scaled(across, -1.0 * load(mass, i), vec(r[0] * r[1], r[0] * r[2], r[1] * r[2]))
+    tensor = diagonal[0], diagonal[1], diagonal[2], across[0], across[1], across[2]
+    diagonal, across = inverse_symmetric(tensor)
+    return Carriers(centre, diagonal, across)
+
+
+@compiled
+def turning(e: int, v: Rows, carriers: Carriers, problem: RoundProblem) -> Vector:
+    """Return ω of the carriers of feature ``e`` [rad/s]."""
+    rounds, momentum = problem.rounds, 0.0 * carriers.centre
+    for c in range(rounds.first[e], rounds.behind[e]):
+        i = rounds.particle[c]
+        moment = cross(row(problem.x, i) - carriers.centre, row(v, i))
+        momentum = plus_scaled(momentum, load(problem.terms.particles.mass, i), moment)
+    return multiplied(carriers.diagonal, carriers.across, momentum)
+
+
+@compiled
+def turning_by(
+    e: int, couple: Vector, carriers: Carriers, problem: RoundProblem, carrier: Carrier | None
+) -> Vector:
+    """Return by how much a couple [N·m·s] changes ω of the carriers of feature ``e`` [rad/s]."""
+    if carrier is not None:
+        return turned(carrier.turn, couple)
+    rounds, particles = problem.rounds, problem.terms.particles
+    spun, momentum = multiplied(carriers.diagonal, carriers.across, couple), 0.0 * couple
+    for c in range(rounds.first[e], rounds.behind[e]):
+        i = rounds.particle[c]
+        r, mass = row(problem.x, i) - carriers.centre, load(particles.mass, i)
+        share = mass * (mass * load(particles.inverse_mass, i))
+        momentum = plus_scaled(momentum, share, cross(r, cross(spun, r)))
+    return multiplied(carriers.diagonal, carriers.across, momentum)
+
+
+@compiled
+def pivot(carriers: Carriers, carrier: Carrier | None) -> Vector:
+    """Return the point about which an impulse turns the carriers of a feature [m]."""
+    if carrier is None:
+        return carriers.centre
+    return carrier.point
+
+
+@compiled
+def twist(
+    e: int, couple: Vector, v: Rows, carriers: Carriers, problem: RoundProblem, carrier: Carrier | None
+) -> None:
+    """Give the carriers of feature ``e`` a couple [N·m·s]."""
+    if carrier is None:
+        rounds, particles = problem.rounds, problem.terms.particles
+        spun = multiplied(carriers.diagonal, carriers.across, couple)
+        for c in range(rounds.first[e], rounds.behind[e]):
+            i = rounds.particle[c]
+            share = load(particles.mass, i) * load(particles.inverse_mass, i)
+            add_scaled(v, i, share, cross(spun, row(problem.x, i) - carriers.centre))
+    else:
+        give_body(0.0 * couple, couple, v, problem, carrier)
+
+
+@compiled
+def hold_centre(
+    r: int, e: int, k: int, problem: RoundProblem, friction: Numbers, resistance: Resistance | None
+) -> None:
+    """Let friction at row ``r`` stop what would slip if nothing rolled, or give as much as the push allows.
+
+    Where the couple can stop all rolling, too, that is the answer. The slip is that of the point that touches
+    less ω × its arm, which friction changes by K less what it changes that by.
+    """
+    if friction is not None and resistance is not None:
+        space, rounds, carrier = problem.space, problem.rounds, problem.carrier
+        carriers, v = carriers_of(e, problem), space.velocity
+        point, n, old = row(space.point, r), row(space.normal, r), row(space.friction, r)
+        along = unit(n)
+        there, slip = slip_at_end(e, k, v, problem, carrier)
+        here = Way(problem.x, None, None)
+        lever = at(e, there, here, rounds) - carriers.centre
+        rate = turning(e, v, carriers, problem)
+        slip = slip - cross(rate - dot(rate, along) * along, lever)
+        slip = slip - dot(slip, along) * along
+        direction = 1.0 / (sqrt(dot(slip, slip)) + TINY) * slip
+        moment = cross(at(e, point, here, rounds) - pivot(carriers, carrier), direction)
+        spun = turning_by(e, moment, carriers, problem, carrier)
+        whole = inverse_mass(e, point, there, direction, problem, carrier)
+        inverse = maximum(whole - dot(direction, cross(spun, lever)), LEAST * whole) + TINY
+        limit = load(friction, 0) * sqrt(dot(n, n)) * row(space.push, r)[0]
+        before = at(e, point, Way(problem.before, None, None), rounds)
+        wanted = old - 1.0 / inverse * slip
+        new = within_cone(wanted, limit, inverse, before, problem.terms.friction_law, 0)
+        set_row(space.friction, r, new)
+        give(e, point, new - old, v, problem, carrier)
+
+
+@compiled
+def hold_turning(
+    r: int, e: int, k: int, going: Mask, problem: RoundProblem, resistance: Resistance | None
+) -> Number:
+    """Let couples stop what rolls and spins at row ``r``, and friction what slips by then, in turns.
+
+    Returns how far that moves the skin in the step [m].
+    """
+    changed = 0.0 * problem.span.out
+    if resistance is not None:
+        space, v = problem.space, problem.space.velocity
+        carriers, point = carriers_of(e, problem), row(space.point, r)
+        lever = at(e, point, Way(problem.x, None, None), problem.rounds) - carriers.centre
+        was = turning(e, v, carriers, problem)
+        for _ in range(PASSES):
+            stop_turning(r, e, going, carriers, problem, resistance)
+            rubbed = hold_back(r, e, k, going, problem, problem.terms.friction)
+            changed = maximum(changed, rubbed)
+        more = turning(e, v, carriers, problem) - was
+        moved = problem.span.whole * sqrt(dot(more, more) * dot(lever, lever))
+        changed = maximum(changed, moved)
+    return changed
+
+
+@compiled
+def stop_turning(
+    r: int, e: int, going: Mask, carriers: Carriers, problem: RoundProblem, resistance: Resistance
+) -> None:
+    """Let couples stop what rolls at row ``r``, and then what spins, or give as much as the push allows."""
+    space, v = problem.space, problem.space.velocity
+    n = row(space.normal, r)
+    along, push = unit(n), sqrt(dot(n, n)) * row(space.push, r)[0]
+    for part in range(2):
+        rate, old = turning(e, v, carriers, problem), row(space.couple, r)
+        spinning, held = dot(rate, along) * along, dot(old, along) * along
+        limit = push * load(resistance.torsional, 0)
+        if part == 0:
+            spinning, held = rate - spinning, old - held
+            limit = push * load(resistance.rolling, 0)
+        direction = 1.0 / (sqrt(dot(spinning, spinning)) + TINY) * spinning
+        gives = dot(direction, turning_by(e, direction, carriers, problem, problem.carrier)) + TINY
+        wanted = held - 1.0 / gives * spinning
+        change = within_cone(wanted, limit, gives, spinning, None, 0) - held
+        change = choose(going, change, 0.0 * change)
+        set_row(space.couple, r, old + change)
+        twist(e, change, v, carriers, problem, problem.carrier)
+
+
 @compiled
 def sum_up(problem: RoundProblem) -> None:
     """Sum up what all rows give each particle, where particles move by themselves."""
@@ -488,6 +694,15 @@ def sum_up(problem: RoundProblem) -> None:
             give(e, point, push[0] * n, space.change, problem, None)
             give(e, point, push[1] * n, space.force, problem, None)
             give(e, point, row(space.friction, r), space.rub, problem, None)
+            sum_up_couple(r, e, problem, problem.terms.resistance)
+
+
+@compiled
+def sum_up_couple(r: int, e: int, problem: RoundProblem, resistance: Resistance | None) -> None:
+    """Add the couple of row ``r``, if any resists turning, to what friction gives each particle."""
+    if resistance is not None:
+        space = problem.space
+        twist(e, row(space.couple, r), space.rub, carriers_of(e, problem), problem, None)
 
 
 # --- Energy -------------------------------------------------------------------------------------------------

@@ -25,6 +25,7 @@ from springgym.rigid.flight import Motion, State, angular_velocity, combine, com
 from springgym.rigid.surfaces import RigidNode, leave, place_of, pushed
 
 if TYPE_CHECKING:
+    from springgym.contact.cone import Resistance
     from springgym.rigid.body import Rigid, Solid
 
 FEATURES = len(Rolling._fields)
@@ -63,6 +64,7 @@ def rolling_of(workspace: np.ndarray) -> Rolling:
         workspace[6],
         workspace[7],
         workspace[8],
+        workspace[9],
     )
 
 
@@ -142,6 +144,14 @@ def roll_on_surfaces(node: RigidNode, workspace: np.ndarray, solid: Solid, round
 
 
 @compiled
+def twisted(motion: Motion, couple: Vector, resistance: Resistance | None) -> Motion:
+    """Return the motion after the impulse of a couple, if any resists turning."""
+    if resistance is None:
+        return motion
+    return motion[0], motion[1] + couple
+
+
+@compiled
 def given_by_rows(node: RigidNode, problem: RoundProblem, solid: Solid) -> GivenByRows:
     """Sum up what all rows of contact give a body."""
     space, kinds = problem.space, count(problem.terms.surfaces.kinds)
@@ -155,4 +165,5 @@ def given_by_rows(node: RigidNode, problem: RoundProblem, solid: Solid) -> Given
             change = pushed(change, place, push[0] * n, solid)
             force = pushed(force, place, push[1] * n, solid)
             rub = pushed(rub, place, components(node.axes, row(space.friction, r)), solid)
+            rub = twisted(rub, components(node.axes, row(space.couple, r)), solid.terms.resistance)
     return GivenByRows(change, rub, force)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -30,6 +30,9 @@ IMPACT = 10.0
 """Between these, the derived c is the least at which a corner of a block that strikes at this speed [m/s]
 stays a tenth of Δ away."""
 
+RESISTANCES = ("rolling_resistance", "torsional_resistance")
+"""The options of a `Contact` that concern round features alone."""
+
 
 @dataclass(frozen=True)
 class Contact:
@@ -48,6 +51,11 @@ class Contact:
         Stribeck's friction, see `springgym.contact.cone`: the kinetic μ, at most ``friction``, and the speed
         of slip [m/s] at which μ is halfway between both. By default μ does not depend on the speed. If copies
         vary ``friction``, the kinetic μ varies by the same factor.
+    rolling_resistance, torsional_resistance
+        ρ and τ [m] of round features on surfaces. With the push J of a surface, a couple of at most ρ J
+        opposes turning about tangents of the surface (rolling), and one of at most τ J turning about its
+        normal (spinning). They stop what turns, and no more: a ball of radius R rests on slopes up to the
+        angle arctan ρ/R. Their loss is friction's. They do not act on particles, or between bodies.
 
     Raises
     ------
@@ -61,9 +69,11 @@ class Contact:
     reach: float | None = None
     kinetic: float | None = None
     stribeck: float | None = None
+    rolling_resistance: float = 0.0
+    torsional_resistance: float = 0.0
 
     def __post_init__(self) -> None:
-        _check(self, ("friction",), ("strength", "reach"))
+        _check(self, ("friction", *RESISTANCES), ("strength", "reach"))
         if (self.kinetic is None) != (self.stribeck is None):
             raise ValueError("kinetic and stribeck of the contact are given together: μ and a speed [m/s]")
         if self.kinetic is not None:
@@ -78,6 +88,18 @@ class Contact:
                     "friction of the contact is 0; with kinetic and stribeck it must be positive"
                 )
         object.__setattr__(self, "restitution", number("restitution", self.restitution, 0.0, 1.0))
+
+    @property
+    def resists(self) -> bool:
+        """Tell whether anything resists the turning of round features."""
+        return any(getattr(self, name) > 0 for name in RESISTANCES)
+
+
+def without_resistance(contact: Contact | PaperContact) -> Contact | PaperContact:
+    """Return a contact in which nothing resists the turning of round features."""
+    if isinstance(contact, Contact) and contact.resists:
+        return replace(contact, **dict.fromkeys(RESISTANCES, 0.0))
+    return contact
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,51 @@ def needed_friction(angle: float, moment: float) -> float:
     return math.tan(angle) * moment / (1 + moment)
 
 
+def resisted_acceleration(
+    angle: float, moment: float, resistance: float, radius: float, gravity: float = 9.81
+) -> float:
+    """Return the acceleration of a ball that starts to roll down a slope against a resistance, m/s^2.
+
+    With the couple rho N against its turning, I dw/dt = f r - rho N and m dv/dt = m g sin a - f, so that
+    dv/dt = g (sin a - rho/r cos a)/(1 + I/(m r^2)). It stays where tan a is rho/r or less. On level ground
+    the negative of rho g/(r (1 + I/(m r^2))) slows down what rolls; see `resisted_way`.
+
+    Parameters
+    ----------
+    angle : float
+        a of the slope, rad, 0 or more.
+    moment : float
+        I/(m r^2) about the centre, 2/5 of a solid ball.
+    resistance, radius : float
+        rho and r, m.
+    gravity : float
+        g, m/s^2.
+    """
+    pull = math.sin(angle) - resistance / radius * math.cos(angle)
+    return gravity * max(pull, 0.0) / (1 + moment)
+
+
+def resisted_way(
+    speed: float, moment: float, resistance: float, radius: float, gravity: float = 9.81
+) -> tuple[float, float]:
+    """Return way and time in which a ball that rolls on level ground stops, m and s.
+
+    It slows down by rho g/(r (1 + I/(m r^2))), see `resisted_acceleration`.
+    """
+    slower = resistance * gravity / (radius * (1 + moment))
+    return speed**2 / (2 * slower), speed / slower
+
+
+def resisted_spin(
+    spin: float, moment: float, resistance: float, radius: float, gravity: float = 9.81
+) -> float:
+    """Return the time in which a ball that spins about the vertical stops, I w/(tau m g), s.
+
+    ``moment`` is I/(m r^2), ``resistance`` tau, and ``radius`` r, m.
+    """
+    return moment * radius**2 * spin / (resistance * gravity)
+
+
 def after_skidding(
     speed: float, moment: float, friction: float, gravity: float = 9.81
 ) -> tuple[float, float]:

@@ -96,6 +96,8 @@ KNOBS: dict[str, dict[str, Callable[..., Knob | None]]] = {
     "contact": {
         "friction": _linear("μ", 0.0, 1.5, 0.01),
         "restitution": _linear("", 0.0, 1.0, 0.01),
+        "rolling_resistance": _share("[m]"),
+        "torsional_resistance": _share("[m]"),
     },
 }
 """Sliders by the section of a scene file, and its key."""

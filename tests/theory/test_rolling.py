@@ -92,3 +92,20 @@ def test_egg_rises_in_the_time_of_its_equation():
     run = solve_ivp(slope, (0, 10), [1.5], events=there, rtol=1e-10, atol=1e-12)
     time = rolling.egg_rise(1.5, 0.2, (a, b), constant, weight, friction)
     assert time == pytest.approx(run.t_events[0][0], rel=1e-7)
+
+
+def test_resistance_is_that_of_the_equations_of_motion() -> None:
+    """m dv/dt = m g sin a − f and I dw/dt = f r − ρ N, solved for dv/dt = r dw/dt and f."""
+    angle, moment, rho, radius, g = 0.3, 0.4, 0.01, 0.1, 9.81
+    slows = np.array([[1.0, 1.0], [moment, -1.0]])
+    pulls = np.array([g * math.sin(angle), -rho / radius * g * math.cos(angle)])
+    expected = np.linalg.solve(slows, pulls)[0]
+    assert rolling.resisted_acceleration(angle, moment, rho, radius, g) == pytest.approx(expected, rel=1e-12)
+    assert rolling.resisted_acceleration(math.atan(rho / radius) - 1e-9, moment, rho, radius, g) == 0.0
+    way, time = rolling.resisted_way(0.3, moment, rho, radius, g)
+    slower = -np.linalg.solve(slows, [0.0, -rho / radius * g])[0]
+    assert 0.3 - slower * time == pytest.approx(0.0, abs=1e-12)
+    assert way == pytest.approx(0.3 * time - 0.5 * slower * time**2, rel=1e-12)
+    assert rolling.resisted_spin(4.0, moment, rho, radius, g) * rho * g == pytest.approx(
+        moment * radius**2 * 4.0, rel=1e-12
+    )

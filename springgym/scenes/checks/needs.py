@@ -94,6 +94,8 @@ def coulomb(plan: Plan) -> None:
     contacts = plan.scene.contact, *(met.contact for met in plan.scene.meetings)
     if any(isinstance(one, Contact) and one.stribeck is not None for one in contacts):
         raise ValueError("its friction falls as the slip grows, which theory leaves out")
+    if any(isinstance(one, Contact) and one.resists for one in contacts):
+        raise ValueError("its rolling or spinning is resisted, which theory leaves out")
 
 
 def friction(plan: Plan) -> None:

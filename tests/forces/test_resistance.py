@@ -1,0 +1,127 @@
+"""Resistance to rolling and spinning: against closed forms, at rest, and what must not be asked."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from springgym import Simulator
+from springgym.bodies import ball, cube, rolling_ball
+from springgym.measures import Measures
+from springgym.scene import Placed, Scene
+from springgym.surfaces import Contact, Surface, floor, incline
+from springgym.theory import rolling
+from tests.forces.test_round import placed
+
+G = 9.81
+RADIUS, MOMENT = 0.1, 0.4
+RHO, TAU = 0.01, 0.004
+"""ρ and τ [m]."""
+
+HOW = Contact(0.5, 0.5, rolling_resistance=RHO, torsional_resistance=TAU)
+BALL = rolling_ball(RADIUS, 1.0, stiffness=1e6)
+LEVEL = floor()
+STEP = {"springs": 1e-4, "rigid": 1e-3}
+SAG = {"springs": 2e-3, "rigid": 1e-6}
+"""Share by which a ball's moment and radius may be off: springs give way by m g/(k r) and ring by as much as
+the load changes; a rigid ball settles on the floor to rounding."""
+
+
+def run(dynamics: str, duration: float, surface: Surface = LEVEL, **begins: Any) -> tuple[Any, Measures]:
+    """Times and measures (T, …) of a ball."""
+    scene = placed(BALL, (surface,), HOW, **begins)
+    step = STEP[dynamics]
+    simulator = Simulator(scene, dynamics=dynamics, step=step)
+    every = round(0.01 / step)
+    rows = [[np.array(field[0]) for field in simulator.measure()]]
+    for _ in range(round(duration / 0.01)):
+        simulator.advance(every)
+        rows.append([np.array(field[0]) for field in simulator.measure()])
+    return 0.01 * np.arange(len(rows)), Measures(*map(np.array, zip(*rows, strict=True)))
+
+
+@pytest.mark.parametrize("dynamics", ["rigid", "springs"])
+def test_ball_rolls_to_a_stop_and_stays(dynamics: str) -> None:
+    """The ledger holds all that it had: it is lost to resistance, and enters as friction."""
+    speed = 0.3
+    times, m = run(dynamics, 1.0, velocity=(speed, 0, 0), omega=(0, speed / RADIUS, 0))
+    way, stops = rolling.resisted_way(speed, MOMENT, RHO, RADIUS, G)
+    rolls = (times > 0.05) & (times < stops - 0.05)
+    slower = -np.polyfit(times[rolls], m.centre_velocity[rolls, 0], 1)[0]
+    assert slower == pytest.approx(speed / stops, rel=SAG[dynamics])
+    assert m.centre[-1, 0] - m.centre[0, 0] == pytest.approx(way, rel=5 * SAG[dynamics] + 1e-3)
+    still = times > stops + 0.05
+    assert np.ptp(m.centre[still, 0]) < 1e-7
+    assert m.centre_velocity[:, 0].min() > -1e-3 * speed
+    assert np.abs(m.angular_velocity[-1]).max() < 1e-5
+    energy = 0.5 * (1 + MOMENT) * speed**2
+    assert m.friction_loss[-1] == pytest.approx(energy, rel=SAG[dynamics])
+    assert np.ptp(m.balance[1:]) < (1e-12 if dynamics == "rigid" else 1e-4 * energy)
+
+
+@pytest.mark.parametrize("dynamics", ["rigid", "springs"])
+@pytest.mark.parametrize("ratio", [0.95, 2.0])
+def test_slope_holds_a_ball_up_to_the_angle_of_resistance(ratio: float, dynamics: str) -> None:
+    angle = math.atan(ratio * RHO / RADIUS)
+    times, m = run(dynamics, 0.5, incline(angle))
+    down = np.array([-math.cos(angle), 0.0, -math.sin(angle)])
+    speed = m.centre_velocity @ down
+    expected = rolling.resisted_acceleration(angle, MOMENT, RHO, RADIUS, G)
+    assert (expected == 0.0) == (ratio < 1)
+    late = times > 0.1
+    measured = np.polyfit(times[late], speed[late], 1)[0]
+    if ratio < 1:
+        assert abs(speed[late]).max() < 1e-5
+        assert np.ptp((m.centre @ down)[late]) < 1e-6
+    else:
+        assert measured == pytest.approx(expected, rel=2 * SAG[dynamics])
+
+
+@pytest.mark.parametrize("dynamics", ["rigid", "springs"])
+def test_spin_about_the_vertical_stops(dynamics: str) -> None:
+    spin = 4.0
+    stops = rolling.resisted_spin(spin, MOMENT, TAU, RADIUS, G)
+    times, m = run(dynamics, 2 * stops, omega=(0, 0, spin))
+    turns = (times > 0.1 * stops) & (times < 0.9 * stops)
+    assert -np.polyfit(times[turns], m.angular_velocity[turns, 2], 1)[0] == pytest.approx(
+        spin / stops, rel=SAG[dynamics]
+    )
+    assert np.abs(m.angular_velocity[-1]).max() < 1e-5
+
+
+def test_copies_are_single_ones_to_the_bit() -> None:
+    scene = placed(BALL, (floor(),), HOW, velocity=(0.3, 0.1, 0), omega=(0, 3.0, 2.0))
+    many = Simulator(scene, copies=3, dynamics="rigid", step=1e-3)
+    v = np.repeat(scene.velocities[None], 3, axis=0)
+    v[1] = 0.0
+    many.place(np.repeat(scene.positions[None], 3, axis=0), v)
+    one = Simulator(scene, dynamics="rigid", step=1e-3)
+    for simulator in (many, one):
+        simulator.advance(400)
+    assert many.positions[0].tobytes() == one.positions[0].tobytes() == many.positions[2].tobytes()
+    assert many.positions[1].tobytes() != one.positions[0].tobytes()
+
+
+@pytest.mark.parametrize("name", ["rolling_resistance", "torsional_resistance"])
+def test_what_makes_no_sense_is_refused(name: str) -> None:
+    for wrong in (-1e-3, math.nan, math.inf):
+        with pytest.raises(ValueError, match=f"{name} of the contact"):
+            Contact(**{name: wrong})
+    for kind in (True, "much", [1e-3], None):
+        with pytest.raises(TypeError, match=f"{name} of the contact"):
+            Contact(**{name: kind})  # type: ignore[arg-type]
+    how = Contact(0.5, strength=1e-4, reach=1e-3, **{name: 1e-3})
+    with pytest.raises(ValueError, match="the scene has no surfaces"):
+        Scene(BALL, contact=how)
+    for body in (cube(), ball()):
+        with pytest.raises(ValueError, match="no body has one"):
+            Scene(body, body.positions + np.array([0, 0, 2.0]), surfaces=(floor(),), contact=how)
+    bodies = tuple(Placed(BALL, BALL.positions + np.array([x, 0, 1.0])) for x in (0.0, 1.0))
+    with pytest.raises(ValueError, match=r"'.*0' and '.*1' would collide by a contact with rolling_resist"):
+        Scene(bodies=bodies, surfaces=(floor(),), contact=how).meetings  # noqa: B018
+    passes = Scene(bodies=bodies, surfaces=(floor(),), contact=how, collisions=replace(how, **{name: 0.0}))
+    assert len(passes.meetings) == 1
