@@ -10,11 +10,12 @@ import warnings
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from importlib import import_module
+from inspect import signature
 from typing import Any, ClassVar
 
 import gymnasium as gym
 import numpy as np
-from gymnasium.envs.registration import EnvSpec
+from gymnasium.envs.registration import EnvSpec, load_env_creator
 from gymnasium.vector import AutoresetMode, VectorEnv
 
 from springgym.extras import missing
@@ -316,8 +317,8 @@ def make_sb3(
     else:
         name = env_id.id if isinstance(env_id, EnvSpec) else env_id
         warnings.warn(
-            f"{name} was registered without a vector_entry_point: its copies run one after "
-            "another, and not in one compiled call",
+            f"{name} was registered without a vector_entry_point that takes autoreset_mode: its copies run "
+            "one after another, and not in one compiled call",
             stacklevel=2,
         )
         mode = {"vectorization_mode": "sync", "vector_kwargs": mode}
@@ -329,12 +330,26 @@ def make_sb3(
 
 
 def _has_native_copies(env_id: str | EnvSpec) -> bool:
+    """Tell whether an environment has a batch of its own that resets copies as SB3 expects it.
+
+    Gymnasium's own batches, as that of CartPole, take no ``autoreset_mode``. An unknown id has one: its error
+    is that of Gymnasium.
+    """
+    spec: EnvSpec | None
     if isinstance(env_id, EnvSpec):
-        return env_id.vector_entry_point is not None
-    module, _, name = env_id.rpartition(":")
-    if module:
-        import_module(module)
-    return name not in gym.registry or gym.registry[name].vector_entry_point is not None
+        spec = env_id
+    else:
+        module, _, name = env_id.rpartition(":")
+        if module:
+            import_module(module)
+        spec = gym.registry.get(name)
+    if spec is None:
+        return True
+    entry = spec.vector_entry_point
+    if entry is None:
+        return False
+    taken = signature(load_env_creator(entry) if isinstance(entry, str) else entry).parameters.values()
+    return any(one.name == "autoreset_mode" or one.kind is one.VAR_KEYWORD for one in taken)
 
 
 def _info_of(infos: dict[str, Any], i: int) -> dict[str, Any]:
