@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 from dataclasses import replace
 from typing import Any
 
@@ -125,3 +126,20 @@ def test_what_makes_no_sense_is_refused(name: str) -> None:
         Scene(bodies=bodies, surfaces=(floor(),), contact=how).meetings  # noqa: B018
     passes = Scene(bodies=bodies, surfaces=(floor(),), contact=how, collisions=replace(how, **{name: 0.0}))
     assert len(passes.meetings) == 1
+
+
+def test_options_are_kept_and_tell_scenes_apart() -> None:
+    scene = placed(BALL, (floor(),), HOW)
+    assert pickle.loads(pickle.dumps(scene)).contact == HOW
+    assert f"rolling_resistance={RHO}" in repr(HOW)
+    assert scene.identity != placed(BALL, (floor(),), replace(HOW, rolling_resistance=0.02)).identity
+    box = cube(stiffness=1e5)
+    bodies = (
+        Placed(BALL, BALL.positions + np.array([0, 0, 1.0])),
+        Placed(box, box.positions + np.array([5.0, 0, 2.0])),
+    )
+    mixed = Scene(bodies=bodies, surfaces=(floor(),), contact=HOW, collisions=None)
+    assert [isinstance(part.contact, Contact) and part.contact.resists for part in mixed.parts] == [
+        True,
+        False,
+    ]
