@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmark import made_with, probe
+from benchmark import answers, made_with, probe
 from config import MENDABLE, ConfigError, making, whole
 from controllers import CLASSICAL
 from evaluate import MOST_EPISODES, evaluate, find_task
@@ -52,7 +52,7 @@ def agents_of(task: str, within: Path = PUBLISHED) -> list[tuple[str, str]]:
         card = json.loads((published(task, within) / "card.json").read_text(encoding="utf-8"))
         found.append((card["algorithm"], sha256(json.dumps(card["sha256"]).encode()).hexdigest()[:8]))
     if task in CLASSICAL:
-        found.append(("classical", ""))
+        found.append(("classical", f"{answers(task):.5f}"))
     return found
 
 

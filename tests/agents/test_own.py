@@ -134,7 +134,7 @@ def test_one_without_a_time_limit_is_refused(tmp_path, capsys):
         ("SpringTpo-v0", r"no entry for 'SpringTpo-v0': .* Did you mean: `SpringTop`"),
         (
             "Absent-v0",
-            r"Environment `Absent` doesn't exist.* If a module of yours .* write MODULE:Absent-v0$",
+            r"Environment `Absent` doesn't exist.*\(if a module of yours .* write MODULE:Absent-v0\)$",
         ),
         ("absent:Own-v0", r"no entry for 'absent:Own-v0': No module named 'absent'"),
     ],
