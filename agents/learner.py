@@ -41,11 +41,19 @@ def network_config(run: Run) -> NetworkConfig:
 
 
 def make_training_env(run: Run) -> StaggeredMonitor:
-    """Make the copies the agent learns in, which do not all end together: that would show as saw teeth."""
+    """Make the copies the agent learns in, which do not all end together: that would show as saw teeth.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such environment, or its actions are not numbers.
+    """
     with making(run.env_id):
         copies, kwargs = network_config(run).n_envs, run.config.env_kwargs
         env = make_sb3(run.env_id, copies, run.seed, stagger=True, env_kwargs=kwargs)
     assert isinstance(env, StaggeredMonitor)
+    if not isinstance(env.action_space, spaces.Box):
+        raise ConfigError(f"{run.env_id} has no continuous actions: its action space is {env.action_space}")
     time_limit(native_env(env).spec)  # there is one
     return env
 
