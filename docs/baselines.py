@@ -23,6 +23,7 @@ sys.path[:0] = [str(HERE), str(HERE.parent / "agents")]
 
 from config import CONFIG_OF, load_config  # noqa: E402
 from environments import ALGORITHMS, FEWEST, earned, measure, shown  # noqa: E402
+from generalize import table as worlds  # noqa: E402
 from learning_time import shown as times  # noqa: E402
 from rows import used  # noqa: E402
 from scores import interquartile_mean, interval, profile  # noqa: E402
@@ -32,6 +33,8 @@ from springgym.registration import ENVIRONMENTS, VARIANTS, Row, Variant  # noqa:
 ROWS, PAGE, FIGURE = HERE / "baselines.json", HERE / "baselines.md", HERE / "figures" / "baselines.svg"
 CURVES = HERE / "figures" / "curves"
 PLANNER = HERE / "planner.json"
+ELSEWHERE = HERE / "generalization.json"
+"""What ``agents/generalize.py`` wrote."""
 """Rows of ``agents/plan.py``."""
 TRAINED = ("linear", "ppo", "sac", "tqc", "crossq", "her")
 REFERENCES = ("classical", "planner")
@@ -109,6 +112,22 @@ First, a reference, which is classical control or the planner, succeeds in {succ
 episodes. Second, the best algorithm that uses neither a model nor the actions of others, with its whole
 budget, returns less than {share:.0f} % of what the reference returns. The table holds all tasks of the
 sections *Harder* and *Hard*.
+"""
+WORLDS = """## Other worlds
+
+Here the trained agents, and classical control, play each task in worlds that they were not made for. A cell
+gives the success and the return, as a share of that in the task as it is. *Rigid* is the rigid twin. *Soft*
+has springs of 0.3 times the stiffness. In *varied*, masses and the strength of actuators are drawn for each
+episode, from 0.8 to 1.2 times the usual. The other four hold out what *varied* does not show: masses of 0.6
+to 0.8 (*light*) and of 1.2 to 1.4 (*heavy*), and actuators of the same factors (*weak*, *strong*). Factors
+are drawn from the seed of an episode, so these sets are fixed. A cell is empty if a task cannot have a world.
+
+```sh
+python agents/generalize.py --rows docs/generalization.json
+```
+
+{table}
+
 """
 METHOD = """## How it was made
 
@@ -273,6 +292,11 @@ def planned() -> list[dict[str, Any]]:
     return read(PLANNER) if PLANNER.exists() else []
 
 
+def table_of_worlds() -> list[str]:
+    """Return the section on agents in other worlds, if there are rows of it."""
+    return [WORLDS.format(table="\n".join(worlds(read(ELSEWHERE))))] if ELSEWHERE.exists() else []
+
+
 def compared(rows: Sequence[dict[str, Any]]) -> tuple[list[str], list[str]]:
     """The algorithms that are compared, and the tasks of which all of them have `SEEDS` seeds or more."""
     seeds = Counter((row["algorithm"], row["task"]) for row in rows)
@@ -407,6 +431,7 @@ def page(rows: Sequence[dict[str, Any]]) -> str:
         AGENTS,
         *table_of_agents(),
         "",
+        *table_of_worlds(),
         METHOD.format(older=older(rows)),
     ]
     cpus, versions = (sorted({row[key] for row in rows}) for key in ("cpu", "springgym"))
