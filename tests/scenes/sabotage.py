@@ -149,6 +149,7 @@ _TABLE: tuple[tuple[str, str, Change], ...] = (
     # what rolls: spun the wrong way, too soft, too slow to turn over, on ice, too slow to lie so, thrown
     ("ball-rolls", "rolling", {"start.omega": [0, 40, 0]}),
     ("ball-skids", "skidding", {"body.stiffness": 5e3}),
+    ("ball-stops", "rolling_resistance", {"body.stiffness": 5e3}),
     ("tippe-top", "tippe_top", {"start.omega": [0, 0, 30]}),
     ("rattleback", "rattleback", {"contact.friction": 0.02}),
     ("euler-disk", "euler_disk", {"start.precession": 30}),

@@ -348,6 +348,7 @@ BROKEN = [
     ("cube-drop", "rest_height", heavier_gravity),
     ("ball-rolls", "rolling", heavier_gravity),
     ("ball-skids", "skidding", rougher),
+    ("ball-stops", "rolling_resistance", heavier_gravity),
     ("tippe-top", "tippe_top", slowed_about_the_upright),
     ("rattleback", "rattleback", heavier_gravity),
     ("euler-disk", "euler_disk", heavier_gravity),
@@ -448,6 +449,17 @@ def still(plan):
     return replace(plan, scene=plan.scene.with_(velocities=np.zeros_like(plan.scene.velocities)))
 
 
+def pushed(plan):
+    return replace(plan, scene=plan.scene.with_(velocities=np.add(plan.scene.velocities, (0.1, 0.0, 0.0))))
+
+
+def rubbing(friction):
+    """Return a change of a plan to a contact of this friction."""
+    return lambda plan: replace(
+        plan, scene=plan.scene.with_(contact=replace(plan.scene.contact, friction=friction))
+    )
+
+
 MISFITS = [
     ("flipping-box", "pendulum", "nothing is pinned", None),
     ("flipping-box", "slope", "it has no surface", None),
@@ -461,6 +473,11 @@ MISFITS = [
     ("block-slides", "rolling", "body 'box' has 0 round features", None),
     ("euler-disk", "skidding", "body 'disk' is not a sphere about its centre of mass", None),
     ("tippe-top", "rolling", "body 'ellipsoid' is not a sphere about its centre of mass", None),
+    ("ball-stops", "skidding", "its rolling or spinning is resisted, which theory leaves out", None),
+    ("ball-rolls", "rolling_resistance", "its first surface is not level", None),
+    ("ball-skids", "rolling_resistance", "nothing resists its rolling", None),
+    ("ball-stops", "rolling_resistance", "its friction is too small for it to roll to a stop", rubbing(0.05)),
+    ("ball-stops", "rolling_resistance", "it does not roll at the start", pushed),
     ("ball-skids", "tippe_top", "is not a sphere whose centre of mass is off its centre", None),
     ("euler-disk", "rattleback", "the round feature of body 'disk' is flat", None),
     ("rattleback", "euler_disk", "body 'ellipsoid' is not a disk", None),

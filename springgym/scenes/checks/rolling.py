@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from springgym.bodies import Body, Round
+from springgym.bodies.body import inertia
 from springgym.scenes.checks import needs
 from springgym.scenes.checks.basis import Check, applies, crossings, gravity, slack, turning_rate, within
 from springgym.scenes.plan import Plan
@@ -170,6 +171,44 @@ def skidding(recording: Recording) -> list[Check]:
     return [
         within(ROLLED, "speed of rolling", expected, rolls, "m/s", by),
         within(SKIDDED, "time to half the slip", 0.5 * lasts, half, "s", by + recording.step / lasts),
+    ]
+
+
+def _resisted(plan: Plan) -> None:
+    """Refuse what does not roll at the start, or slips before the resistance stops it."""
+    contact, (radius, share) = plan.scene.contact, moment_share(plan.scene.body)
+    if not isinstance(contact, Contact) or not contact.rolling_resistance > 0:
+        raise ValueError("nothing resists its rolling")
+    if contact.stribeck is not None:
+        raise ValueError("its friction falls as the slip grows, which theory leaves out")
+    if contact.friction < contact.rolling_resistance / (radius * (1 + share)):
+        raise ValueError("its friction is too small for it to roll to a stop")
+    x, v, masses = plan.scene.positions, plan.scene.velocities, plan.scene.body.masses
+    arms, centre = x - masses @ x / masses.sum(), masses @ v / masses.sum()
+    spin = np.linalg.solve(inertia(arms, masses), masses @ np.cross(arms, v))
+    slip = centre - np.cross(spin, [0.0, 0.0, radius])
+    if np.linalg.norm(slip) > ROLLED * np.linalg.norm(centre):
+        raise ValueError("it does not roll at the start")
+
+
+@applies(_ball, needs.level, needs.moves, needs.gravity, _resisted)
+def rolling_resistance(recording: Recording) -> list[Check]:
+    """Compare way and time in which a ball that rolls comes to rest with theory."""
+    contact, m = recording.plan.scene.contact, recording.measures
+    assert isinstance(contact, Contact)
+    radius, share = moment_share(recording.plan.scene.body)
+    speed = np.linalg.norm(m.centre_velocity[:, :2], axis=1)
+    way, lasts = theory.resisted_way(
+        float(speed[0]), share, contact.rolling_resistance, radius, gravity(recording)
+    )
+    stops = crossings(recording.times, speed - 0.5 * speed[0], rising=False)
+    half = float(stops[0]) if len(stops) else math.nan
+    gone = float(np.linalg.norm((m.centre[-1] - m.centre[0])[:2]))
+    gone = gone if recording.times[-1] > lasts else math.nan
+    by = _sag(recording)
+    return [
+        within(ROLLED, "way to rest", way, gone, "m", by),
+        within(ROLLED, "time to half the speed", 0.5 * lasts, half, "s", by),
     ]
 
 
