@@ -154,7 +154,7 @@ _TABLE: tuple[tuple[str, str, Change], ...] = (
     ("rattleback", "rattleback", {"contact.friction": 0.02}),
     ("euler-disk", "euler_disk", {"start.precession": 30}),
     (
-        "ball-rolls ball-skids",
+        "ball-rolls ball-skids ball-stops",
         "energy",
         {"start.velocity": [0, 0, -5], "body.damping": 0, "interval": 0.001, "step": 1e-3},
     ),
