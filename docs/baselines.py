@@ -128,6 +128,7 @@ python agents/generalize.py --rows docs/generalization.json
 
 {table}
 
+{missing}
 """
 METHOD = """## How it was made
 
@@ -294,7 +295,12 @@ def planned() -> list[dict[str, Any]]:
 
 def table_of_worlds() -> list[str]:
     """Return the section on agents in other worlds, if there are rows of it."""
-    return [WORLDS.format(table="\n".join(worlds(read(ELSEWHERE))))] if ELSEWHERE.exists() else []
+    if not ELSEWHERE.exists():
+        return []
+    rows = read(ELSEWHERE)
+    left = [f"`{row.id}`" for row in ENVIRONMENTS if row.id not in {played["task"] for played in rows}]
+    missing = f"These tasks have not been played yet: {', '.join(left)}.\n" if left else ""
+    return [WORLDS.format(table="\n".join(worlds(rows)), missing=missing)]
 
 
 def compared(rows: Sequence[dict[str, Any]]) -> tuple[list[str], list[str]]:
