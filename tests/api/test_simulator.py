@@ -631,7 +631,7 @@ def test_strain_that_holds_no_shape_is_told_of_once_unless_it_is_meant() -> None
 
     read(0.29)._check()
     strained = read(0.46)
-    with pytest.warns(PrecisionWarning, match=r"copy 0 .* by 0\.46 of its length .*say strain_limit"):
+    with pytest.warns(PrecisionWarning, match=r"copy 0 .* by 0\.46 of its length .*set strain_limit"):
         strained._check()
     strained._check()
     read(0.46, strain_limit=0.5)._check()

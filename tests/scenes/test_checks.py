@@ -171,6 +171,7 @@ WITHIN = {
     "wobble": [solids.WOBBLE],
     "cable": [solids.STRETCH, solids.BOUNCE],
     "rolling": [rolling.ROLLED, rolling.SKIDDED],
+    "rolling_resistance": [rolling.ROLLED],
     "tippe_top": [rolling.KEPT, rolling.TURNED],
     "rattleback": [rolling.TURNED],
     "egg": [rolling.RISEN, rolling.TURNED],
