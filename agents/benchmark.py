@@ -39,7 +39,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from config import CONFIG_FOLDER, CONFIG_OF, MENDABLE, Config, ConfigError, load_config, whole
-from controllers import controller_env_kwargs, controllers_of, make_controller
+from controllers import UNTRAINED, controller_env_kwargs, controllers_of, make_controller
 from rows import PROTOCOL, curve, used
 from runs import locked, open_run, versions, write_atomically
 from tqdm import tqdm
@@ -50,7 +50,6 @@ from springgym.registration import ENVIRONMENTS, VARIANTS
 from springgym.strict_yaml import read_yaml
 
 ROOT = Path(__file__).resolve().parent.parent
-UNTRAINED = ("zero", "random", "classical")
 ALGORITHMS = (*UNTRAINED, *CONFIG_OF)
 EPISODES = 100
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")

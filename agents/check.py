@@ -16,8 +16,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmark import EPISODES, UNTRAINED, Cell, answers, digest_of, probe
+from benchmark import EPISODES, Cell, answers, digest_of, probe
 from config import CONFIG_OF, Config, ConfigError, build_config
+from controllers import UNTRAINED
 from evaluate import evaluate, find_task
 from rows import FORM, PROTOCOL, USED, used
 from runs import HELD_OUT_SEED, open_run

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import copy
+import math
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -53,15 +54,12 @@ def whole(low: int, high: int) -> Callable[[str], int]:
 
     def parse(text: str) -> int:
         try:
-            value = int(text)
+            value = float(text)  # exact up to 2⁵³, and takes 1e5
         except ValueError:
-            try:
-                value = int(number) if (number := float(text)).is_integer() else low - 1  # such as 1e5
-            except ValueError:
-                value = low - 1
-        if not low <= value <= high:
+            value = math.nan
+        if not (low <= value <= high and value.is_integer()):
             raise argparse.ArgumentTypeError(f"{text!r} must be a whole number from {low} to {high}")
-        return value
+        return int(value)
 
     return parse
 

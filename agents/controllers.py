@@ -25,6 +25,8 @@ from springgym.envs.task import Task
 from springgym.registration import find
 from springgym.scene import GRAVITY
 
+UNTRAINED = ("zero", "random", "classical")
+"""Names of the agents of `make_controller` that need no training."""
 UP = np.array([0.0, 0.0, 1.0])
 G = -GRAVITY[2]
 

@@ -33,7 +33,7 @@ from config import (
     parse_assignments,
     whole,
 )
-from controllers import controller_env_kwargs, make_controller
+from controllers import UNTRAINED, controller_env_kwargs, make_controller
 from runs import HELD_OUT_SEED, Run, load_policy, open_run, time_limit, write_atomically
 
 import springgym  # noqa: F401  (registers the environments)
@@ -45,8 +45,6 @@ from springgym.registration import find
 
 #: Keyword arguments of an environment that belong to the agent and not to the task.
 INTERFACE = ("observation", "action", "goals")
-
-BASELINES = ("zero", "random", "classical")
 
 MOST_EPISODES = 1_000_000
 LAST_SEED = 2**31 - 1 - MOST_EPISODES
@@ -88,7 +86,7 @@ def find_task(
     """
     runs = [open_run(Path(agent)) for agent in agents if Path(agent).is_dir()]
     if not runs and not env_id:
-        strange = [a for a in agents if a not in BASELINES and ":" not in a]
+        strange = [a for a in agents if a not in UNTRAINED and ":" not in a]
         which = f"{strange[0]!r} is no run folder, environment id or baseline; " if strange else ""
         raise ConfigError(f"{which}name the environment with --env, or give a run folder")
     if not env_id and ":" in runs[0].env_id:

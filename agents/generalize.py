@@ -42,7 +42,7 @@ WORLDS: Mapping[str, Mapping[str, Any]] = {
     "weak": {"randomize": {"actuator": (0.6, 0.8)}},
     "strong": {"randomize": {"actuator": (1.2, 1.4)}},
 }
-"""Names of worlds, and the arguments that make them. Learn in "varied": the four after it are held out."""
+"""The arguments of each world, by its name. Agents may learn in "varied"; the four after it are held out."""
 
 
 def agents_of(task: str, within: Path = PUBLISHED) -> list[tuple[str, str]]:

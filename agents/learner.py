@@ -41,7 +41,9 @@ def network_config(run: Run) -> NetworkConfig:
 
 
 def make_training_env(run: Run) -> StaggeredMonitor:
-    """Make the copies the agent learns in, which do not all end together: that would show as saw teeth.
+    """Make the batch in which an agent learns, with the ends of episodes spread over time.
+
+    If all copies ended together, learning curves would show saw teeth.
 
     Raises
     ------

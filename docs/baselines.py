@@ -33,9 +33,9 @@ from springgym.registration import ENVIRONMENTS, VARIANTS, Row, Variant  # noqa:
 ROWS, PAGE, FIGURE = HERE / "baselines.json", HERE / "baselines.md", HERE / "figures" / "baselines.svg"
 CURVES = HERE / "figures" / "curves"
 PLANNER = HERE / "planner.json"
-ELSEWHERE = HERE / "generalization.json"
-"""What ``agents/generalize.py`` wrote."""
 """Rows of ``agents/plan.py``."""
+ELSEWHERE = HERE / "generalization.json"
+"""Rows of ``agents/generalize.py``."""
 TRAINED = ("linear", "ppo", "sac", "tqc", "crossq", "her")
 REFERENCES = ("classical", "planner")
 TOLD = {"model", "planning", "privileged information", "imitation", "goal relabelling"}
@@ -238,7 +238,7 @@ def lack_of_headroom(reference: Sequence[dict[str, Any]], learned: Sequence[dict
 
 
 def table_of_headroom(rows: Sequence[dict[str, Any]]) -> list[str]:
-    """Return the lines of a table of the harder and hard tasks, which says whether they have headroom."""
+    """Return the lines of the table that says which of the harder and hard tasks have headroom."""
     by_cell = cells([*rows, *planned()])
     lines = [
         "| task | best known | reference | best learned | share | headroom |",
@@ -266,7 +266,7 @@ def table_of_headroom(rows: Sequence[dict[str, Any]]) -> list[str]:
 
 
 def table_of_plans(rows: Sequence[dict[str, Any]]) -> list[str]:
-    """Return the lines of a table of the planner's settings and results."""
+    """Return the lines of the table of the planner's settings and results."""
     lines = [
         "| task | tries × iterations | horizon | return per step | success | episodes | seconds a second |",
         "|---|---|---|---|---|---|---|",

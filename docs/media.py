@@ -29,7 +29,7 @@ from springgym.view import save_page, save_viewer
 
 HERE = Path(__file__).parent
 SECONDS, LONG = 8.0, 16.0
-"""Length of a film of an agent, and of a scene, at the most: the tippe-top turns over in 13 s."""
+"""Greatest length [s] of the film of an agent, and of that of a scene. The tippe-top turns over in 13 s."""
 PIXELS = 480
 SEED = 8
 STILL = 1.0

@@ -158,7 +158,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 def _parse(name: str, arguments: list[str]) -> argparse.Namespace:
-    """Read a command line. An option that its command does not have exits with the usage of that command."""
+    """Parse a command line. For an option that the command lacks, print the usage of the command and exit."""
     args, unknown = (parser := _parser(name)).parse_known_args(arguments)
     if unknown:
         (commands,) = (a for a in parser._actions if isinstance(a, argparse._SubParsersAction))

@@ -472,7 +472,7 @@ class Scene(ReadOnly):
                 check_surfaces(self.surfaces, scales(self.contact, body)[1])
 
     def _check_resistance(self) -> None:
-        """Refuse a resistance to turning that would do nothing."""
+        """Refuse a rolling or torsional resistance that would have no effect."""
         if isinstance(self.contact, Contact) and self.contact.resists:
             lacks = "no body has one" if self.surfaces else "the scene has no surfaces"
             if not self.surfaces or not any(body.rounds for body in self._different):

@@ -63,7 +63,7 @@ def run(of: Scene, duration: float, step: float = 1e-3, every: int = 10) -> tupl
 
 
 def test_actuators_of_a_body_of_one_particle_have_room() -> None:
-    """Force and torque take a row each, whatever the number of particles: outside of it is other memory."""
+    """The workspace has two rows, for force and torque, even if the body is a single particle."""
     both = SpringBilliards().scene
     alone = Scene(bodies=both.bodies[:1], surfaces=both.surfaces, contact=both.contact)
     assert len(alone.positions) == 1

@@ -53,7 +53,7 @@ class Stribeck(NamedTuple):
 
 
 class Resistance(NamedTuple):
-    """What resists the turning of round features on the surfaces of a scene, each (1,)."""
+    """Coefficients of rolling and torsional resistance of round features on surfaces, each (1,)."""
 
     rolling: np.ndarray
     """ρ [m]"""
@@ -62,7 +62,7 @@ class Resistance(NamedTuple):
 
 
 def resistance_of(contact: Contact) -> Resistance | None:
-    """Return what resists the turning of round features; None if nothing does."""
+    """Return the coefficients of resistance of a contact; None if both are zero."""
     if not contact.resists:
         return None
     return Resistance(np.array([contact.rolling_resistance]), np.array([contact.torsional_resistance]))

@@ -96,10 +96,10 @@ the skin in a step, as that of a coin that falls flat, that it is behind the sur
 farther by what lets it begin at the second, so that it is pushed out gently, and not within a step."""
 
 PASSES = 2
-"""How often a couple and friction of a row are each found from the other within a turn."""
+"""Number of passes within a turn in which couple and friction of a row are found from each other."""
 
 LEAST = 0.01
-"""What friction changes the slip by without turning is taken for at least this share of K."""
+"""Least share of K by which friction is taken to change the slip of a feature that does not turn."""
 
 AWAY = 0.5
 """K is taken for at least this share of W: a flat disk has it less where the point that touches runs away
@@ -148,7 +148,7 @@ class Rolling(NamedTuple):
     friction: Rows
     """j [N·s]"""
     couple: Rows
-    """q [N·m·s], where turning is resisted"""
+    """q [N·m·s], if the scene has rolling or torsional resistance"""
 
 
 class Way(NamedTuple):
@@ -187,14 +187,14 @@ class Carrier(NamedTuple):
 
 
 class Carriers(NamedTuple):
-    """The carriers of a feature at the node, as what turns about their centre of mass."""
+    """Centre of mass and inverse inertia of the particles that carry a feature, at the node."""
 
     centre: Vector
     """[m]"""
     diagonal: Vector
-    """xx, yy, zz of I⁻¹ [1/(kg·m²)]"""
+    """Components xx, yy, zz of I⁻¹ [1/(kg·m²)]"""
     across: Vector
-    """xy, xz, yz of it"""
+    """Components xy, xz, yz of I⁻¹ [1/(kg·m²)]"""
 
 
 class RoundProblem(NamedTuple):
@@ -368,7 +368,7 @@ def give(
 
 @compiled
 def give_body(faster: Vector, moment: Vector, v: Rows, problem: RoundProblem, carrier: Carrier) -> None:
-    """Give a rigid body a change of velocity [m/s] and the moment of an impulse about its point [N·m·s]."""
+    """Change the velocity of a rigid body by ``faster`` [m/s], its angular momentum by ``moment`` [N·m·s]."""
     spun, later = turned(carrier.turn, moment), turned(carrier.end_turn, moment)
     for i in range(problem.terms.particles.mass.size):
         set_row(v, i, row(v, i) + (faster + cross(spun, row(problem.x, i) - carrier.point)))
@@ -439,7 +439,7 @@ def roll(problem: RoundProblem) -> bool:
 
 @compiled
 def begin_couple(r: int, space: Rolling, resistance: Resistance | None) -> None:
-    """Let row ``r`` begin without a couple, where turning is resisted."""
+    """Set the couple of row ``r`` to zero, if the scene has rolling or torsional resistance."""
     if resistance is not None:
         set_row(space.couple, r, vec(0.0, 0.0, 0.0))
 
@@ -530,7 +530,7 @@ def hold_back(r: int, e: int, k: int, going: Mask, problem: RoundProblem, fricti
 
 @compiled
 def carriers_of(e: int, problem: RoundProblem) -> Carriers:
-    """Return the carriers of feature ``e`` at the node."""
+    """Return centre of mass and inverse inertia of the particles that carry feature ``e``, at the node."""
     rounds, mass = problem.rounds, problem.terms.particles.mass
     total, centre = 0.0 * problem.span.out, 0.0 * row(problem.x, 0)
     for c in range(rounds.first[e], rounds.behind[e]):
@@ -552,7 +552,7 @@ def carriers_of(e: int, problem: RoundProblem) -> Carriers:
 
 @compiled
 def turning(e: int, v: Rows, carriers: Carriers, problem: RoundProblem) -> Vector:
-    """Return ω of the carriers of feature ``e`` [rad/s]."""
+    """Return the angular velocity [rad/s] of the particles that carry feature ``e``."""
     rounds, momentum = problem.rounds, 0.0 * carriers.centre
     for c in range(rounds.first[e], rounds.behind[e]):
         i = rounds.particle[c]
@@ -565,7 +565,7 @@ def turning(e: int, v: Rows, carriers: Carriers, problem: RoundProblem) -> Vecto
 def turning_by(
     e: int, couple: Vector, carriers: Carriers, problem: RoundProblem, carrier: Carrier | None
 ) -> Vector:
-    """Return by how much a couple [N·m·s] changes ω of the carriers of feature ``e`` [rad/s]."""
+    """Return the change of `turning` [rad/s] that the angular impulse of a couple [N·m·s] causes."""
     if carrier is not None:
         return turned(carrier.turn, couple)
     rounds, particles = problem.rounds, problem.terms.particles
@@ -580,7 +580,7 @@ def turning_by(
 
 @compiled
 def pivot(carriers: Carriers, carrier: Carrier | None) -> Vector:
-    """Return the point about which an impulse turns the carriers of a feature [m]."""
+    """Return the point [m] about which an impulse turns the body that carries a feature."""
     if carrier is None:
         return carriers.centre
     return carrier.point
@@ -590,7 +590,7 @@ def pivot(carriers: Carriers, carrier: Carrier | None) -> Vector:
 def twist(
     e: int, couple: Vector, v: Rows, carriers: Carriers, problem: RoundProblem, carrier: Carrier | None
 ) -> None:
-    """Give the carriers of feature ``e`` a couple [N·m·s]."""
+    """Apply the angular impulse of a couple [N·m·s] to the particles that carry feature ``e``."""
     if carrier is None:
         rounds, particles = problem.rounds, problem.terms.particles
         spun = multiplied(carriers.diagonal, carriers.across, couple)
@@ -606,7 +606,7 @@ def twist(
 def hold_centre(
     r: int, e: int, k: int, problem: RoundProblem, friction: Numbers, resistance: Resistance | None
 ) -> None:
-    """Let friction at row ``r`` stop what would slip if nothing rolled, or give as much as the push allows.
+    """Apply the friction at row ``r`` that stops the slip of a feature without rotation, as the push allows.
 
     Where the couple can stop all rolling, too, that is the answer. The slip is that of the point that touches
     less ω × its arm, which friction changes by K less what it changes that by.
@@ -639,7 +639,7 @@ def hold_centre(
 def hold_turning(
     r: int, e: int, k: int, going: Mask, problem: RoundProblem, resistance: Resistance | None
 ) -> Number:
-    """Let couples stop what rolls and spins at row ``r``, and friction what slips by then, in turns.
+    """Apply the couples at row ``r`` that stop rolling and spinning, and then the friction that stops slip.
 
     Returns how far that moves the skin in the step [m].
     """
@@ -663,7 +663,7 @@ def hold_turning(
 def stop_turning(
     r: int, e: int, going: Mask, carriers: Carriers, problem: RoundProblem, resistance: Resistance
 ) -> None:
-    """Let couples stop what rolls at row ``r``, and then what spins, or give as much as the push allows."""
+    """Apply the couples that stop rolling, and then spinning, at row ``r``, as far as the push allows."""
     space, v = problem.space, problem.space.velocity
     n = row(space.normal, r)
     along, push = unit(n), sqrt(dot(n, n)) * row(space.push, r)[0]
@@ -699,7 +699,7 @@ def sum_up(problem: RoundProblem) -> None:
 
 @compiled
 def sum_up_couple(r: int, e: int, problem: RoundProblem, resistance: Resistance | None) -> None:
-    """Add the couple of row ``r``, if any resists turning, to what friction gives each particle."""
+    """Add the couple of row ``r`` to the impulses of friction, if the scene has resistance."""
     if resistance is not None:
         space = problem.space
         twist(e, row(space.couple, r), space.rub, carriers_of(e, problem), problem, None)

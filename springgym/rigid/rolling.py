@@ -145,7 +145,7 @@ def roll_on_surfaces(node: RigidNode, workspace: np.ndarray, solid: Solid, round
 
 @compiled
 def twisted(motion: Motion, couple: Vector, resistance: Resistance | None) -> Motion:
-    """Return the motion after the impulse of a couple, if any resists turning."""
+    """Return the motion after the angular impulse of a couple, if the scene has resistance."""
     if resistance is None:
         return motion
     return motion[0], motion[1] + couple

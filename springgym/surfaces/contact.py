@@ -31,7 +31,7 @@ IMPACT = 10.0
 stays a tenth of Δ away."""
 
 RESISTANCES = ("rolling_resistance", "torsional_resistance")
-"""The options of a `Contact` that concern round features alone."""
+"""Names of the options of a `Contact` that concern round features alone."""
 
 
 @dataclass(frozen=True)
@@ -91,12 +91,12 @@ class Contact:
 
     @property
     def resists(self) -> bool:
-        """Tell whether anything resists the turning of round features."""
+        """Tell whether the rolling or the torsional resistance is above zero."""
         return any(getattr(self, name) > 0 for name in RESISTANCES)
 
 
 def without_resistance(contact: Contact | PaperContact) -> Contact | PaperContact:
-    """Return a contact in which nothing resists the turning of round features."""
+    """Return a contact without rolling and torsional resistance, and else the same."""
     if isinstance(contact, Contact) and contact.resists:
         return replace(contact, **dict.fromkeys(RESISTANCES, 0.0))
     return contact
@@ -195,7 +195,7 @@ def faithful_speed(reach: float, *bodies: Body) -> float:
 
 
 def restitution_at_most(speed: float, faithful: float) -> float:
-    """Estimate the largest restitution that a contact reaches at a speed, given its `faithful_speed` [m/s].
+    """Estimate the largest restitution that a contact reaches at a speed [m/s], from its `faithful_speed`.
 
     The estimate is a curve through measurements of stiff and soft cubes, face on face, accurate to 0.07. It
     is 1 up to 0.8 of the faithful speed, 0.75 at twice the faithful speed, and 0.5 far beyond it.

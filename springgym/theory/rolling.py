@@ -33,7 +33,7 @@ def needed_friction(angle: float, moment: float) -> float:
 def resisted_acceleration(
     angle: float, moment: float, resistance: float, radius: float, gravity: float = 9.81
 ) -> float:
-    """Return the acceleration of a ball that starts to roll down a slope against a resistance, m/s^2.
+    """Return the acceleration of a ball that rolls down a slope from rest with rolling resistance, m/s^2.
 
     With the couple rho N against its turning, I dw/dt = f r - rho N and m dv/dt = m g sin a - f, so that
     dv/dt = g (sin a - rho/r cos a)/(1 + I/(m r^2)). It stays where tan a is rho/r or less. On level ground
@@ -57,7 +57,7 @@ def resisted_acceleration(
 def resisted_way(
     speed: float, moment: float, resistance: float, radius: float, gravity: float = 9.81
 ) -> tuple[float, float]:
-    """Return way and time in which a ball that rolls on level ground stops, m and s.
+    """Return the distance and the time in which rolling resistance stops a ball on level ground, m and s.
 
     It slows down by rho g/(r (1 + I/(m r^2))), see `resisted_acceleration`.
     """
@@ -68,7 +68,7 @@ def resisted_way(
 def resisted_spin(
     spin: float, moment: float, resistance: float, radius: float, gravity: float = 9.81
 ) -> float:
-    """Return the time in which a ball that spins about the vertical stops, I w/(tau m g), s.
+    """Return the time in which torsional resistance stops a spin about the vertical, I w/(tau m g), s.
 
     ``moment`` is I/(m r^2), ``resistance`` tau, and ``radius`` r, m.
     """

@@ -1,4 +1,4 @@
-"""Worlds that agents were not made for: who plays where, what a row holds, which rows are kept."""
+"""Test which agents play in which worlds, what a row holds, and which rows are kept."""
 
 import json
 
@@ -12,7 +12,7 @@ from springgym.registration import ENVIRONMENTS
 
 @pytest.fixture
 def plays(monkeypatch):
-    """Episodes are not played: their return is .9, and .3 where masses vary. There is no rigid twin."""
+    """Replace `evaluate`: episodes return .9, or .3 where masses vary, and no task has a rigid twin."""
     played = []
 
     def evaluate(agent, env_id, kwargs, episodes, first_seed=1_000_000):

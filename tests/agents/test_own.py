@@ -152,7 +152,7 @@ def test_a_file_without_defaults_refuses_other_ids(tmp_path):
 
 @pytest.mark.filterwarnings("ignore:CartPole-v1 was registered without a vector_entry_point")
 def test_actions_that_are_no_numbers_are_refused_before_training(tmp_path, capsys):
-    """An agent's file holds a network from numbers to numbers: training ended with the error, after hours."""
+    """The file of an agent cannot hold discrete actions; training used to fail at its end, when it saves."""
     run = tmp_path / "run"
     assert train.main(["CartPole-v1", "--timesteps", "64", "--run", str(run)]) == 2
     assert "CartPole-v1 has no continuous actions: its action space is Discrete(2)" in capsys.readouterr().err

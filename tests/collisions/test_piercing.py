@@ -159,7 +159,7 @@ def test_what_is_shown_is_looked_at() -> None:
 
 @pytest.mark.parametrize("width", [1, 16])
 def test_what_is_counted_is_told(width: int) -> None:
-    """A copy is unresolved if one of its pairs has a miss, an overflow or too fast a contact."""
+    """A copy is unresolved if a pair of its bodies has a miss, an overflow, or a contact that is too fast."""
     rng, copies, reach, step = np.random.default_rng(2), 37, np.array([0.01, 0.02, 0.005]), 1e-3
     blocks = -(-copies // width)
     totals = rng.normal(size=(blocks, len(reach) * ENTRIES, width))

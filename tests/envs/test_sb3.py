@@ -195,7 +195,7 @@ gym.register("LonelyCartPole-v0", entry_point=cartpole)
 
 @pytest.mark.filterwarnings("ignore:CartPole-v1 was registered without a vector_entry_point")
 def test_a_batch_that_cannot_reset_as_it_should_is_stepped_in_a_loop():
-    """Gymnasium's CartPole has one that takes no autoreset_mode: it was a TypeError of its constructor."""
+    """The batch of Gymnasium's CartPole takes no autoreset_mode; `make_sb3` used to fail with a TypeError."""
     assert make_sb3("CartPole-v1", num_envs=2).reset().shape == (2, 4)
 
 

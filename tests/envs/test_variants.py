@@ -24,7 +24,7 @@ LEAST = {
     "SpringDuelStrong-v0": 0.15,  # the controller is the opponent, and wins one duel in two
     "SpringPendulumWeak-v0": 0.9,  # a reference
 }
-"""Share of 16 episodes in which classical control must succeed, where that is not a half."""
+"""Least success rate of classical control in 16 episodes, for the variants in which it is not one half."""
 
 
 @each_variant

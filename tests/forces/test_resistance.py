@@ -1,4 +1,4 @@
-"""Resistance to rolling and spinning: against closed forms, at rest, and what must not be asked."""
+"""Test rolling and torsional resistance against closed forms, at rest, and with invalid options."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tests.forces.test_round import placed
 G = 9.81
 RADIUS, MOMENT = 0.1, 0.4
 RHO, TAU = 0.01, 0.004
-"""ρ and τ [m]."""
+"""Coefficients of rolling resistance, ρ, and of torsional resistance, τ [m]."""
 
 HOW = Contact(0.5, 0.5, rolling_resistance=RHO, torsional_resistance=TAU)
 BALL = rolling_ball(RADIUS, 1.0, stiffness=1e6)

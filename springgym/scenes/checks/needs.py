@@ -90,11 +90,20 @@ def restitution(plan: Plan) -> None:
         raise ValueError("the paper's contact has no restitution")
 
 
-def coulomb(plan: Plan) -> None:
-    contacts = plan.scene.contact, *(met.contact for met in plan.scene.meetings)
-    if any(isinstance(one, Contact) and one.stribeck is not None for one in contacts):
+def _contacts(plan: Plan) -> list[Contact]:
+    """Return the contacts of a scene, of surfaces and of bodies, but for those of the paper's method."""
+    every = plan.scene.contact, *(met.contact for met in plan.scene.meetings)
+    return [one for one in every if isinstance(one, Contact)]
+
+
+def constant_friction(plan: Plan) -> None:
+    if any(one.stribeck is not None for one in _contacts(plan)):
         raise ValueError("its friction falls as the slip grows, which theory leaves out")
-    if any(isinstance(one, Contact) and one.resists for one in contacts):
+
+
+def coulomb(plan: Plan) -> None:
+    constant_friction(plan)
+    if any(one.resists for one in _contacts(plan)):
         raise ValueError("its rolling or spinning is resisted, which theory leaves out")
 
 

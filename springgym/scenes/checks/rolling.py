@@ -175,12 +175,10 @@ def skidding(recording: Recording) -> list[Check]:
 
 
 def _resisted(plan: Plan) -> None:
-    """Refuse what does not roll at the start, or slips before the resistance stops it."""
+    """Refuse a ball without rolling resistance, and one that does not roll from the start until it stops."""
     contact, (radius, share) = plan.scene.contact, moment_share(plan.scene.body)
     if not isinstance(contact, Contact) or not contact.rolling_resistance > 0:
         raise ValueError("nothing resists its rolling")
-    if contact.stribeck is not None:
-        raise ValueError("its friction falls as the slip grows, which theory leaves out")
     if contact.friction < contact.rolling_resistance / (radius * (1 + share)):
         raise ValueError("its friction is too small for it to roll to a stop")
     x, v, masses = plan.scene.positions, plan.scene.velocities, plan.scene.body.masses
@@ -191,9 +189,9 @@ def _resisted(plan: Plan) -> None:
         raise ValueError("it does not roll at the start")
 
 
-@applies(_ball, needs.level, needs.moves, needs.gravity, _resisted)
+@applies(_ball, needs.level, needs.moves, needs.gravity, needs.constant_friction, _resisted)
 def rolling_resistance(recording: Recording) -> list[Check]:
-    """Compare way and time in which a ball that rolls comes to rest with theory."""
+    """Compare the distance and the time in which a rolling ball stops with theory."""
     contact, m = recording.plan.scene.contact, recording.measures
     assert isinstance(contact, Contact)
     radius, share = moment_share(recording.plan.scene.body)
