@@ -598,9 +598,11 @@ class Scene(ReadOnly):
         """Return for each body a scene that contains this body alone, with the same gravity and surfaces."""
         if len(self.bodies) == 1:
             return (self,)
-        contact = {True: self.contact, False: without_resistance(self.contact)}
+        edged = without_resistance(self.contact)
         return tuple(
-            self.with_(bodies=(placed,), collisions=None, contact=contact[bool(placed.body.rounds)])
+            self.with_(
+                bodies=(placed,), collisions=None, contact=self.contact if placed.body.rounds else edged
+            )
             for placed in self.bodies
         )
 
