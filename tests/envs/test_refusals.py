@@ -74,7 +74,7 @@ FREE_OF_LOSS = {"friction": 0, "restitution": 1}
 
 
 @each_kind
-@pytest.mark.parametrize("suffix", ["Env", "VectorEnv"])
+@pytest.mark.parametrize("suffix", ["Env", pytest.param("VectorEnv", marks=pytest.mark.slow)])
 def test_every_argument_of_every_environment(env_id: str, suffix: str) -> None:
     kind = type((make(env_id) if suffix == "Env" else make_vec(env_id, 2, "native", "NextStep")).unwrapped)
     names = arguments(kind)
