@@ -272,7 +272,7 @@ def test_springs_that_bounce_with_friction_approach_their_twin() -> None:
     assert gaps[1] < gaps[0] / 5
 
 
-@pytest.mark.own_kernels
+@pytest.mark.slow
 def test_every_copy_has_the_bits_of_a_single_one_through_bounces_and_rest() -> None:
     began = thrown(11, 4.0, 1.0, height=0.4)
     batch = throw(began, contact(0.6, 0.5), 1e-3)

@@ -334,6 +334,7 @@ def below(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     return cube().positions - 5.0, np.zeros((8, 3))
 
 
+@pytest.mark.slow
 def test_start_behind_a_surface_changes_nothing() -> None:
     scene = Scene(cube(), cube().positions + np.array([0, 0, 2.0]), surfaces=(floor(),))
     starts = iter([(scene.positions, scene.velocities)] * 2)  # one to learn how long the goal is

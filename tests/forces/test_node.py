@@ -87,6 +87,7 @@ def test_state_and_pickle_return_to_mid_impact_to_the_bit() -> None:
     assert bits(simulator) == bits(twin) == bits(again)
 
 
+@pytest.mark.slow
 def test_several_bodies_are_each_as_alone_to_the_bit() -> None:
     """Calls of odd length, so that each body's own memory is what the next begins with."""
     body = cube(damping=5.0)
