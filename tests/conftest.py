@@ -30,7 +30,7 @@ def colliding() -> tuple[str, ...]:
     from tests.envs.cases import COLLIDING
 
     tasks = (env_id.partition("-v")[0] for env_id in COLLIDING)
-    return ("tests/collisions/", "test_juggle", *tasks)
+    return ("tests/collisions/", "test_juggle", "colliding", *tasks)
 
 
 DUELS = ("SpringDuel", "self_play", "test_duel")
@@ -71,13 +71,16 @@ def few_kernels(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 @pytest.fixture(autouse=True)
-def _few_kernels_for_most_environments(request: pytest.FixtureRequest) -> None:
-    """Take few kernels for all environments but `QUICK`. Slow runs compile what users do."""
-    from tests.envs.cases import IDS, QUICK
+def _few_kernels_for_most(request: pytest.FixtureRequest) -> None:
+    """Take few kernels, but for tests marked ``own_kernels`` and the environments `QUICK`.
 
-    nodeid = request.node.nodeid
-    told = [env_id.partition("-v")[0] for env_id in IDS if env_id not in QUICK]
-    if any(name in nodeid for name in told) and not request.node.get_closest_marker("slow"):
+    Slow runs compile what users do.
+    """
+    from tests.envs.cases import QUICK
+
+    node = request.node
+    own = node.get_closest_marker("own_kernels") or node.get_closest_marker("slow")
+    if not own and not any(env_id.partition("-v")[0] in node.nodeid for env_id in QUICK):
         request.getfixturevalue("few_kernels")
 
 

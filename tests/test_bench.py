@@ -21,6 +21,8 @@ from springgym.cli import main
 from springgym.envs.task import Task
 from springgym.simulator import PAPER_STEP, Simulator
 
+pytestmark = pytest.mark.own_kernels
+
 
 def test_rates_are_units_over_seconds(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

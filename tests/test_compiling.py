@@ -32,6 +32,8 @@ from springgym.measures import read
 from springgym.scene import Scene, WrenchActuator
 from springgym.simulator import Simulator
 
+pytestmark = pytest.mark.own_kernels
+
 RUN = """
 import sys
 sys.path.insert(0, {folder!r})

@@ -49,7 +49,6 @@ def test_scene_of_the_page_is_made_as_it_says() -> None:
     del gym.registry["Hover-v0"]
 
 
-@pytest.mark.usefixtures("few_kernels")
 def test_every_variant_of_the_page_can_be_made() -> None:
     writer = page_writer()
     found = [(row.id, variant) for row in writer.ENVIRONMENTS for variant in writer.variants(row)]
@@ -127,7 +126,6 @@ def outdated_rows() -> set[str]:
     return outdated
 
 
-@pytest.mark.usefixtures("few_kernels")
 def test_baselines_are_of_the_tasks_and_configurations_as_they_are() -> None:
     """The page marks rows that were made before the physics or the reward of their task changed.
 

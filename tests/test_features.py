@@ -17,6 +17,8 @@ from springgym.scene import Scene
 from springgym.simulator import PAPER_STEP, Simulator
 from springgym.surfaces import Bowl, floor
 
+pytestmark = pytest.mark.own_kernels
+
 FEATURES = all_features()
 PLAIN, STANDING = FEATURES["damping"].off, FEATURES["friction"].off
 FLOATING, ALOFT = FEATURES["plane out of reach"].off, FEATURES["plane"].off

@@ -41,6 +41,8 @@ from springgym.core.lanes import (
 from springgym.scene import Scene, WrenchActuator
 from springgym.simulator import Simulator
 
+pytestmark = pytest.mark.own_kernels
+
 WIDTHS = (1, 8, 16)
 DTYPES = (np.float32, np.float64)
 

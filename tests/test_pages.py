@@ -38,7 +38,7 @@ PAGES = sorted(
     [*ROOT.glob("*.md"), *(p for p in DOCS.rglob("*.md") if p.relative_to(DOCS).parts[0] not in MADE)]
 )
 NOTEBOOKS = sorted((DOCS / "notebooks").glob("*.ipynb"))
-SLOW = {"training.md", *(path.name for path in NOTEBOOKS)}
+SLOW = {"scene.md", "training.md", *(path.name for path in NOTEBOOKS)}
 """Pages whose code takes long."""
 
 RUNNER = page_writer("notebooks")

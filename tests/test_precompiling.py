@@ -26,6 +26,8 @@ from springgym.core import compiling
 from springgym.core.compiling import INTELS, KERNELS, LEVELS, MADE, fitting_level, shipped
 from tests.test_compiling import FILES, RUN, finish, flipped, start
 
+pytestmark = pytest.mark.own_kernels
+
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
@@ -45,6 +47,7 @@ def entries(folder: Path) -> dict[str, int]:
     return {entry.name: entry.stat().st_mtime_ns for entry in folder.iterdir()}
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not HAS_V3, reason="the image is for processors with AVX2")
 def test_containers_of_the_image_start_at_once(tmp_path: Path) -> None:
     """Its steps, without Docker: what is compiled into it is found by what it runs, and nothing is added."""

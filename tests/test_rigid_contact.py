@@ -133,11 +133,14 @@ def test_nothing_gets_through_at_20_m_per_s_and_100_rad_per_s_in_a_corner_of_thr
 @pytest.mark.parametrize(
     "surfaces",
     [
-        (Bowl((0, 0, 1.5), 1.5),),
-        (Pipe((0, 0, 1.5), (0, 1, 0), 1.5), Plane((0, -2, 0), (0, 1, 0))),
-        (waves(0.1, 2.0, 3.0, 0.1, level=-0.1),),
+        pytest.param((Bowl((0, 0, 1.5), 1.5),), id="bowl", marks=pytest.mark.slow),
+        pytest.param(
+            (Pipe((0, 0, 1.5), (0, 1, 0), 1.5), Plane((0, -2, 0), (0, 1, 0))),
+            id="pipe with an end",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param((waves(0.1, 2.0, 3.0, 0.1, level=-0.1),), id="waves"),
     ],
-    ids=["bowl", "pipe with an end", "waves"],
 )
 def test_energy_is_kept_on_curved_surfaces_at_either_step(surfaces: tuple) -> None:
     began = thrown(8, 3.0, 1.0)
@@ -269,6 +272,7 @@ def test_springs_that_bounce_with_friction_approach_their_twin() -> None:
     assert gaps[1] < gaps[0] / 5
 
 
+@pytest.mark.slow
 def test_every_copy_has_the_bits_of_a_single_one_through_bounces_and_rest() -> None:
     began = thrown(11, 4.0, 1.0, height=0.4)
     batch = throw(began, contact(0.6, 0.5), 1e-3)

@@ -239,6 +239,7 @@ def after(of: Scene, duration: float, step: float) -> tuple[Simulator, np.ndarra
     return simulator, *motions(simulator)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("restitution", [1.0, 0.8, 0.5])
 def test_restitution_of_two_spheres(restitution: float) -> None:
     left = body_at(FREE_BALL, (-0.21, 0, 0), velocity=(0.5, 0, 0))
@@ -247,6 +248,7 @@ def test_restitution_of_two_spheres(restitution: float) -> None:
     assert (v[1, 0] - v[0, 0]) / 0.5 == pytest.approx(restitution, abs=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("friction", "slides"), [(0.05, True), (0.5, False)])
 def test_friction_turns_both_spheres(friction: float, slides: bool) -> None:
     """Coulomb's, or as much as stops the slip: of equal balls, 2/7 of the slip over 2 is the impulse."""
@@ -261,6 +263,7 @@ def test_friction_turns_both_spheres(friction: float, slides: bool) -> None:
     assert simulator.measure().balance[0] == pytest.approx(0.5 + 0.5 * 0.004 * 100, rel=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("radius", [0.05, 0.4])
 def test_friction_on_a_free_block_is_coulombs(radius: float) -> None:
     ball = rolling_ball(radius, 1.0, damping=0.0)
@@ -271,6 +274,7 @@ def test_friction_on_a_free_block_is_coulombs(radius: float) -> None:
     assert -given[0] / (0.3 * given[2]) == pytest.approx(1.0, abs=0.005)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("friction", [0.5, 0.05])
 def test_ball_rolls_or_slides_down_a_tilted_block(friction: float) -> None:
     angle = 0.4
@@ -301,6 +305,7 @@ def thrown(of: str, stiffness: float = 1e5) -> Scene:
     return scene(flies, others[of], contact=replace(BETWEEN, strength=1e-3, reach=2e-3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("of", ["ball", "block"])
 def test_momenta_and_energy_are_kept(of: str) -> None:
     simulator = twins(thrown(of), 1e-4)
@@ -313,6 +318,7 @@ def test_momenta_and_energy_are_kept(of: str) -> None:
     assert simulator.measure().balance[0] == pytest.approx(energy, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_struck_ball_rolls_with_5_7_and_the_other_with_2_7() -> None:
     """A ball rolls into an equal one at rest, on a table; each copy is as alone, to the bit."""
     speed = 2.0

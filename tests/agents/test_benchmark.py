@@ -177,6 +177,7 @@ def test_another_configuration_is_another_run(done, configs, tmp_path):
     assert len(rows(folder / "Toy-v0-ppo-0.old-1")) == 24
 
 
+@pytest.mark.slow
 def test_a_changed_task_is_another_run(done, configs, tmp_path, capsys):
     """The probe of a row differs from that of the task: its agent was trained on something else."""
     folder = tmp_path / "runs"

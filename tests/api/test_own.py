@@ -95,6 +95,7 @@ def test_forces_of_several_kinds_act_with_their_energies() -> None:
     assert abs(second.balance - first.balance) < 1e-6 * first.elastic
 
 
+@pytest.mark.own_kernels
 def test_a_batch_a_body_in_company_and_a_pickle_are_the_same() -> None:
     single = Simulator(Scene(CUBE, forces=PULLED))
     batch = Simulator(Scene(CUBE, forces=PULLED), copies=3)

@@ -291,6 +291,7 @@ def test_what_cannot_be_names_the_body(make, error, says: str) -> None:
         make()
 
 
+@pytest.mark.slow
 def test_an_environment_over_two_bodies_is_the_same_single_and_in_a_batch() -> None:
     scene = replace_actuators(tops(TOP))
 

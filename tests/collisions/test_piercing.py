@@ -177,7 +177,6 @@ def test_what_is_counted_is_told(width: int) -> None:
     assert (found == expected).all()
 
 
-@pytest.mark.usefixtures("few_kernels")
 def test_episode_ends() -> None:
     """In a batch, the copy in which bodies are too fast ends as a failure, without a word to the others."""
     env = gym.make_vec("SpringShove-v0", num_envs=3)

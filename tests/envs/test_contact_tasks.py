@@ -19,7 +19,6 @@ def particles_of(env):
     return positions[0].copy(), velocities[0].copy()
 
 
-@pytest.mark.usefixtures("few_kernels")
 def test_top_starts_with_its_weight_on_the_tip() -> None:
     """Nothing moves up or down for ten periods: N(h) = Mg at the start's height, to the vibration of the
     springs, whose strain under the weight is Mg/(k L) ~ 1e-4."""
@@ -33,7 +32,7 @@ def test_top_starts_with_its_weight_on_the_tip() -> None:
     assert np.abs(positions[:12, :2] - start[:12, :2]).max() > 0.1  # it spins
 
 
-@pytest.mark.usefixtures("few_kernels")
+@pytest.mark.slow
 def test_top_in_the_bowl_starts_on_the_tip() -> None:
     """The tip is as high above the bowl as above the floor."""
     heights = []

@@ -31,7 +31,6 @@ def test_rounds(autoreset: str) -> None:
     assert play(USUAL._replace(copies=None)).steps == 120
 
 
-@pytest.mark.usefixtures("few_kernels")
 def test_a_round_of_bodies_that_collide() -> None:
     assert play(Round("SpringBalance-v0", {"observation": "frame"}, 3, "SameStep", 1)).steps == 3 * 120
 

@@ -65,6 +65,7 @@ def test_the_board_leans_as_asked_and_no_farther() -> None:
     assert wanted.tolist() == [TILT, pytest.approx(-0.1)]
 
 
+@pytest.mark.slow
 def test_the_weight_is_that_of_the_ball() -> None:
     """A heavy ball, and a weak gravity: what acts along the board is g of both."""
     ranges = {"masses": (0.5, 2.0), "gravity": (0.5, 1.0)}

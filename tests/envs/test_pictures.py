@@ -85,7 +85,6 @@ def test_pictures_show_the_action(env_id: str, action: str) -> None:
     assert max(shown) > shown[0] + 100
 
 
-@pytest.mark.usefixtures("few_kernels")
 def test_duel_tells_the_tops_apart() -> None:
     """The colours that the key gives them are those of their own faces."""
     env = make("SpringDuel-v0")
@@ -97,7 +96,6 @@ def test_duel_tells_the_tops_apart() -> None:
     assert key["second top, the opponent's"] in other - own
 
 
-@pytest.mark.usefixtures("few_kernels")
 def test_juggle_says_how_high_this_flight_goes() -> None:
     env = make("SpringJuggle-v0")
     for height, word in ((0.3, "below"), (0.7, "above")):

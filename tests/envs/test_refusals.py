@@ -74,7 +74,7 @@ FREE_OF_LOSS = {"friction": 0, "restitution": 1}
 
 
 @each_kind
-@pytest.mark.parametrize("suffix", ["Env", "VectorEnv"])
+@pytest.mark.parametrize("suffix", ["Env", pytest.param("VectorEnv", marks=pytest.mark.slow)])
 def test_every_argument_of_every_environment(env_id: str, suffix: str) -> None:
     kind = type((make(env_id) if suffix == "Env" else make_vec(env_id, 2, "native", "NextStep")).unwrapped)
     names = arguments(kind)
@@ -334,6 +334,7 @@ def below(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     return cube().positions - 5.0, np.zeros((8, 3))
 
 
+@pytest.mark.slow
 def test_start_behind_a_surface_changes_nothing() -> None:
     scene = Scene(cube(), cube().positions + np.array([0, 0, 2.0]), surfaces=(floor(),))
     starts = iter([(scene.positions, scene.velocities)] * 2)  # one to learn how long the goal is

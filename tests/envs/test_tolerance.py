@@ -35,6 +35,7 @@ def test_errors_stay_below_it(tolerance: float) -> None:
     assert env.episodes.simulator.integrator.name == env.chosen.integrator
 
 
+@pytest.mark.slow
 def test_a_looser_one_costs_less() -> None:
     loose, usual, strict = (
         gym.make("SpringTop-v0", tolerance=tolerance).unwrapped.chosen for tolerance in (1e-3, 1e-4, 1e-6)
@@ -76,7 +77,7 @@ def test_a_given_method_is_kept() -> None:
         (float("nan"), ValueError, "tolerance"),
         (True, TypeError, "tolerance"),
         ("1e-6", TypeError, "tolerance"),
-        (1e-14, ValueError, "the smallest possible one is"),
+        pytest.param(1e-14, ValueError, "the smallest possible one is", marks=pytest.mark.slow),
     ],
 )
 def test_what_makes_no_sense_is_refused(tolerance: Any, error: type[Exception], says: str) -> None:

@@ -606,6 +606,7 @@ def test_off_equals_on_at_zero_strength() -> None:
     assert far.velocities == pytest.approx(none.velocities, rel=1e-14, abs=1e-15)
 
 
+@pytest.mark.own_kernels
 @pytest.mark.parametrize("dtype", [np.float64, pytest.param(np.float32, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     "surfaces",

@@ -59,6 +59,7 @@ def test_one_call_is_many_to_the_bit(surfaces: Any) -> None:
     assert (one.measure().contact_loss > 0.1).all()
 
 
+@pytest.mark.own_kernels
 def test_a_copy_placed_amid_the_steps_of_others_is_as_one_alone() -> None:
     """The directions of dampers' sweeps, and where nodes begin, are each copy's own."""
     for before in (3, 4):
@@ -86,6 +87,7 @@ def test_state_and_pickle_return_to_mid_impact_to_the_bit() -> None:
     assert bits(simulator) == bits(twin) == bits(again)
 
 
+@pytest.mark.slow
 def test_several_bodies_are_each_as_alone_to_the_bit() -> None:
     """Calls of odd length, so that each body's own memory is what the next begins with."""
     body = cube(damping=5.0)

@@ -111,6 +111,7 @@ def test_the_direction_in_which_it_rolls_does_not_matter(dynamics: str) -> None:
     assert ends[0][0] > 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dynamics", ["rigid", "springs"])
 def test_copies_are_single_ones_to_the_bit(dynamics: str) -> None:
     scene = placed(BALL, (floor(),), HOW, velocity=(0.3, 0.1, 0), omega=(0, 3.0, 2.0))

@@ -198,11 +198,12 @@ def test_energy_of_hops_with_spin_is_entered_to_the_square_of_the_step() -> None
     assert off[2] < 0.2 * off[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("surface", "across"),
     [
         pytest.param(Bowl((0, 0, 1.0), 1.0), 0.9, id="bowl"),
-        pytest.param(Pipe((0, 0, 1.0), (0, 1, 0), 1.0), 0.9, id="pipe", marks=pytest.mark.slow),
+        pytest.param(Pipe((0, 0, 1.0), (0, 1, 0), 1.0), 0.9, id="pipe"),
     ],
 )
 def test_ball_rolls_to_and_fro(surface: Surface, across: float) -> None:
@@ -295,6 +296,7 @@ STONE = ellipsoid(
 """The rattleback of Kane and Levinson (1982)."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spin", [-2.0, 2.0])
 def test_rattleback_is_the_rigid_one_and_turns_back_one_way_only(spin: float) -> None:
     omega, velocity = (0.0, 1.0, spin), (0.01, 0.0, 0.0)
@@ -476,6 +478,7 @@ def thrown_into_a_corner() -> tuple[Scene, np.ndarray, np.ndarray]:
     return scene, x, scene.velocities + draw.normal(size=(18, 1, 3))
 
 
+@pytest.mark.slow
 def test_copies_of_a_batch_are_single_ones_to_the_bit() -> None:
     scene, x, v = thrown_into_a_corner()
     many = Simulator(scene, copies=18, varying=VARYING)

@@ -196,10 +196,15 @@ def test_a_height_differs_from_the_distance_as_its_module_says() -> None:
 @pytest.mark.parametrize(
     "surfaces",
     [
-        (PIPE, Plane((0, -0.5, 0), (0, 1, 0)), Plane((0, 0.5, 0), (0, -1, 0))),
-        (Bowl((0.1, 0, 0.5), 1.0), floor(-0.1), Plane((0.1, 0, 0), (1, 0, 0))),
+        pytest.param(
+            (PIPE, Plane((0, -0.5, 0), (0, 1, 0)), Plane((0, 0.5, 0), (0, -1, 0))), id="a pipe with ends"
+        ),
+        pytest.param(
+            (Bowl((0.1, 0, 0.5), 1.0), floor(-0.1), Plane((0.1, 0, 0), (1, 0, 0))),
+            id="half of a bowl with a level bottom",
+            marks=pytest.mark.slow,
+        ),
     ],
-    ids=["a pipe with ends", "half of a bowl with a level bottom"],
 )
 def test_surfaces_of_several_kinds_meet_a_bead_together(surfaces: tuple[Surface, ...]) -> None:
     draw = np.random.default_rng(3)

@@ -12,8 +12,10 @@ from springgym.integrators import METHODS, integrator
 from springgym.simulator import SimulationDivergedError
 from tests.integrators.problems import simulator, tetrahedron
 
+pytestmark = pytest.mark.own_kernels
+
 COPIES, STEPS = 11, 200
-QUICK = ("verlet", "dopri5", "implicit_euler", "rodas3")
+QUICK = ("verlet", "dopri5")
 """One of each kind, explicit and implicit, of steps given and chosen: a batch compiles for seconds."""
 each_method = pytest.mark.parametrize(
     "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in METHODS]

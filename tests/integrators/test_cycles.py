@@ -67,7 +67,8 @@ def test_calls_cut_anywhere_give_the_same_bits(every: int, height: float | None,
     assert seen(whole)[3] > 1e-3  # and losses
 
 
-@pytest.mark.parametrize("height", [None, NEAR])
+@pytest.mark.own_kernels
+@pytest.mark.parametrize("height", [None, pytest.param(NEAR, marks=pytest.mark.slow)])
 def test_copies_amid_different_cycles_are_as_alone(height: float | None) -> None:
     batch = spun(height=height, copies=11)
     begun = batch.positions[0], batch.velocities[0]
@@ -216,10 +217,8 @@ REASONS = {
 
 
 @pytest.mark.parametrize("name", REASONS)
-def test_where_all_acts_at_every_step(name: str, request: pytest.FixtureRequest) -> None:
+def test_where_all_acts_at_every_step(name: str) -> None:
     scene, options = REASONS[name]
-    if scene.meetings:
-        request.getfixturevalue("few_kernels")
     assert Simulator(scene, **options).damping_every == 1
     assert Simulator(scene, damping_every=1, **options).damping_every == 1
     with pytest.raises(ValueError, match="damping_every is 2; it must be 1: "):

@@ -11,7 +11,13 @@ from springgym.view.knobs import knobs
 pytest.importorskip("viser")
 
 
-@pytest.mark.parametrize("scene", names())
+LARGE = ("pile", "billiard-break", "dominoes")
+"""Scenes of so many bodies that reading them for each slider takes seconds."""
+
+
+@pytest.mark.parametrize(
+    "scene", [pytest.param(scene, marks=pytest.mark.slow if scene in LARGE else ()) for scene in names()]
+)
 def test_every_scene_has_sliders_that_start_at_what_its_file_says(scene):
     found = knobs(scene)
     assert found

@@ -72,7 +72,7 @@ def test_what_rolls_is_held_where_it_touches():
     assert scene.surfaces[0].height(recording.positions).min() > 0.1 * radius
 
 
-def test_contacts_are_recorded_where_they_can_be_told():
+def test_contacts_of_colliding_bodies_are_recorded():
     plan = replace(load("stack"), duration=0.1)
     told = record(plan, contacts=True)
     assert len(told.contacts) == len(told.times)
@@ -84,7 +84,7 @@ def test_contacts_are_recorded_where_they_can_be_told():
     assert of_recording(record(other, contacts=True), twin=False).touches is None
 
 
-def test_what_is_missing_is_told():
+def test_what_is_missing_is_told_of_colliding_bodies_too():
     told = {
         name: of_recording(recorded(name, 0.02), twin=False).note
         for name in ("top", "newtons-cradle", "stack")
@@ -163,6 +163,7 @@ def test_episodes_of_several_bodies_are_shown(env_id):
     assert any(marks.text for marks in motion.marks)
 
 
+@pytest.mark.slow
 def test_contacts_of_an_episode_hold_what_lies_on_them():
     """A box and a ball on the floor: together, their contacts push them up by their weight."""
     motion = played(find_agent("zero", "SpringShove-v0"), 3)

@@ -89,7 +89,7 @@ def test_a_round_body_shows_its_skin_and_others_their_springs(stage):
     assert all(mesh.opacity is None for mesh, _ in stage._faces)
 
 
-@pytest.mark.parametrize("scene", ["top", "tippe-top", "ball-rolls"])
+@pytest.mark.parametrize("scene", ["top", pytest.param("tippe-top", marks=pytest.mark.slow), "ball-rolls"])
 @pytest.mark.parametrize("aspect", [0.46, 1.0])
 @pytest.mark.parametrize("rotation", [True, False])
 def test_all_is_in_the_free_part_of_the_picture(stage, scene, aspect, rotation):
