@@ -22,8 +22,8 @@ CLOSE = 1e-9
 less than a mistake does."""
 
 STEP, STEEP = 1e-6, 1e-4
-"""Differences of heights are over this share of the extent, which makes an error of the slope of 1e-10 by
-rounding. Where a surface bends within 1e-4 of the extent, the slope changes by more than `STEEP` over it."""
+"""Slopes are differences of heights over this share of the extent, and may err by `STEEP`. Rounding makes
+an error of 1e-10. Where the surface bends over a share s of the extent, the differences err by about 1e-12/s²."""
 
 NEWTON = 20
 """Number of Newton's steps that lead onto the surface."""
@@ -51,26 +51,26 @@ def check_gradient(surface: Surface, places: ArrayLike) -> None:
         place, what was found and what it must be.
     """
     instance("surface", surface, Surface)
-    places = array("places", places, (None, 3))
-    if not len(places):
+    at = array("places", places, (None, 3))
+    if not len(at):
         raise ValueError("places are none; there must be at least one")
-    extent = 1.0 + float(np.abs(places).max(initial=0.0))
-    height, gradient = _compiled(surface, places)
+    extent = 1.0 + float(np.abs(at).max(initial=0.0))
+    height, gradient = _compiled(surface, at)
     of = type(surface).__name__
-    _compare(f"the compiled height of {of}", places, height, _height(surface, places), CLOSE * extent)
+    _compare(f"the compiled height of {of}", at, height, _height(surface, at), CLOSE * extent)
     steps = STEP * extent * np.eye(3)
-    rises = [_height(surface, places + step) - _height(surface, places - step) for step in steps]
+    rises = [_height(surface, at + step) - _height(surface, at - step) for step in steps]
     slope = np.stack(rises, axis=1) / (2 * STEP * extent)
-    _compare(f"the compiled gradient of {of}", places, gradient, slope, STEEP)
+    _compare(f"the compiled gradient of {of}", at, gradient, slope, STEEP)
     for _ in range(NEWTON):
-        places = places - (height / np.maximum((gradient**2).sum(axis=1), STEP))[:, None] * gradient
-        height, gradient = _compiled(surface, places)
+        at = at - (height / np.maximum((gradient**2).sum(axis=1), STEP))[:, None] * gradient
+        height, gradient = _compiled(surface, at)
     on = np.abs(height) < CLOSE * extent
     if not on.any():
         raise ValueError(f"no way along the gradient leads from the places onto the {of}; give some near it")
     length = np.linalg.norm(gradient[on], axis=1)
     what = f"on the surface, where the height is the distance, the length of the gradient of {of}"
-    _compare(what, places[on], length, np.ones(len(length)), STEEP)
+    _compare(what, at[on], length, np.ones(len(length)), STEEP)
 
 
 def _compare(what: str, places: np.ndarray, found: np.ndarray, wanted: np.ndarray, within: float) -> None:
@@ -91,12 +91,13 @@ def _compiled(surface: Surface, places: np.ndarray) -> tuple[np.ndarray, np.ndar
     x, found = (block_array(copies, (rows, 3), float) for rows in (1, 2))
     numbers(x)[:] = 1.0
     set_copies(x, np.arange(len(places)), places[:, None])
-    evaluate = _evaluator(type(own))
+    kind: Any = type(own)
+    evaluate = _evaluator(kind)
     try:
         for one, of_one in zip(x, found, strict=True):
             evaluate(one, of_one, own)
     except NumbaError as error:
-        raise TypeError(f"{type(own).__name__} does not compile: {reason_of(error)}") from None
+        raise TypeError(f"{kind.__name__} does not compile: {reason_of(error)}") from None
     told = to_copies(found, copies)[: len(places)]
     return told[:, 0, 0], told[:, 1]
 
@@ -106,9 +107,9 @@ def _evaluator(kind: Any) -> Callable[..., None]:
     """Compile a function that writes the height and the gradient of the first surface of a kind."""
     height, gradient = kind.height, kind.gradient
 
-    @njit(error_model="numpy")  # type: ignore[untyped-decorator]
+    @njit(error_model="numpy")
     def evaluate(x: Any, found: Any, own: Any) -> None:
         store(found, (0, 0), height(row(x, 0), 0, own))
         set_row(found, 1, gradient(row(x, 0), 0, own))
 
-    return evaluate  # type: ignore[no-any-return]
+    return evaluate
