@@ -81,7 +81,8 @@ def chosen(name: str, value: object, choices: Collection[str]) -> str:
 def instance(name: str, value: object, *kinds: type) -> Any:
     """Return an object of one of some classes; errors call it ``name``."""
     if not isinstance(value, kinds):
-        raise TypeError(_wrong(name, value, " or ".join(kind.__name__ for kind in kinds)))
+        names = ("None" if kind is type(None) else kind.__name__ for kind in kinds)
+        raise TypeError(_wrong(name, value, " or ".join(names)))
     return value
 
 

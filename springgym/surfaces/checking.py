@@ -23,7 +23,7 @@ less than a mistake does."""
 
 STEP, STEEP = 1e-6, 1e-4
 """Slopes are differences of heights over this share of the extent, and may err by `STEEP`. Rounding makes
-an error of 1e-10. Where the surface bends over a share s of the extent, the differences err by about 1e-12/s²."""
+an error of 1e-10. Where the surface bends over a share s of the extent, the difference errs by 1e-12/s²."""
 
 NEWTON = 20
 """Number of Newton's steps that lead onto the surface."""
