@@ -34,6 +34,22 @@ from springgym.surfaces.surface import Surface as Surface
 from springgym.surfaces.surface import by_kind as by_kind
 from springgym.surfaces.surface import packed_kind as packed_kind
 
+__all__ = [
+    "SURFACES",
+    "Bowl",
+    "Contact",
+    "HeightField",
+    "PaperContact",
+    "Pipe",
+    "Plane",
+    "Surface",
+    "check_gradient",
+    "floor",
+    "incline",
+    "resting",
+    "waves",
+]
+
 SURFACES: dict[str, Callable[..., Surface]] = {
     "floor": floor,
     "incline": incline,
