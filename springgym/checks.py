@@ -193,11 +193,11 @@ def sum_of_squares(values: np.ndarray) -> float:
         return float(np.square(values).sum())
 
 
-def suggestion(key: str, known: Iterable[str]) -> str:
+def suggestion(key: object, known: Iterable[str]) -> str:
     """Return the end of a message about an unknown name: a similar name, one that it begins, or all names."""
     names = list(known)
-    close = difflib.get_close_matches(key, names, n=1)
-    if len(key) >= 3:
+    close = difflib.get_close_matches(key, names, n=1) if isinstance(key, str) else []
+    if isinstance(key, str) and len(key) >= 3:
         close += [name for name in names if name.startswith(key)]
     return f"; did you mean {close[0]!r}?" if close else f"; choose from: {', '.join(names)}"
 

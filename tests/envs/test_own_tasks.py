@@ -259,6 +259,8 @@ def test_a_goal_is_observed_with_the_particles_and_set_by_reset_options() -> Non
     before = env.unwrapped.np_random.bit_generator.state
     with pytest.raises(ValueError, match="no reset option 'near'; choose from: randomize, far"):
         env.reset(options={"near": 1.0})
+    with pytest.raises(ValueError, match="no reset option 3; choose from: randomize, far"):
+        env.reset(options={3: 1.0})  # type: ignore[dict-item]
     with pytest.raises(ValueError, match="no reset option 'fare'; did you mean 'far'"):
         env.reset(options={"fare": 1.0})
     assert env.unwrapped.np_random.bit_generator.state == before
