@@ -610,7 +610,10 @@ def make_controller(
             np.float32
         )
     if name != "classical":
-        raise ConfigError(f"unknown controller {name!r}: use zero, random, classical or module:function")
+        raise ConfigError(
+            f"unknown controller {name!r}: use zero, random, classical or module:function"
+            "; there is no run folder of this name"
+        )
     by_action = controllers_of(env_id)
     _, arguments = find(env_id) or (None, {})
     action = (arguments | dict(env_kwargs)).get("action", next(iter(by_action), None))

@@ -81,7 +81,8 @@ def chosen(name: str, value: object, choices: Collection[str]) -> str:
 def instance(name: str, value: object, *kinds: type) -> Any:
     """Return an object of one of some classes; errors call it ``name``."""
     if not isinstance(value, kinds):
-        raise TypeError(_wrong(name, value, " or ".join(kind.__name__ for kind in kinds)))
+        names = ("None" if kind is type(None) else kind.__name__ for kind in kinds)
+        raise TypeError(_wrong(name, value, " or ".join(names)))
     return value
 
 
@@ -192,10 +193,12 @@ def sum_of_squares(values: np.ndarray) -> float:
         return float(np.square(values).sum())
 
 
-def suggestion(key: str, known: Iterable[str]) -> str:
-    """Return the end of a message about an unknown name: a similar name, or all names."""
+def suggestion(key: object, known: Iterable[str]) -> str:
+    """Return the end of a message about an unknown name: a similar name, one that it begins, or all names."""
     names = list(known)
-    close = difflib.get_close_matches(key, names, n=1)
+    close = difflib.get_close_matches(key, names, n=1) if isinstance(key, str) else []
+    if isinstance(key, str) and len(key) >= 3:
+        close += [name for name in names if name.startswith(key)]
     return f"; did you mean {close[0]!r}?" if close else f"; choose from: {', '.join(names)}"
 
 

@@ -23,7 +23,7 @@ so a method keeps its order and its conservation laws. Their energy is counted w
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -85,7 +85,24 @@ def _checked(name: str, force: object, count: int) -> Force:
     if not isinstance(force, tuple) or not hasattr(force, "_fields"):
         raise TypeError(f"{name} is {shown(force)}; it must be a named tuple, see springgym.own_forces")
     kind: Any = type(force)
-    for function, takes in FUNCTIONS.items():
+    check_functions(name, kind, FUNCTIONS)
+    return kind._make(
+        _particles(f"{name}.{field}", value, count)
+        if field in ("particle", "particles")
+        else _value(f"{name}.{field}", value)
+        for field, value in zip(kind._fields, force, strict=True)
+    )
+
+
+def check_functions(name: str, kind: type, functions: Mapping[str, tuple[str, ...]]) -> None:
+    """Refuse a named tuple of a user's that lacks a compiled function, or has one with other parameters.
+
+    Raises
+    ------
+    TypeError
+        If it does; the message names the function and the form that it must have.
+    """
+    for function, takes in functions.items():
         form, given = f"{function}({', '.join(takes)})", getattr(kind, function, None)
         if not is_inner(given):
             raise TypeError(
@@ -100,12 +117,6 @@ def _checked(name: str, force: object, count: int) -> Force:
             raise TypeError(
                 f"{name} is a {kind.__name__}, whose function is {function}({found}); it must be {form}"
             ) from None
-    return kind._make(
-        _particles(f"{name}.{field}", value, count)
-        if field in ("particle", "particles")
-        else _value(f"{name}.{field}", value)
-        for field, value in zip(kind._fields, force, strict=True)
-    )
 
 
 def _particles(name: str, value: object, count: int) -> int | np.ndarray:
@@ -147,7 +158,7 @@ def _typed(force: types.NamedTuple, function: str, *arguments: types.Type) -> Ca
     try:
         taken = given.get_call_template((*arguments, force), {})[2]
     except NumbaError as error:
-        raise TypeError(f"{of} does not compile: {_reason(error)}") from None
+        raise TypeError(f"{of} does not compile: {reason_of(error)}") from None
     found = given.overloads[tuple(taken)].signature.return_type
     wanted = types.NoneType if function == "add" else (Lanes, types.Float, types.Integer)
     if not isinstance(found, wanted):
@@ -157,7 +168,7 @@ def _typed(force: types.NamedTuple, function: str, *arguments: types.Type) -> Ca
     return given
 
 
-def _reason(error: NumbaError) -> str:
+def reason_of(error: NumbaError) -> str:
     """Return one line of Numba's error that says why a function does not compile."""
     lines = [line.strip() for line in str(error).splitlines()]
     told = [line for line in lines if line and not line.startswith("Failed in nopython mode")]

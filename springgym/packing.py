@@ -38,7 +38,7 @@ from springgym.rigid.node import ROWS, Company
 from springgym.rigid.rolling import ROOM
 from springgym.rigid.surfaces import ARRAYS
 from springgym.scene import DriveActuator, Scene
-from springgym.surfaces import Contact, PaperContact, Surface, by_kind, coupled, loss_of, scales
+from springgym.surfaces import Contact, PaperContact, Surface, by_kind, coupled, loss_of, packed_kind, scales
 
 
 class Parameter(NamedTuple):
@@ -169,7 +169,7 @@ def _shared(scene: Scene, options: Options) -> Terms:
 
 def surfaces_of(surfaces: tuple[Surface, ...]) -> Surfaces:
     """Return surfaces in the form for compiled functions, without the values for each body."""
-    kinds = tuple(kind.packed([surfaces[n] for n in same]) for kind, same in by_kind(surfaces).items())
+    kinds = tuple(packed_kind(kind, [surfaces[n] for n in same]) for kind, same in by_kind(surfaces).items())
     return Surfaces(kinds, np.zeros(1), 1.0, None, coupled(surfaces) or None)
 
 

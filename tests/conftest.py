@@ -39,13 +39,17 @@ DUELS = ("SpringDuel", "self_play", "test_duel")
 
 @pytest.fixture
 def own_ids() -> Iterator[None]:
-    """Take ids that a test registers out of the registry, when it is over."""
+    """Take ids of environments and checks of scenes that a test registers out again, when it is over."""
     import gymnasium
 
-    before = dict(gymnasium.registry)
+    from springgym.scenes.checks.basis import CHECKS, NEEDS
+
+    registries: tuple[dict[str, Any], ...] = (gymnasium.registry, CHECKS, NEEDS)
+    before = [dict(registry) for registry in registries]
     yield
-    gymnasium.registry.clear()
-    gymnasium.registry.update(before)
+    for registry, kept in zip(registries, before, strict=True):
+        registry.clear()
+        registry.update(kept)
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import re
+from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
@@ -157,3 +158,15 @@ def test_docstrings_have_gymnasiums_headings() -> None:
     for row in writer.ENVIRONMENTS:
         text = writer.docstring(row)
         assert [h for h in headings if f"## {h}\n" not in text] == [], row.id
+
+
+def test_every_module_of_the_reference_shows_functions_or_classes() -> None:
+    """A package shows what its ``__all__`` names; without one, only what it defines itself."""
+    listed = re.findall(r"^   (springgym[\w.]*)$", (DOCS / "api.md").read_text(encoding="utf-8"), re.M)
+    assert len(listed) > 30
+    for name in listed:
+        module = import_module(name)
+        shown = getattr(module, "__all__", None) or [
+            own for own, value in vars(module).items() if getattr(value, "__module__", None) == name
+        ]
+        assert any(callable(getattr(module, own)) and not own.startswith("_") for own in shown), name

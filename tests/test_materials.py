@@ -65,7 +65,7 @@ def test_softened(name):
         ({"loss": -0.1}, r"loss of 'clay' is -0\.1; it must be a number from 0 to 1"),
         ({"loss": "0.1"}, "loss of 'clay' is '0.1'; it must be a number from 0 to 1"),
         ({"name": 3}, "name of a material is 3; it must be str"),
-        ({"grain": "oak"}, "grain of 'clay' is 'oak'; it must be Grain or NoneType"),
+        ({"grain": "oak"}, "grain of 'clay' is 'oak'; it must be Grain or None"),
         ({"sources": "a book"}, "sources of 'clay' is 'a book'; it must be Mapping"),
         (
             {"grain": Grain(1e9, 1e9, 1e9, 1e9, 1e9, 0.9, 0.9), "poisson": 0.9},

@@ -19,6 +19,7 @@ TEMPLATES = sorted((ROOT / ".github" / "ISSUE_TEMPLATE").glob("*.yml"))
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
 sys.path.insert(0, str(ROOT))
 
+import rehearse  # noqa: E402
 import release  # noqa: E402
 
 
@@ -190,6 +191,21 @@ def test_workflows_try_what_is_promised() -> None:
     assert {row["python"] for row in rows} == pythons
     systems = {"ubuntu": "Linux", "macos": "MacOS", "windows": "Windows"}
     assert {systems[row["os"]] for row in rows} == {w[-1] for w in promised if w[0] == "Operating System"}
+
+
+def test_the_rehearsal_tries_lower_bounds_and_tests_that_there_are() -> None:
+    bounds = [re.match(r"(\w+)>=([\d.]+)", wanted) for wanted in project()["dependencies"]]
+    lowest = {bound[1]: bound[2] for bound in bounds if bound}
+    assert len(bounds) == len(lowest) == len(rehearse.LOWEST)
+    for name, version in rehearse.LOWEST.items():
+        assert re.fullmatch(rf"{re.escape(lowest[name])}(\.0)*", version), name
+    promised = re.search(r">=(\d+)\.(\d+)", project()["requires-python"])
+    assert promised
+    assert tuple(map(int, promised.groups())) == rehearse.LOWEST_ON
+    assert [path for path in rehearse.TESTS if not (ROOT / path).exists()] == []
+    assert f"def test_{rehearse.SKIPPED}_runs(" in text("tests/test_pages.py")
+    for code in (rehearse.STEP, rehearse.AGENT, rehearse.AT_ONCE, rehearse.EVERY):
+        compile(code, "rehearse.py", "exec")
 
 
 def test_every_extra_is_explained() -> None:

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, DTypeLike
 
 from springgym.checks import chosen, flag, indices, instance, shown, whole
 from springgym.envs.episodes import NOT_BEGUN, Begun, Episodes
-from springgym.envs.options import arguments
+from springgym.envs.options import arguments, refuse_unknown
 from springgym.envs.task import Task
 from springgym.envs.tolerance import SAFETY, Choice, chosen_for
 from springgym.guard import Guard, guarded
@@ -76,6 +76,8 @@ class _Common(Stateful):
         **options: Any,
     ) -> None:
         self._guard = Guard()
+        kind = type(self)
+        refuse_unknown(kind.__name__, options, self.task_type, _Common._make, kind.__init__)
         task = self.task_type(**options)
         made: dict[str, Any] = {
             "dynamics": dynamics,

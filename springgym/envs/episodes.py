@@ -14,7 +14,7 @@ from numpy.typing import DTypeLike
 
 from springgym import checks, measures, stability
 from springgym.bodies import Body
-from springgym.checks import TINY, chosen, instance
+from springgym.checks import TINY, chosen, instance, suggestion
 from springgym.core.compiling import SameTypes, is_kernel, kernel
 from springgym.dynamics import DYNAMICS, Dynamics
 from springgym.envs import observation, randomisation
@@ -87,6 +87,18 @@ OF_PAIRS = ("pairs_touching", "pairs_impulse", "pairs_least_gap", "pairs_missed"
 
 CLEARED = ("goal", "memory", "elapsed", "time", "held", "balance", "action", "out", "diverged")
 """Arrays of `STATE` that `clear` sets where an episode begins, in the order of its parameters."""
+
+
+class Sought(dict[str, Any]):
+    """No reset options, which keeps the names of those that are looked for."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.names: dict[str, None] = {}
+
+    def __contains__(self, name: object) -> bool:
+        self.names[str(name)] = None
+        return False
 
 
 class Episodes:
@@ -300,7 +312,12 @@ class Episodes:
         ]
         positions, velocities, goals = self.task.draw_starts(generators, left, drawn)
         for own in filter(None, left):
-            raise ValueError(f"{type(self.task).__name__} has no reset option {next(iter(own))!r}")
+            name, sought = next(iter(own)), Sought()
+            randomisation.drawn(self.ranges, generators[0], sought)
+            self.task.draw_starts(generators[:1], [sought], drawn[:1])
+            raise ValueError(
+                f"{type(self.task).__name__} has no reset option {name!r}{suggestion(name, sought.names)}"
+            )
         self._check_strain(positions, drawn)
         before = [self._drawn(copy) for copy in copies] if self.ranges else []
         was, self.unready = self.unready, BROKEN_OFF

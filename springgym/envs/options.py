@@ -67,6 +67,23 @@ def arguments(maker: Callable[..., Any], given: Mapping[str, Any]) -> dict[str, 
     return {name: _plain(value) for name, value in bound.arguments.items()}
 
 
+def refuse_unknown(what: str, given: Mapping[str, Any], *takers: Callable[..., Any]) -> None:
+    """Refuse arguments that are not in the signature of the first function, which is to take them.
+
+    Raises
+    ------
+    TypeError
+        If there is one; the message names it, and a similar argument of any of the functions, or all of them.
+    """
+    each = [inspect.signature(taker).parameters.values() for taker in takers]
+    named = (inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+    names = [[one.name for one in parameters if one.kind in named] for parameters in each]
+    for name in given:
+        if name not in names[0]:
+            known = [one for listed in names for one in listed if one not in ("self", "copies")]
+            raise TypeError(f"{what} has no argument {name!r}{checks.suggestion(name, dict.fromkeys(known))}")
+
+
 def _plain(value: object) -> object:
     if isinstance(value, (list, tuple)):
         return [_plain(item) for item in value]

@@ -680,8 +680,13 @@ def _named(scene: Scene, name: str) -> tuple[int, str]:
     """Return the body that an actuator acts on, and the kind of the actuator."""
     if len(scene.bodies) == 1:
         return 0, name
-    body, _, kind = name.partition(".")
+    body, dot, kind = name.partition(".")
     names = [placed.name for placed in scene.bodies]
+    if not dot:
+        raise ValueError(
+            f"actuators has {name!r}; of several bodies, write the body, a dot and the actuator, such as "
+            f"'{names[0]}.force'"
+        )
     return names.index(chosen(f"the body that actuators[{name!r}] names", body, names)), kind
 
 

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from springgym.checks import TINY, array, number
+
 FAR = 1e9  # times its own distance that a camera goes out to keep something in view
 _NEAR = 1e-3  # m; nearer points, and those behind the eye, have no image
 
@@ -70,16 +72,22 @@ class Camera:
             horizon, rad.
         fov : float
             Vertical angle of view, rad.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If an argument is not a number, or the centre not three, or the camera cannot be.
         """
-        if not size > 0.0:
-            raise ValueError(f"size must be positive, got {size}")
+        size = number("size", size, TINY)
+        azimuth, elevation = number("azimuth", azimuth), number("elevation", elevation)
+        fov = number("fov", fov, TINY, np.pi)
+        middle = array("center", center, (3,))
         distance = 0.5 * size / np.sin(0.5 * fov)
         away = (
             np.cos(elevation) * np.cos(azimuth),
             np.cos(elevation) * np.sin(azimuth),
             np.sin(elevation),
         )
-        middle = np.asarray(center, dtype=float)
         return cls(tuple(middle + distance * np.array(away)), tuple(middle), fov)
 
     def keeping(self, points: ArrayLike, size: tuple[int, int], margin: float = 0.03) -> Camera:

@@ -44,8 +44,7 @@ from springgym.scene import GRAVITY, Placed, Scene
 from springgym.scenes.checks import CHECKS, TOUCHING, of_all
 from springgym.scenes.plan import LEAST, SPEEDS, Plan, Plot, Vector, View
 from springgym.strict_yaml import Tree, YamlError, build, changed, read_yaml
-from springgym.surfaces import SURFACES, Contact, PaperContact, Plane, Surface, floor, heights, scales
-from springgym.theory.contact import rest_height
+from springgym.surfaces import SURFACES, Contact, PaperContact, Plane, Surface, floor, heights, resting
 from springgym.theory.rope import catenary
 from springgym.theory.top import steady_precession
 
@@ -552,16 +551,12 @@ def _lifted(
     """Return positions moved along the normal of a plane to a height of the lowest particle."""
     if not isinstance(surface, Plane):
         raise ValueError("height needs a plane; give a position above other surfaces")
-    found = heights(body, positions, surface)
     if height == "rest":
-        strength, reach = scales(contact, body)
-        below = int(np.sum(found < found.min() + 1e-3 * reach))
-        weight = -body.mass * float(np.dot(gravity, surface.normal))
-        if weight <= 0:
-            raise ValueError(
-                "height: the body is to rest on the surface, but gravity does not press it there"
-            )
-        height = rest_height(weight / below, strength, reach)
+        try:
+            return resting(body, positions, contact, surface, gravity)
+        except ValueError as error:
+            raise ValueError(f"height: {error}") from None
+    found = heights(body, positions, surface)
     return positions + (height - found.min()) * np.array(surface.normal)
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from springgym.surfaces.bowl import Bowl as Bowl
+from springgym.surfaces.checking import check_gradient as check_gradient
 from springgym.surfaces.contact import IMPACT as IMPACT
 from springgym.surfaces.contact import NEAREST as NEAREST
 from springgym.surfaces.contact import REACH as REACH
@@ -20,6 +21,7 @@ from springgym.surfaces.contact import check_surfaces as check_surfaces
 from springgym.surfaces.contact import coupled as coupled
 from springgym.surfaces.contact import derived_strength as derived_strength
 from springgym.surfaces.contact import loss_of as loss_of
+from springgym.surfaces.contact import resting as resting
 from springgym.surfaces.contact import scales as scales
 from springgym.surfaces.height_field import HeightField as HeightField
 from springgym.surfaces.height_field import waves as waves
@@ -30,6 +32,23 @@ from springgym.surfaces.plane import incline as incline
 from springgym.surfaces.round import heights as heights
 from springgym.surfaces.surface import Surface as Surface
 from springgym.surfaces.surface import by_kind as by_kind
+from springgym.surfaces.surface import packed_kind as packed_kind
+
+__all__ = [
+    "SURFACES",
+    "Bowl",
+    "Contact",
+    "HeightField",
+    "PaperContact",
+    "Pipe",
+    "Plane",
+    "Surface",
+    "check_gradient",
+    "floor",
+    "incline",
+    "resting",
+    "waves",
+]
 
 SURFACES: dict[str, Callable[..., Surface]] = {
     "floor": floor,

@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from springgym.bodies import Body, vibrations
-from springgym.checks import TINY, array, number
-from springgym.surfaces.plane import Plane
+from springgym.checks import TINY, array, instance, number
+from springgym.surfaces.plane import Plane, floor
 from springgym.surfaces.round import heights
 from springgym.surfaces.surface import Surface
+from springgym.theory.contact import rest_height
 
 REACH = 0.01
 """The default reach Δ of contact, as a share of `Body.swept`."""
@@ -225,6 +226,50 @@ def scales(contact: Contact | PaperContact, body: Body) -> tuple[float, float]:
     return strength, reach
 
 
+def resting(
+    body: Body,
+    positions: ArrayLike,
+    contact: Contact | PaperContact,
+    plane: Plane | None = None,
+    gravity: ArrayLike = (0.0, 0.0, -9.81),
+) -> np.ndarray:
+    """Return positions (N, 3) [m] moved along the normal of a plane, to the height where it carries the body.
+
+    The lowest particles, or round features, share the weight equally. So a body rests there if it stands or
+    lies level, with its centre of mass above the middle of them. If its springs are soft, they yield first.
+
+    Parameters
+    ----------
+    body, positions : (N, 3)
+        The body, and where its particles are before [m].
+    contact
+        The contact of the body with the plane, as in the scene.
+    plane
+        The plane; by default the floor z = 0.
+    gravity : (3,)
+        As in the scene [m/s²].
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument has the wrong type or shape, or gravity does not press the body onto the plane.
+    """
+    instance("body", body, Body)
+    instance("contact", contact, Contact, PaperContact)
+    if plane is None:
+        plane = floor()
+    instance("plane", plane, Plane)
+    places = array("positions", positions, body.positions.shape)
+    weight = -body.mass * float(np.dot(array("gravity", gravity, (3,)), plane.normal))
+    if weight <= 0:
+        raise ValueError("gravity does not press the body onto the plane, so it cannot rest there")
+    strength, reach = scales(contact, body)
+    found = heights(body, places, plane)
+    carriers = int(np.sum(found < found.min() + 1e-3 * reach))
+    height = rest_height(weight / carriers, strength, reach)
+    return np.asarray(places + (height - found.min()) * np.array(plane.normal))
+
+
 def coupled(surfaces: tuple[Surface, ...]) -> bool:
     """Return whether the impulse of a surface depends on other surfaces, or on the end of a particle's path.
 
@@ -308,7 +353,8 @@ def check_heights(
             h = found[tuple(first)]
             of = f" of copy {copies[row[0]]}" if row and copies is not None else ""
             where = f"{-h:g} m behind" if h < 0 else f"only {h:g} m above"
+            hint = ". springgym.surfaces.resting finds where it rests" if isinstance(surface, Plane) else ""
             raise ValueError(
                 f"{what} {part}{owner}{of} starts {where} surface {n}, {surface}; it must be at least "
-                f"{NEAREST * reach:g} m above; the surface's force ends at {reach:g} m"
+                f"{NEAREST * reach:g} m above; the surface's force ends at {reach:g} m{hint}"
             )

@@ -11,7 +11,8 @@ tuple has two static compiled functions:
                              distance
 
 If the gradient is the same unit vector everywhere, the kind has a function ``flat`` that returns True.
-Contact needs no more. `springgym.contact.surfaces` explains how it computes a normal from these functions.
+Contact needs no more. `springgym.surfaces.check_gradient` checks both functions, and
+`springgym.contact.surfaces` explains how it computes a normal from these functions.
 """
 
 from __future__ import annotations
@@ -23,7 +24,11 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from springgym.checks import array
+from springgym.checks import array, shown
+from springgym.own_forces import check_functions
+
+FUNCTIONS = {"height": ("place", "k", "own"), "gradient": ("place", "k", "own")}
+"""The compiled functions of a kind of surface, and their parameters."""
 
 
 class Surface(ABC):
@@ -65,6 +70,27 @@ def by_kind(surfaces: Sequence[Surface]) -> dict[type[Surface], list[int]]:
     for n, surface in enumerate(surfaces):
         kinds.setdefault(type(surface), []).append(n)
     return kinds
+
+
+def packed_kind(kind: type[Surface], surfaces: Sequence[Surface]) -> Any:
+    """Return surfaces of one kind as a named tuple for compiled code, after checking it.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is no named tuple of arrays with a row for each surface, or lacks a compiled function.
+    """
+    packed = kind.packed(surfaces)
+    name = f"what {kind.__name__}.packed gave"
+    if not isinstance(packed, tuple) or not hasattr(packed, "_fields"):
+        raise TypeError(f"{name} is {shown(packed)}; it must be a named tuple of arrays")
+    check_functions(name, type(packed), FUNCTIONS)
+    for field, value in zip(packed._fields, packed, strict=True):
+        if not isinstance(value, np.ndarray) or not value.ndim:
+            raise TypeError(f"{name}.{field} is {shown(value)}; it must be an array with a row a surface")
+    if len(packed[0]) != len(surfaces):
+        raise ValueError(f"{name}.{packed._fields[0]} has {len(packed[0])} rows for {len(surfaces)} surfaces")
+    return packed
 
 
 def points(positions: ArrayLike) -> np.ndarray:

@@ -3,6 +3,7 @@
 import json
 import re
 import shlex
+import sys
 from pathlib import Path
 
 import config
@@ -12,7 +13,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import train
-import watch
 from toy_env import LIMIT, ToyEnv
 
 from springgym import cli
@@ -24,60 +24,81 @@ gym.register("ToyAlone-v0", entry_point=ToyEnv, max_episode_steps=LIMIT)
 gym.register("ToyEndless-v0", entry_point=ToyEnv)
 
 
-@pytest.fixture
-def hover(tmp_path, monkeypatch, own_ids):
-    """The file that the tutorial tells to save, in the current folder."""
-    blocks = re.findall(r"^```python\n(.*?)^```", TUTORIAL.read_text(encoding="utf-8"), re.M | re.S)
-    (named,) = (block for block in blocks if "gym.register(" in block)
-    (tmp_path / "hover.py").write_text(blocks[0] + named, encoding="utf-8")
+def blocks(page):
+    """The blocks of a page that are Python or commands, and none of any other kind that is run."""
+    found = re.findall(r"^```(\S*)\n(.*?)^```", page, re.M | re.S)
+    assert {language for language, _ in found} <= {"python", "sh", "text"}
+    return [block for block in found if block[0] != "text"]
+
+
+def saved(name, code, tmp_path, monkeypatch):
+    """Save a module of one's own in the current folder."""
+    (tmp_path / name).write_text(code, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
-    return "hover:HoverCube-v0"
+    monkeypatch.delitem(sys.modules, name.removesuffix(".py"), raising=False)
 
 
-def test_the_environment_of_the_tutorial_trains(hover, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(train, "record", lambda *arguments: None)  # below
-    run = tmp_path / "runs" / "HoverCube-v0-ppo-0"
-    assert train.main([hover, "--episodes", "3", "--set", *BRIEF]) == 0
-    told = capsys.readouterr().out
-    assert "hover:HoverCube-v0 trains with the default hyperparameters of ppo" in told
-    assert [len(e["lengths"]) for e in json.loads((run / "evaluation.json").read_text())] == [3, 3, 3]
-    assert train.main([hover, "--algo", "linear", "--episodes", "0", "--set", "total_timesteps=12_800"]) == 0
-    agents = [str(run), str(tmp_path / "runs" / "HoverCube-v0-linear-0"), "random"]
-    assert evaluate.main([*agents, "--env", hover, "--episodes", "2"]) == 0
-    assert watch.main([str(run), "--env", hover, "--out", "hover.gif"]) == 0
-    assert (tmp_path / "hover.gif").read_bytes().startswith(b"GIF8")
+@pytest.fixture
+def hover(tmp_path, monkeypatch, own_ids):
+    """The file that the tutorial tells to save, and the commands that it gives."""
+    found = blocks(TUTORIAL.read_text(encoding="utf-8"))
+    code = [text for language, text in found if language == "python"]
+    (named,) = (text for text in code if "gym.register(" in text)
+    saved("hover.py", code[0] + named, tmp_path, monkeypatch)
+    return [text for language, text in found if language == "sh"]
 
 
 @pytest.fixture
 def escort(tmp_path, monkeypatch, own_ids):
     """The rest of the page on a task from beginning to end, its file in the current folder."""
     head, rest = (TUTORIAL.parent / "task.md").read_text(encoding="utf-8").split("## Try it\n")
-    code = re.findall(r"^```python\n(.*?)^```", head, re.M | re.S)
-    (tmp_path / "escort.py").write_text("".join(code), encoding="utf-8")
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.syspath_prepend(tmp_path)
-    return rest
+    assert {language for language, _ in blocks(head)} == {"python"}
+    saved("escort.py", "".join(text for _, text in blocks(head)), tmp_path, monkeypatch)
+    return blocks(rest)
+
+
+def run(commands, brief, episodes):
+    """Run commands of a page and return their names; if brief, training and evaluation are cut short."""
+    done = []
+    for line in commands.splitlines():
+        program, command, *words = shlex.split(line)
+        assert program == "springgym"
+        if command == "evaluate":
+            words += ["--json", "compared.json", *(["--episodes", "3"] if brief else [])]
+        if command == "train" and brief:
+            few = ["12_800"] if "linear" in words else ["512", "--set", *BRIEF]
+            words += ["--episodes", str(episodes), "--timesteps", *few]
+        assert cli.main([command, *words]) == 0
+        done.append(command)
+    return done
 
 
 @pytest.mark.parametrize("brief", [True, pytest.param(False, marks=pytest.mark.slow)])
-def test_a_task_from_beginning_to_end_is_followed_word_for_word(escort, brief, tmp_path, capsys):
+def test_the_environment_of_the_tutorial_trains_by_its_commands(hover, brief, tmp_path, capsys):
+    (commands,) = hover
+    assert run(commands, brief, 2) == ["train", "train", "evaluate", "watch"]
+    assert "hover:HoverCube-v0 trains with the default hyperparameters of ppo" in capsys.readouterr().out
+    at = tmp_path / "runs" / "HoverCube-v0-ppo-0"
+    assert len(json.loads((at / "evaluation.json").read_text())) == 3
+    assert (at / "episode.gif").read_bytes().startswith(b"GIF8")
+    assert (tmp_path / "runs" / "HoverCube-v0-linear-0" / "agent.npz").exists()
+    assert (tmp_path / "hover.gif").read_bytes().startswith(b"GIF8")
+    trained, *others = json.loads((tmp_path / "compared.json").read_text())
+    if not brief:
+        assert all(trained["return_per_step"] > other["return_per_step"] for other in others)
+
+
+@pytest.mark.parametrize("brief", [True, pytest.param(False, marks=pytest.mark.slow)])
+def test_a_task_from_beginning_to_end_is_followed_word_for_word(escort, brief, tmp_path):
     """Commands and code in their order; if brief, training is cut short, and so are evaluations."""
     namespace = {}
     done = []
-    for language, text in re.findall(r"^```(python|sh)\n(.*?)^```", escort, re.M | re.S):
+    for language, text in escort:
         if language == "python":
             exec("from escort import *\n" + text, namespace)
-            continue
-        for line in text.splitlines():
-            program, command, *words = shlex.split(line)
-            assert program == "springgym"
-            if command == "evaluate":
-                words += ["--json", "compared.json", *(["--episodes", "3"] if brief else [])]
-            if command == "train" and brief:
-                words += ["--timesteps", "512", "--episodes", "0", "--set", *BRIEF]
-            assert cli.main([command, *words]) == 0
-            done.append(command)
+        else:
+            done += run(text, brief, 0)
     assert done == ["train", "evaluate", "watch"]
     assert (tmp_path / "escort.gif").read_bytes().startswith(b"GIF8")
     trained, controller, *others = json.loads((tmp_path / "compared.json").read_text())

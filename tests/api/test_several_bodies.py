@@ -325,7 +325,11 @@ def replace_actuators(scene: Scene) -> Scene:
 @pytest.mark.parametrize(
     ("actuators", "says"),
     [
-        ({"torque": 1.0}, "the body that actuators"),
+        (
+            {"torque": 1.0},
+            r"actuators has 'torque'; of several bodies, write the body, a dot .* '\w+\.force'",
+        ),
+        ({"torque.": 1.0}, "the body that actuators"),
         ({"dog.force": 1.0}, "'left', 'right'"),
         ({"left.spin": 1.0}, "'spin'"),
         ({"left.acceleration": 1.0}, "no such actuator"),

@@ -297,8 +297,13 @@ def test_wrong_arguments(env_id: str) -> None:
     with pytest.raises(ValueError, match="unknown integrator 'euler'"):
         make(env_id, integrator="euler")
     env = make(env_id)
-    with pytest.raises(ValueError, match="no reset option 'mood'"):
+    with pytest.raises(
+        ValueError, match=r"no reset option 'mood'; choose from: randomize(, \w+)*$"
+    ) as refused:
         env.reset(options={"mood": 1})
+    for known in str(refused.value).split(": ")[1].split(", "):
+        with pytest.raises(ValueError, match=f"no reset option '{known}_'; did you mean '{known}'\\?"):
+            env.reset(options={f"{known}_": 1})
     envs = make_vec(env_id, 2, "native", "NextStep")
     with pytest.raises(ValueError, match="3 seeds"):
         envs.reset(seed=[1, 2, 3])

@@ -256,8 +256,14 @@ def test_a_goal_is_observed_with_the_particles_and_set_by_reset_options() -> Non
     seen, _ = env.reset(seed=3, options={"far": 0.1})
     again, _ = env.reset(seed=3)
     np.testing.assert_allclose(10 * seen[-2:], again[-2:], rtol=1e-6)
-    with pytest.raises(ValueError, match="no reset option 'near'"):
+    before = env.unwrapped.np_random.bit_generator.state
+    with pytest.raises(ValueError, match="no reset option 'near'; choose from: randomize, far"):
         env.reset(options={"near": 1.0})
+    with pytest.raises(ValueError, match="no reset option 3; choose from: randomize, far"):
+        env.reset(options={3: 1.0})  # type: ignore[dict-item]
+    with pytest.raises(ValueError, match="no reset option 'fare'; did you mean 'far'"):
+        env.reset(options={"fare": 1.0})
+    assert env.unwrapped.np_random.bit_generator.state == before
 
 
 # --- Goals told apart ---------------------------------------------------------------------------------

@@ -9,6 +9,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium.envs.registration import load_env_creator
 
 import springgym
 from springgym.bodies import Body, cube, rope
@@ -17,6 +18,7 @@ from springgym.envs.episodes import MOST_STEPS
 from springgym.envs.observation import Situation
 from springgym.envs.scene import SceneTask
 from springgym.measures import MeasuresOfBodies
+from springgym.registration import ENVIRONMENTS, VARIANTS
 from springgym.scene import Scene, ThrustActuator
 from springgym.simulator import STRAIN_LIMIT
 from springgym.surfaces import floor
@@ -45,6 +47,46 @@ def arguments(kind: type[SpringEnv] | type[SpringVectorEnv]) -> list[str]:
             if p.kind in (p.KEYWORD_ONLY, p.POSITIONAL_OR_KEYWORD) and p.name not in ("self", "copies")
         ]
     return found
+
+
+@pytest.mark.parametrize("env_id", [row.id for row in (*ENVIRONMENTS, *VARIANTS)])
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [
+        ("obs", "; did you mean 'observation'?"),
+        ("randomise", "; did you mean 'randomize'?"),
+        ("rendermode", "; did you mean 'render_mode'?"),
+        ("xyz", None),
+    ],
+)
+def test_an_argument_that_no_environment_has_is_named(env_id: str, wrong: str, says: str | None) -> None:
+    """By `gymnasium.make` and by both kinds of `gymnasium.make_vec`, with the argument that may be meant."""
+    spec = gym.spec(env_id)
+    for call, entry in (
+        (lambda: gym.make(env_id, **{wrong: 1}), spec.entry_point),
+        (lambda: gym.make_vec(env_id, 2, "sync", **{wrong: 1}), spec.entry_point),
+        (lambda: gym.make_vec(env_id, 2, "vector_entry_point", **{wrong: 1}), spec.vector_entry_point),
+    ):
+        kind = load_env_creator(entry)
+        with pytest.raises(TypeError) as refused:
+            call()
+        listed = f"; choose from: {', '.join(sorted(arguments(kind)))}"
+        told = str(refused.value).split(" was raised from")[0]
+        if says is None:
+            told, _, names = told.partition("; choose from: ")
+            told += f"; choose from: {', '.join(sorted(names.split(', ')))}"
+        assert told == f"{kind.__name__} has no argument {wrong!r}{listed if says is None else says}"
+
+
+def test_an_unknown_argument_of_a_player_or_a_task_of_one_s_own_is_named() -> None:
+    pytest.importorskip("pettingzoo")
+    from springgym.envs.players import ParallelDuel
+
+    with pytest.raises(TypeError, match=r"ParallelDuel has no argument 'rendr_mode'; did you mean 'render_m"):
+        ParallelDuel(rendr_mode="human")  # type: ignore[call-arg]
+    for more in ({}, {"num_envs": 2}):
+        with pytest.raises(TypeError, match="make_scene_env has no option 'obs'; did you mean 'observe'"):
+            springgym.make_scene_env("top", lambda m, s: m.tilt, actuators={}, obs=1, **more)
 
 
 def lives(env: Any) -> None:

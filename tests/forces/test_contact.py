@@ -10,7 +10,7 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from springgym.bodies import Body, cube, rigid_velocities, rotation
+from springgym.bodies import Body, cube, rigid_velocities, rolling_ball, rotation
 from springgym.contact.law import SLOW
 from springgym.scene import Scene
 from springgym.simulator import Simulator
@@ -22,7 +22,9 @@ from springgym.surfaces import (
     Pipe,
     Plane,
     floor,
+    heights,
     incline,
+    resting,
     scales,
     waves,
 )
@@ -750,3 +752,59 @@ def test_placing_behind_a_surface_names_copy_particle_and_surface() -> None:
     with pytest.raises(ValueError, match="particle 0 of copy 2 starts 1 m behind surface 1"):
         simulator.place([[[0, 0, 1]], [[6, 0, 1]]], np.zeros((2, 1, 3)), [0, 2])
     assert (simulator.positions == good).all()
+
+
+# --- Where bodies rest --------------------------------------------------------------------------------
+
+
+LEVEL = floor(0.3)
+SLOPE = incline(0.3)
+LYING = {
+    "cube on a floor": (cube(side=0.4), LEVEL),
+    "cube on a slope": (cube(side=0.4), SLOPE),
+    "ball on a floor": (rolling_ball(0.2), LEVEL),
+}
+
+
+@pytest.mark.parametrize("name", LYING)
+def test_a_body_rests_where_the_plane_carries_it(name: str) -> None:
+    """Every carrier is at the height h at which c (1/h² − 1/Δ²) is its share of the weight."""
+    body, plane = LYING[name]
+    how = contact(friction=0.9, restitution=0.2)
+    normal = np.array(plane.normal)
+    upright = turned_onto(body, normal)
+    found = resting(body, upright, how, plane)
+    gaps = heights(body, found, plane)
+    carriers = gaps < gaps.min() + 1e-9
+    assert carriers.sum() == (1 if body.rounds else 4)
+    strength, reach = scales(how, body)
+    push = strength * (1 / gaps[carriers] ** 2 - 1 / reach**2)
+    assert push.sum() == pytest.approx(9.81 * body.mass * normal[2], rel=1e-9)
+    moved = found - upright
+    assert moved == pytest.approx(np.tile(moved[0], (len(moved), 1)), abs=1e-12)
+    assert np.cross(moved[0], normal) == pytest.approx(np.zeros(3), abs=1e-12)
+
+
+def turned_onto(body: Body, normal: np.ndarray) -> np.ndarray:
+    """Positions of a body, turned about y from lying on a floor to lying on a plane with this normal."""
+    angle = math.atan2(normal[0], normal[2])
+    c, s = math.cos(angle), math.sin(angle)
+    return (body.positions - body.centre) @ np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]])
+
+
+def test_what_cannot_rest_is_refused() -> None:
+    body = cube(side=0.4)
+    for arguments, error, says in [
+        ((None, body.positions, Contact()), TypeError, "body is None; it must be Body"),
+        ((body, body.positions[:3], Contact()), ValueError, r"positions"),
+        ((body, np.full_like(body.positions, math.nan), Contact()), ValueError, "positions"),
+        ((body, body.positions, 0.3), TypeError, "contact is 0.3; it must be Contact or PaperContact"),
+        ((body, body.positions, Contact(), Bowl((0, 0, 0), 1.0)), TypeError, "plane is Bowl"),
+        ((body, body.positions, Contact(), None, 9.81), ValueError, "gravity"),
+        ((body, body.positions, Contact(), None, (0, 0, 9.81)), ValueError, "does not press the body"),
+        ((body, body.positions, Contact(), None, (0, 0, True)), TypeError, "gravity"),
+    ]:
+        with pytest.raises(error, match=says):
+            resting(*arguments)
+    with pytest.raises(ValueError, match=r"only 0 m above .*resting finds where it rests$"):
+        Scene(body, body.positions - [0, 0, body.positions[:, 2].min()], surfaces=(floor(),))

@@ -5,19 +5,32 @@ from __future__ import annotations
 import dataclasses
 import math
 import pickle
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 from numba import njit
 
 from springgym.contact import surfaces as of_surfaces
+from springgym.core import compiled, load, vec
 from springgym.core.blocks import block_array, numbers
 from springgym.core.lanes import store
 from springgym.core.vectors import dot, row, set_row
 from springgym.packing import surfaces_of
 from springgym.scene import Scene
-from springgym.surfaces import SURFACES, Bowl, HeightField, Pipe, Plane, Surface, floor, incline, waves
+from springgym.simulator import Simulator
+from springgym.surfaces import (
+    SURFACES,
+    Bowl,
+    HeightField,
+    Pipe,
+    Plane,
+    Surface,
+    check_gradient,
+    floor,
+    incline,
+    waves,
+)
 from tests.forces.test_contact import BEAD, REACH, G, at_rest_height, beads, contact, state
 
 PIPE = Pipe((0.1, 0.0, 0.5), (0.0, 2.0, 0.0), 1.0)
@@ -217,6 +230,156 @@ def test_surfaces_of_several_kinds_meet_a_bead_together(surfaces: tuple[Surface,
         assert min(surface.height(state(simulator)[0]).min() for surface in surfaces) > 0
         energy = simulator.measure().energy - G * low
         assert energy / start == pytest.approx(np.ones(8), abs=0.01)
+
+
+# --- Kinds of one's own -----------------------------------------------------------------------------------
+
+
+@compiled
+def slanted(place: Any, k: int, own: Any) -> Any:
+    return 0.8 * place[2] - 0.6 * place[0] - load(own.level, k)
+
+
+@compiled
+def steep(place: Any, k: int, own: Any) -> Any:
+    return place[2] - 0.75 * place[0] - 1.25 * load(own.level, k)
+
+
+@compiled
+def upwards(place: Any, k: int, own: Any) -> Any:
+    return vec(-0.6, 0.0, 0.8)
+
+
+@compiled
+def not_a_unit(place: Any, k: int, own: Any) -> Any:
+    return vec(-0.75, 0.0, 1.0)
+
+
+@compiled
+def downwards(place: Any, k: int, own: Any) -> Any:
+    return vec(0.6, 0.0, -0.8)
+
+
+@compiled
+def without_k(place: Any, own: Any) -> Any:
+    return place[2]
+
+
+@compiled
+def misspelt(place: Any, k: int, own: Any) -> Any:
+    return place[2] - load(own.levels, k)
+
+
+@compiled
+def no_vector(place: Any, k: int, own: Any) -> Any:
+    return place[2]
+
+
+def kind_of(height: Any, gradient: Any, packed: Any = None, slope: float = 0.6, rise: float = 0.8) -> Surface:
+    """A slope of a kind of one's own; ``height`` and ``gradient`` are its compiled functions."""
+
+    class Slopes(NamedTuple):
+        level: Any
+
+    for name, function in (("height", height), ("gradient", gradient)):
+        if function is not None:
+            setattr(Slopes, name, staticmethod(function))
+
+    class Slope(Surface):
+        def height(self, positions: np.ndarray) -> np.ndarray:
+            return np.asarray(rise * positions[..., 2] - slope * positions[..., 0] - 0.1 * rise / 0.8)
+
+        @classmethod
+        def packed(cls, surfaces: Any) -> Any:
+            return packed(Slopes) if packed else Slopes(np.full(len(surfaces), 0.1))
+
+        def net(self, middle: np.ndarray, extent: float) -> np.ndarray:
+            return np.zeros((2, 2, 3))
+
+    return Slope()
+
+
+PLACES = np.random.default_rng(5).uniform(-0.3, 0.3, (9, 3))
+
+
+@pytest.mark.parametrize("surfaces", EACH)
+def test_every_kind_passes_the_check_of_its_gradient(surfaces: tuple[Surface, ...]) -> None:
+    for surface in surfaces:
+        check_gradient(surface, PLACES)
+    check_gradient(surfaces[0], PLACES[:1])
+
+
+def test_a_kind_of_one_s_own_passes_too() -> None:
+    check_gradient(kind_of(slanted, upwards), PLACES)
+
+
+@pytest.mark.parametrize(
+    ("own", "error", "says"),
+    [
+        (
+            kind_of(slanted, downwards),
+            ValueError,
+            r"gradient of Slope is \[0.6, 0.0, -0.8\]; it must be \[-0.6, 0",
+        ),
+        (kind_of(steep, upwards), ValueError, "the compiled height of Slope is .*; it must be"),
+        (
+            kind_of(steep, not_a_unit, None, 0.75, 1.0),
+            ValueError,
+            "length of the gradient of Slope is 1.25; it m",
+        ),
+        (kind_of(slanted, no_vector), TypeError, "Slopes does not compile: "),
+        (kind_of(misspelt, upwards), TypeError, "does not compile: .*'levels'"),
+        (
+            kind_of(without_k, upwards),
+            TypeError,
+            r"is height\(place, own\); it must be height\(place, k, own\)",
+        ),
+        (kind_of(None, upwards), TypeError, r"no compiled function height\(place, k, own\)"),
+        (kind_of(slanted, lambda place, k, own: place), TypeError, "no compiled function gradient"),
+        (
+            kind_of(slanted, upwards, lambda kind: [0.1]),
+            TypeError,
+            r"packed gave is \[0.1\]; it must be a named",
+        ),
+        (kind_of(slanted, upwards, lambda kind: kind(0.1)), TypeError, "level is 0.1; it must be an array"),
+        (kind_of(slanted, upwards, lambda kind: kind(np.zeros(3))), ValueError, "3 rows for 1 surfaces"),
+    ],
+)
+def test_mistakes_in_a_kind_of_one_s_own_are_found(own: Surface, error: type[Exception], says: str) -> None:
+    with pytest.raises(error, match=says):
+        check_gradient(own, PLACES)
+
+
+@pytest.mark.parametrize(
+    "given", [None, PLACES[0], PLACES[:, :2], PLACES[:0], "x", np.full((2, 3), math.nan)]
+)
+def test_places_of_a_check_are_checked(given: Any) -> None:
+    with pytest.raises((TypeError, ValueError), match="places"):
+        check_gradient(floor(), given)
+    with pytest.raises(TypeError, match=r"surface is .*; it must be Surface"):
+        check_gradient(given, PLACES)
+
+
+def test_a_surface_that_no_way_leads_to_is_told() -> None:
+    """The height of this one is 1 + x² + y² + z²: nothing lies on it."""
+
+    @compiled
+    def height(place: Any, k: int, own: Any) -> Any:
+        return 1.0 + dot(place, place)
+
+    @compiled
+    def gradient(place: Any, k: int, own: Any) -> Any:
+        return 2.0 * place
+
+    nowhere = kind_of(height, gradient)
+    nowhere.height = lambda positions: 1 + (positions**2).sum(-1)  # type: ignore[method-assign]
+    with pytest.raises(ValueError, match="no way along the gradient leads from the places onto the Slope"):
+        check_gradient(nowhere, PLACES)
+
+
+def test_a_simulator_refuses_a_kind_without_its_functions() -> None:
+    with pytest.raises(TypeError, match="no compiled function gradient"):
+        Simulator(scene_of(kind_of(slanted, None)))
 
 
 # --- What scenes and pictures ask of them -----------------------------------------------------------------

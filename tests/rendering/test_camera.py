@@ -137,3 +137,22 @@ def test_fitting_sees_a_single_point():
 def test_moved():
     camera = Camera((1.0, 2.0, 3.0), (0.0, 0.0, 0.0), 0.4).moved((0.0, 1.0, -1.0))
     assert camera == Camera((1.0, 3.0, 2.0), (0.0, 1.0, -1.0), 0.4)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [
+        ({"center": (0, 0)}, "center is"),
+        ({"center": "x"}, "center is 'x'"),
+        ({"center": (0, 0, np.nan)}, "center"),
+        ({"size": -1}, "size is -1; it must be a positive number"),
+        ({"size": True}, "size is True"),
+        ({"azimuth": None}, "azimuth is None"),
+        ({"elevation": np.inf}, "elevation is inf"),
+        ({"fov": 4.0}, "fov is 4.0"),
+        ({"fov": 0}, "fov is 0"),
+    ],
+)
+def test_what_frames_nothing_is_refused(wrong, says):
+    with pytest.raises((TypeError, ValueError), match=says):
+        Camera.framing(**{"center": (0, 0, 0), "size": 1.0, **wrong})

@@ -20,13 +20,14 @@ from springgym.scenes.checks import (
     contact,
     fitting,
     free,
+    needs,
     rolling,
     solids,
     swings,
     together,
     tops,
 )
-from springgym.scenes.checks.basis import crossings, peaks, period, spread
+from springgym.scenes.checks.basis import applies, crossings, peaks, period, spread, within
 from springgym.scenes.recording import record
 from springgym.simulating import table
 from tests.scenes.conftest import marked, recorded
@@ -622,3 +623,32 @@ def test_peaks_of_parabolas_are_exact():
 
 def test_spread_adds_up_what_each_argument_does():
     assert spread(lambda a, b: a * b**2, 3.0, 5.0, by=0.01) == pytest.approx(75 * (0.01 + 0.0201))
+
+
+@pytest.mark.usefixtures("own_ids")
+@pytest.mark.parametrize("given", [None, 1.0, Check("fall", 1.0, 1.0, 0.1, "m"), (), [1.0]])
+def test_a_check_of_one_s_own_must_give_a_list_of_checks(given):
+    """A single one is a tuple of six things, which used to be taken for six results."""
+
+    @applies()
+    def own(recording):
+        return given
+
+    recording = recorded_box()
+    wanted = replace(recording, plan=replace(recording.plan, checks=("own",)))
+    with pytest.raises(TypeError, match=r"check 'own' gave .*; it must give a list of Check"):
+        check(wanted)
+
+
+@pytest.mark.usefixtures("own_ids")
+def test_a_check_of_one_s_own_says_what_it_needs():
+    @applies(needs.gravity)
+    def own(recording):
+        return [within(0.1, "one", 1.0, 1.05, "m")]
+
+    floating = recorded_box()
+    with pytest.raises(
+        ValueError, match="check 'own' does not fit scene 'flipping-box': there is no gravity"
+    ):
+        check(replace(floating, plan=replace(floating.plan, checks=("own",))))
+    assert own(floating)[0].passed

@@ -101,7 +101,7 @@ def test_numbers_without_a_point_are_numbers(read):
         (BOX + f"trace: {'x' * 1000}", "mine.yaml:4: trace: unknown part 'xxx"),
         (
             BOX + "start: {height: rest}\ngravity: -1\nsurfaces: [{kind: floor}]",
-            "gravity does not press it there",
+            "height: gravity does not press the body onto the plane",
         ),
         (BOX + "pinned: [tip]", "mine.yaml:4: pinned: unknown part 'tip'"),
         (BOX + "pinned: [8]", "mine.yaml:4: pinned: there is no particle 8; there are 0 to 7"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from springgym.checks import shown
 from springgym.scene import Scene
 from springgym.scenes.checks import (  # noqa: F401  (they fill CHECKS)
     billiards,
@@ -49,16 +50,19 @@ def check(recording: Recording) -> list[Check]:
 
     Raises
     ------
-    ValueError
-        If a check does not suit the scene; the message names it.
+    ValueError, TypeError
+        If a check does not suit the scene, or one of your own gives no list of `Check`; the message names it.
     """
     fitting(recording.plan)
     found: list[Check] = []
     for name in recording.plan.checks:
         try:
-            found += CHECKS[name](recording)
+            results = CHECKS[name](recording)
         except (ValueError, ArithmeticError, LookupError) as error:
             raise ValueError(f"check {name!r} does not fit scene {recording.plan.name!r}: {error}") from error
+        if not isinstance(results, list) or not all(isinstance(result, Check) for result in results):
+            raise TypeError(f"check {name!r} gave {shown(results)}; it must give a list of Check")
+        found += results
     if recording.plan.parts:
         each = zip(recording.plan.scene.bodies, recording.parts, strict=True)
         found += [
