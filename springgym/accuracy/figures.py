@@ -69,10 +69,9 @@ def readable(color: str) -> tuple[float, float, float]:
 
     coded = np.array(to_rgb(color))
     light = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
-    light *= min(1.0, LIGHTEST / max(light @ (0.2126, 0.7152, 0.0722), 1e-9))
-    red, green, blue = np.where(
-        light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055
-    ).tolist()
+    light *= min(1.0, LIGHTEST / max(float(light @ (0.2126, 0.7152, 0.0722)), 1e-9))
+    coded = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+    red, green, blue = coded.tolist()
     return red, green, blue
 
 
