@@ -120,9 +120,9 @@ WORLDS = """## Other worlds
 Here the trained agents, and classical control, play each task in worlds that they were not made for. A cell
 gives the success and the return, as a share of that in the task as it is. *Rigid* is the rigid twin. *Soft*
 has springs of 0.3 times the stiffness. In *varied*, masses and the strength of actuators are drawn for each
-episode, from 0.8 to 1.2 times the usual. The other four hold out what *varied* does not show: masses of 0.6
-to 0.8 (*light*) and of 1.2 to 1.4 (*heavy*), and actuators of the same factors (*weak*, *strong*). Factors
-are drawn from the seed of an episode, so these sets are fixed. A cell is empty if a task cannot have a world.
+episode, from 0.8 to 1.2 times the usual. The other four worlds lie outside of these ranges: masses of 0.6 to
+0.8 (*light*) and of 1.2 to 1.4 (*heavy*), and actuators of the same factors (*weak*, *strong*). Factors are
+drawn from the seed of an episode, so these sets are fixed. A cell is empty if a task cannot have a world.
 
 ```sh
 python agents/generalize.py --rows docs/generalization.json

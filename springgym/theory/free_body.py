@@ -116,7 +116,7 @@ def flip_interval(inertia: ArrayLike, omega: ArrayLike) -> float:
 
     For L^2 > 2 T I2:  p = sqrt((I3 - I2)(L^2 - 2 T I1) / (I1 I2 I3)),
     k^2 = (I2 - I1)(2 T I3 - L^2) / ((I3 - I2)(L^2 - 2 T I1)); else with 1 and 3 exchanged.
-    Needs SciPy.
+    This function needs SciPy.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def motion(inertia: ArrayLike, omega: ArrayLike, t: ArrayLike, frame: ArrayLike 
 
     phi_dot = (L / I_c) [1 + 1 / (I_a cn^2 / (I_c - I_a) + I_b sn^2 / (I_c - I_b))]
 
-    Accurate to about 1e-12 away from the separatrix. Needs SciPy.
+    The result is accurate to about 1e-12 away from the separatrix. This function needs SciPy.
 
     Parameters
     ----------

@@ -328,7 +328,8 @@ def motion(top: HeavyTop, state: TopState, t: ArrayLike) -> TopMotion:
     phi_dot = [(b - a)/(1 - u) + (b + a)/(1 + u)] / 2
     psi_dot = omega3 - a - [(b - a)/(1 - u) - (b + a)/(1 + u)] / 2
 
-    Accurate to about 1e-12 away from the separatrix, for any number of turns. Needs SciPy.
+    The result is accurate to about 1e-12 away from the separatrix, for any number of turns. This function
+    needs SciPy.
 
     Parameters
     ----------
