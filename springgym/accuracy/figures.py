@@ -63,7 +63,7 @@ class End(NamedTuple):
 
 
 def readable(color: str) -> tuple[float, float, float]:
-    """Return a color, darkened as far as text needs it, see `LIGHTEST`."""
+    """Return a colour, darkened as far as text needs it, see `LIGHTEST`."""
     import numpy as np
     from matplotlib.colors import to_rgb
 

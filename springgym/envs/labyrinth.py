@@ -427,7 +427,7 @@ class SpringLabyrinthEnv(SpringEnv, gym.Env):
 
     ## Starting State
     The ball rests at the first point of the path, and the board is level. The path goes from a cell of 18 cm
-    to a neighboring one, twelve times, and visits no cell twice; all such paths are equally likely. The
+    to a neighbouring one, twelve times, and visits no cell twice; all such paths are equally likely. The
     middle of each cell is shifted by U(−1.5, 1.5) cm along x and y, and the first leg is shorter by a share
     U(0, 0.6). Holes have a radius of 5.5 cm. They lie half-way between the middles of two or four cells, at
     those of these points that are nearest to the path.

@@ -95,7 +95,7 @@ def strains(drawn: Look, lengths: np.ndarray, positions: np.ndarray) -> np.ndarr
 
 
 def strain_scale(strain: np.ndarray) -> float:
-    """Return the strain of the full color: 1, 2 or 5 times a power of ten, which hardly any exceeds."""
+    """Return the strain of the full colour: 1, 2 or 5 times a power of ten, which hardly any exceeds."""
     return round_up(float(np.percentile(np.abs(strain), 99.5))) if strain.size else 1.0
 
 

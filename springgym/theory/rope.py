@@ -79,7 +79,7 @@ def swing_modes(
 def bounce_modes(masses: ArrayLike, stiffness: ArrayLike) -> Modes:
     """Return vertical modes of the hanging rope, M z_ddot = -K z with K of the springs k_i.
 
-    Exact at any amplitude while all springs stay along the vertical.
+    They are exact at any amplitude, as long as all springs stay along the vertical.
 
     Parameters
     ----------
