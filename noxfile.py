@@ -1,7 +1,7 @@
-"""Chores, a word each: ``nox -s style``; ``nox -l`` lists them.
+"""Define one-word chores such as ``nox -s style``; ``nox -l`` lists them.
 
-They run by the interpreter that runs nox, with what is installed beside it. The workflows in
-.github/workflows run the same ones. What follows ``--`` goes on to the command, as in
+They use the interpreter that runs nox, and the packages installed for it. The workflows in
+.github/workflows run the same chores. Arguments after ``--`` go to the command, as in
 ``nox -s tests -- tests/test_lanes.py -n 0``.
 """
 
@@ -15,13 +15,13 @@ nox.options.sessions = ["style", "types", "tests"]
 
 
 def pytest(session: nox.Session, *arguments: str) -> None:
-    """Run tests by the interpreter that runs nox."""
+    """Run tests with the interpreter that runs nox."""
     session.run(sys.executable, "-m", "pytest", *arguments, *session.posargs)
 
 
 @nox.session
 def style(session: nox.Session) -> None:
-    """Hold the code against the rules of ruff, and its format; `nox -s style -- --fix` mends."""
+    """Check the style and the format of the code; `nox -s style -- --fix` corrects them."""
     fix = "--fix" in session.posargs
     session.run(sys.executable, "-m", "ruff", "check", *(["--fix"] if fix else []), ".")
     session.run(sys.executable, "-m", "ruff", "format", *([] if fix else ["--check"]), ".")
@@ -59,7 +59,7 @@ def site(session: nox.Session) -> None:
 
 @nox.session
 def package(session: nox.Session) -> None:
-    """Build sdist and wheel into dist/, and check what will be seen of them."""
+    """Build sdist and wheel into dist/, and check their metadata."""
     for folder in ("build", "dist"):
         shutil.rmtree(folder, ignore_errors=True)
     session.run(sys.executable, "-m", "build", *session.posargs)

@@ -64,16 +64,16 @@ def repeated() -> dict[str, str]:
     (author,) = (author["name"] for author in project["authors"])
     number = version()
     date, _ = changes(number)
-    citation = text("CITATION.cff")
+    citation = re.sub(r"^date-released: .*\n", "", text("CITATION.cff"), flags=re.MULTILINE)
+    if DATE.fullmatch(date):
+        citation = re.sub(r"^(version: .*\n)", rf'\1date-released: "{date}"\n', citation, flags=re.MULTILINE)
     for key, value in {
         "  - name": author,
         "version": number,
-        "date-released": f'"{date}"' if DATE.fullmatch(date) else None,
         "repository-code": project["urls"]["Source"],
         "url": project["urls"]["Homepage"],
     }.items():
-        if value is not None:
-            citation = re.sub(rf"^{key}: .*$", f"{key}: {value}", citation, count=1, flags=re.MULTILINE)
+        citation = re.sub(rf"^{key}: .*$", f"{key}: {value}", citation, count=1, flags=re.MULTILINE)
     citing = text("docs/citing.md")
     citing = re.sub(r"(?<=author  = \{\{).*(?=\}\})", author, citing)
     citing = re.sub(r"(?<=version = \{).*(?=\})", number, citing)

@@ -1,4 +1,4 @@
-"""Writing agents to their file, and reading them, see `springgym.envs.agent`."""
+"""Writing agents to their file, see `springgym.envs.agent`; `runs.policy_in` reads them."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from config import CONFIG_OF, Config, ConfigError, NetworkConfig, PPOConfig
-from gymnasium import spaces
+from config import NetworkConfig, PPOConfig
 from sb3_contrib import TQC, CrossQ
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -16,7 +15,7 @@ from stable_baselines3.common.running_mean_std import RunningMeanStd
 
 from springgym.cli import whole_file
 from springgym.envs import agent
-from springgym.envs.agent import SQUASHED, STATISTICS, Algorithm, Network, Policy
+from springgym.envs.agent import SQUASHED, STATISTICS, Algorithm
 
 
 class HER(SAC):
@@ -86,23 +85,3 @@ def _without_normalisation(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarra
         plain[f"{name}.weight"] = (weight * gain).astype(np.float32)
         plain[f"{name}.bias"] = (arrays[f"{layer}.bias"] + weight @ (shift - gain * mean)).astype(np.float32)
     return plain
-
-
-def load_policy(
-    path: Path, config: Config, observation_space: spaces.Space[Any], action_space: spaces.Space[Any]
-) -> Policy:
-    """Load the deterministic policy in a file, see `springgym.envs.agent.load_policy`.
-
-    Raises
-    ------
-    ConfigError
-        If the file is damaged, or does not fit configuration and environment.
-    """
-    (algo,) = (name for name, kind in CONFIG_OF.items() if type(config) is kind)
-    network = Network(algo)
-    if isinstance(config, NetworkConfig):
-        network = Network(algo, config.net_arch, config.activation, config.normalize)
-    try:
-        return agent.load_policy(path, network, observation_space, action_space)
-    except ValueError as error:
-        raise ConfigError(str(error)) from error

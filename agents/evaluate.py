@@ -39,7 +39,6 @@ from runs import HELD_OUT_SEED, Run, load_policy, open_run, time_limit, write_at
 import springgym  # noqa: F401  (registers the environments)
 from springgym.cli import guarded
 from springgym.envs.agent import Policy
-from springgym.envs.sb3 import make_sb3
 from springgym.envs.trained import published
 from springgym.registration import find
 
@@ -106,6 +105,8 @@ def evaluate(
     first_seed: int = HELD_OUT_SEED,
 ) -> Evaluation:
     """Run one episode from each of ``episodes`` seeds, all at once, with one agent."""
+    from springgym.envs.sb3 import make_sb3  # the only part that needs Stable-Baselines3: watching does not
+
     run = trained_on(agent, env_id)
     kwargs = trained_kwargs(run, env_kwargs) if run else controller_env_kwargs(agent, env_id, env_kwargs)
     with making(env_id):

@@ -34,14 +34,14 @@ from importlib import metadata
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
-import agent
 import yaml
-from config import Config, ConfigError, build_config
+from config import CONFIG_OF, Config, ConfigError, NetworkConfig, build_config
 from gymnasium import spaces
 from gymnasium.envs.registration import EnvSpec
 
 from springgym.cli import whole_file
-from springgym.envs.agent import Algorithm, Policy
+from springgym.envs import agent
+from springgym.envs.agent import Algorithm, Network, Policy
 from springgym.extras import SOURCE
 from springgym.strict_yaml import build, read_yaml
 
@@ -158,7 +158,7 @@ def _header(algo: Algorithm, env_id: str, seed: int, config: dict[str, Any]) -> 
 
 
 def load_policy(run: Run, observation_space: spaces.Space[Any], action_space: spaces.Space[Any]) -> Policy:
-    """Load the deterministic policy of a run's newest agent, normalisation included, see `agent.load_policy`.
+    """Load the deterministic policy of a run's newest agent, normalisation included, see `policy_in`.
 
     Raises
     ------
@@ -171,7 +171,27 @@ def load_policy(run: Run, observation_space: spaces.Space[Any], action_space: sp
             f"{run.folder} has no agent.npz{old}; if the run is your own, train.py --resume {run.folder} "
             "continues it and writes one"
         )
-    return agent.load_policy(run.agent, run.config, observation_space, action_space)
+    return policy_in(run.agent, run.config, observation_space, action_space)
+
+
+def policy_in(
+    path: Path, config: Config, observation_space: spaces.Space[Any], action_space: spaces.Space[Any]
+) -> Policy:
+    """Load the deterministic policy in a file, see `springgym.envs.agent.load_policy`.
+
+    Raises
+    ------
+    ConfigError
+        If the file is damaged, or does not fit configuration and environment.
+    """
+    (algo,) = (name for name, kind in CONFIG_OF.items() if type(config) is kind)
+    network = Network(algo)
+    if isinstance(config, NetworkConfig):
+        network = Network(algo, config.net_arch, config.activation, config.normalize)
+    try:
+        return agent.load_policy(path, network, observation_space, action_space)
+    except ValueError as error:
+        raise ConfigError(str(error)) from error
 
 
 def time_limit(spec: EnvSpec) -> int:

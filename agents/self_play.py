@@ -29,10 +29,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import torch
-from agent import ALGORITHMS, load_policy, save_agent
+from agent import ALGORITHMS, save_agent
 from config import MENDABLE, PPOConfig, load_config, whole
 from learner import new_model
-from runs import HELD_OUT_SEED, Run, create_run, locked, open_run
+from runs import HELD_OUT_SEED, Run, create_run, locked, open_run, policy_in
 from stable_baselines3.common.callbacks import BaseCallback
 from tqdm import tqdm
 
@@ -118,7 +118,7 @@ def spaces() -> tuple[Any, Any]:
 
 def player(run: Run, path: Path) -> Player:
     """Load an agent that was kept."""
-    return load_policy(path, run.config, *spaces())
+    return policy_in(path, run.config, *spaces())
 
 
 FROM_NOTHING = ("imitate=0", "log_std_init=-0.5", "learning_rate=1e-3", "normalize=false")

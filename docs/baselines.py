@@ -67,6 +67,8 @@ play without exploration.
 model is one of the algorithms. *Sparse* is PPO in a variant of the task that gives no reward before the aim
 is met. *Used* names what an algorithm used besides the rewards of its own episodes in the task. There,
 "model" stands for a controller that was written for the task.
+
+[Hand in rows](benchmark.md#hand-in-rows) says how you add an algorithm of your own.
 """
 CHANGED = """Tasks marked † have changed since some of their rows were made. The simulator now computes
 contact, or a control period, slightly differently. The balls of SpringBalance, SpringShove, SpringStack and
@@ -118,9 +120,9 @@ WORLDS = """## Other worlds
 Here the trained agents, and classical control, play each task in worlds that they were not made for. A cell
 gives the success and the return, as a share of that in the task as it is. *Rigid* is the rigid twin. *Soft*
 has springs of 0.3 times the stiffness. In *varied*, masses and the strength of actuators are drawn for each
-episode, from 0.8 to 1.2 times the usual. The other four hold out what *varied* does not show: masses of 0.6
-to 0.8 (*light*) and of 1.2 to 1.4 (*heavy*), and actuators of the same factors (*weak*, *strong*). Factors
-are drawn from the seed of an episode, so these sets are fixed. A cell is empty if a task cannot have a world.
+episode, from 0.8 to 1.2 times the usual. The other four worlds lie outside of these ranges: masses of 0.6 to
+0.8 (*light*) and of 1.2 to 1.4 (*heavy*), and actuators of the same factors (*weak*, *strong*). Factors are
+drawn from the seed of an episode, so these sets are fixed. A cell is empty if a task cannot have a world.
 
 ```sh
 python agents/generalize.py --rows docs/generalization.json
@@ -205,15 +207,17 @@ def table_of(tier: str, rows: Sequence[dict[str, Any]]) -> list[str]:
     by_cell = {of: runs for of, runs in everything.items() if of[0] in tasks}
     present = [name for name in ALGORITHMS if any(algorithm == name for _, algorithm in by_cell)]
     sparse = any((sparse_of(task), "ppo") in everything for task in tasks)
-    columns = ["best known", *present, *(["sparse"] if sparse else []), "used"]
+    first, *others = present  # on a phone, the first is seen without scrolling
+    columns = [first, "best known", *others, *(["sparse"] if sparse else []), "used"]
     lines = [f"| task | {' | '.join(columns)} |", "|---" * (len(columns) + 1) + "|"]
     for task in tasks:
         if any(name == task for name, _ in by_cell):
-            results = [ceiling(task, by_cell), *(shown(by_cell.get((task, name), [])) for name in present)]
+            reached, *further = (shown(by_cell.get((task, name), [])) for name in present)
+            results = [reached, ceiling(task, by_cell), *further]
             if sparse:
                 results.append(shown(everything.get((sparse_of(task) or "", "ppo"), [])))
             told = [
-                f"{name}: {', '.join(means_of(by_cell[task, name]))}"
+                f"{name}: {', '.join(means_of(by_cell[task, name]))}".replace(" ", "\N{NO-BREAK SPACE}")
                 for name in present
                 if (task, name) in by_cell and means_of(by_cell[task, name])
             ]

@@ -244,7 +244,7 @@ def of_the_trade(env_id: str, report: Report) -> list[str]:
     finer = f"costs {found.finer:.1f} times as much" if found.finer else "was not reached"
     return [
         f"A step costs {found.usual:.2g} µs of one core, in a batch of 64. A tenth of the median error "
-        f"{finer}; ten times of it would save {100 * found.saved:.0f} %. "
+        f"{finer}, and ten times the error would save {100 * found.saved:.0f} %. "
         "[Speed](../speed.md#error-against-cost) compares all environments.\n"
     ]
 
@@ -451,10 +451,10 @@ def table_of_estimates(report: Report) -> list[str]:
     ]
     for env_id, options, own in _errors(report):
         arguments = ", ".join(f'`{name}="{value}"`' for name, value in options.items())
-        lines.append(
-            f"| `{env_id}` | {arguments} | {own['median']:.1e} | {own['estimate']:.3f} | "
-            f"{own['estimate_low']:.2f} … {own['estimate_high']:.2f} |"
-        )
+        told = f"{own['estimate']:.3f} | {own['estimate_low']:.2f} … {own['estimate_high']:.2f}"
+        if not math.isfinite(own["estimate"]):  # where most periods have no error to speak of
+            told = "no error |"
+        lines.append(f"| `{env_id}` | {arguments} | {own['median']:.1e} | {told} |")
     return lines
 
 
@@ -533,7 +533,7 @@ assert env.unwrapped.compute_reward(achieved, achieved, info) == 1.0
   environment lists them.
 - The goal is reached if each kind of number is nearer to the desired one than its limit. The limits are
   those of success. `compute_reward` returns 1 or 0, for goals (K,) or (n, K). It is the reward of the
-  sparse variant: of SpringTumble, up to the strain of the body.
+  sparse variant (in SpringTumble, up to the strain of the body).
 - Episodes do not end when a goal is reached, since success means that it is held. So there is no
   `compute_terminated`. What is achieved 100 m or m/s away, or after the simulation diverged, reaches no
   goal.

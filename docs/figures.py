@@ -88,10 +88,10 @@ def environments(folder: Path, args: argparse.Namespace) -> None:
     Readings and keys are left out: at the size of the sheet nobody could read them.
     """
     rows = -(-len(ENVIRONMENTS) // COLUMNS)
-    caption = 34
+    caption = 50
     sheet = Image.new("RGB", (COLUMNS * TILE, rows * (TILE + caption)), "white")
     write = ImageDraw.Draw(sheet)
-    font = ImageFont.load_default(22)
+    font = ImageFont.load_default(33)  # 11 pixels where a page shows the sheet 740 pixels wide
     for n, row in enumerate(ENVIRONMENTS):
         motion = played(classical(row.id), SEED)
         motion = replace(motion, marks=[replace(marks, text=(), key=()) for marks in motion.marks])
@@ -123,7 +123,7 @@ def agent(folder: Path, args: argparse.Namespace) -> None:
 def posters(folder: Path, args: argparse.Namespace) -> None:
     """A picture out of each film that docs/build.py has made: pages show them where there are no films."""
     ids = {row.id for row in ENVIRONMENTS}
-    for film in sorted((HERE / "_media").glob("*.mp4")):
+    for film in sorted(set((HERE / "_media").glob("*.mp4")) - set((HERE / "_media").glob("*-small.mp4"))):
         frames, _ = imageio_ffmpeg.count_frames_and_secs(str(film))
         reader = imageio_ffmpeg.read_frames(str(film))
         width, height = next(reader)["size"]

@@ -8,10 +8,13 @@ from __future__ import annotations
 import json
 import subprocess
 from base64 import b64encode
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from functools import partial
 from itertools import count, islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import gymnasium as gym
 import imageio_ffmpeg
@@ -20,7 +23,7 @@ import numpy as np
 from springgym import load_agent
 from springgym.envs.agent import Policy
 from springgym.registration import ENVIRONMENTS
-from springgym.rendering import save_video
+from springgym.rendering import Marks, save_video
 from springgym.scenes import film, load, names
 from springgym.scenes.checks import Check, check
 from springgym.scenes.plots import draw
@@ -30,7 +33,8 @@ from springgym.view import save_page, save_viewer
 HERE = Path(__file__).parent
 SECONDS, LONG = 8.0, 16.0
 """Greatest length [s] of the film of an agent, and of that of a scene. The tippe-top turns over in 13 s."""
-PIXELS = 480
+PIXELS, SMALL = 480, 320
+"""Width of films, and of those of the front page."""
 SEED = 8
 STILL = 1.0
 """Seconds that a film goes on after an episode has succeeded, before it shows the next one."""
@@ -93,13 +97,25 @@ def rows(checks: Iterable[Check]) -> list[list[str]]:
 
 
 def environment(env_id: str, folder: Path) -> None:
-    """Write ID.mp4: episodes of the published agent, in real time."""
+    """Write episodes of the published agent, in real time: ID.mp4 and, for the front page, ID-small.mp4.
+
+    The small one has no readings and no key, which nobody could read.
+    """
     agent = load_agent(env_id)
-    env = agent.make(render_mode="rgb_array")
-    rate = 1 / env.unwrapped.episodes.task.period  # type: ignore[attr-defined]
-    pictures = played(env, agent.policy(env), round(STILL * rate))
-    write(islice(pictures, round(SECONDS * rate)), folder / f"{env_id}.mp4", rate)
-    env.close()
+    for pixels, suffix in (SMALL, "-small"), (PIXELS, ""):
+        env = agent.make(render_mode="rgb_array")
+        task: Any = env.unwrapped.episodes.task  # type: ignore[attr-defined]
+        if suffix:
+            task.marks = partial(unnamed, task.marks)
+        rate = 1 / task.period
+        pictures = played(env, agent.policy(env), round(STILL * rate))
+        write(islice(pictures, round(SECONDS * rate)), folder / f"{env_id}{suffix}.mp4", rate, pixels)
+        env.close()
+
+
+def unnamed(marks: Callable[..., Marks], *seen: Any) -> Marks:
+    """Return the marks of a moment without words."""
+    return replace(marks(*seen), text=(), key=())
 
 
 def played(env: gym.Env, policy: Policy, still: int) -> Iterator[np.ndarray]:
@@ -114,12 +130,12 @@ def played(env: gym.Env, policy: Policy, still: int) -> Iterator[np.ndarray]:
             left -= bool(info["is_success"])
 
 
-def write(frames: Iterable[np.ndarray], path: Path, rate: float) -> None:
+def write(frames: Iterable[np.ndarray], path: Path, rate: float, pixels: int = PIXELS) -> None:
     """A film of the size that pages show, small enough to load at once, and its first picture."""
     with TemporaryDirectory() as folder:
         large = Path(folder) / "large.mp4"
         save_video(frames, large, rate)
-        shrink = ["-vf", f"scale={PIXELS}:-2:flags=lanczos"]
+        shrink = ["-vf", f"scale={pixels}:-2:flags=lanczos"]
         ffmpeg = [imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-loglevel", "error", "-i", str(large)]
         first = ["-frames:v", "1", "-q:v", "4", str(path.with_suffix(".jpg"))]
         subprocess.run([*ffmpeg, *shrink, *first], check=True)

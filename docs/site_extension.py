@@ -82,8 +82,8 @@ def show_films(app: Sphinx, doctree: nodes.document) -> None:
                 paragraph["classes"] = ["films"]
                 image["alt"] = ""  # the caption beside it says the same
                 image.parent.append(nodes.inline("", caption))
-                if filmed:
-                    image.replace_self(nodes.raw("", film(static + name[1]), format="html"))
+                if (MEDIA / f"{name[1]}-small.mp4").exists():
+                    image.replace_self(nodes.raw("", film(f"{static}{name[1]}-small"), format="html"))
             elif filmed:
                 checks = MEDIA / f"{name[1]}.json"
                 shown = (

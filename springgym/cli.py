@@ -37,11 +37,11 @@ COMMANDS = {
 """Name of each subcommand, its module, the extra that holds what it needs, and a line of help."""
 
 SCRIPTS = {
-    "train": "train an agent, compare it with baselines and film it",
-    "evaluate": "compare agents on the same held-out episodes",
-    "watch": "watch an agent in a window, in the browser or as a film",
+    "train": ("agents", "train an agent, compare it with baselines and film it"),
+    "evaluate": ("agents", "compare agents on the same held-out episodes"),
+    "watch": ("scenes,render", "watch an agent in a window, in the browser or as a film"),
 }
-"""Subcommands that run the script of their name in ``agents/`` and need that extra, and a line of help."""
+"""Subcommands that run the script of their name in ``agents/``, the extras that they need, a line of help."""
 
 MENDABLE = (
     *(ValueError, KeyError, OSError, ArithmeticError, MemoryError, ImportError),
@@ -69,7 +69,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         args = _parse(name, arguments)
         return int(importlib.import_module(COMMANDS[args.command][0]).run(args))
 
-    extra = "agents" if name in SCRIPTS else COMMANDS[name][1] if name in COMMANDS else ""
+    extra = SCRIPTS[name][0] if name in SCRIPTS else COMMANDS[name][1] if name in COMMANDS else ""
     return guarded("springgym", run, extra=extra)
 
 
@@ -173,7 +173,7 @@ def _parser(given: str) -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"springgym {springgym.__version__}")
     commands = parser.add_subparsers(dest="command", metavar="command", required=True)
-    for name, line in SCRIPTS.items():
+    for name, (_, line) in SCRIPTS.items():
         commands.add_parser(name, help=line, add_help=False)  # the script reads its arguments
     for name, (module, _, line) in COMMANDS.items():
         command = commands.add_parser(name, help=line, description=line[0].upper() + line[1:] + ".")

@@ -26,8 +26,8 @@ SOFTEST = 1e12
 class Grain:
     """The properties of wood across its grain, radially (R, from the pith) and tangentially (T, along rings).
 
-    With E_L and ν_LR of its `Material`, the nine constants of an orthotropic solid. ν_ij is the contraction
-    along j by a pull along i.
+    Together with E_L and ν_LR of its `Material`, these are the nine constants of an orthotropic solid. ν_ij
+    is the contraction along j when a pull stretches the solid along i.
     """
 
     young_r: float

@@ -281,16 +281,21 @@ def table_of_tops(materials: Iterable[str]) -> Iterator[str]:
         cells = (
             top.material,
             f"{1e3 * top.mass:.0f}",
-            f"{top.frequency:.4g}",
+            plain(top.frequency, 4),
             f"{top.step:.2g}",
             f"{top.growth:.1e}",
             f"{top.gap:.3e}",
             f"{top.predicted:.3e}",
             f"{top.ratio:.2f}",
-            f"{top.alone:.2g}",
-            f"{top.batch:.2g}",
+            plain(top.alone, 2),
+            plain(top.batch, 2),
         )
         yield f"| {' | '.join(cells)} |"
+
+
+def plain(number: float, figures: int) -> str:
+    """Write a number in so many significant figures, as 29,840, and not 2.984e+04."""
+    return f"{float(f'{number:.{figures}g}'):,g}"
 
 
 # --- The command ------------------------------------------------------------------------------------

@@ -26,7 +26,7 @@ def run(name: str, arguments: Sequence[str]) -> int:
     ModuleNotFoundError
         If a package that the script needs is missing.
     """
-    if find_spec("stable_baselines3") is None:  # sooner than a package of which another extra would be told
+    if name != "watch" and find_spec("stable_baselines3") is None:  # sooner than a package beside it
         raise ModuleNotFoundError(f"springgym {name} needs Stable-Baselines3")
     if str(AGENTS) not in sys.path:
         sys.path[:] = [str(AGENTS), *sys.path, os.getcwd()]

@@ -140,12 +140,13 @@ def parse_yaml(text: str, source: str) -> Tree:
 
 
 def changed(tree: Tree, changes: Mapping[tuple[str, ...], object], source: str = "a change") -> Tree:
-    """Return a document with other values at some paths, added where their mapping exists or is new.
+    """Return a document in which the values at some paths are replaced; keys that are missing are added.
 
     Raises
     ------
     YamlError
-        If a path leads through what is no mapping or list, or is empty, or a key is no text.
+        If a path is empty, if a key is not a string, or if a path leads through a value that is neither a
+        mapping nor a list.
     """
     value, where = copy.deepcopy(tree.value), dict(tree.where)
     for path, given in changes.items():

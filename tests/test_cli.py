@@ -175,7 +175,7 @@ def test_the_words_of_a_script_are_its_own(capsys):
     assert capsys.readouterr().err.startswith("springgym evaluate: error: ")
 
 
-@pytest.mark.parametrize("name", ["train", "evaluate", "watch"])
+@pytest.mark.parametrize("name", ["train", "evaluate"])
 def test_a_script_says_which_extra_it_needs(name, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "stable_baselines3", None)
     assert main([name, "SpringTop-v0"]) == 2

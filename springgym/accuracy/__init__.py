@@ -159,7 +159,8 @@ def table(report: dict[str, Any]) -> str:
             if best is None:
                 cells.append("none")
                 continue
-            cell = f"{best['method']}, {best['cost']:.3g} µs"
+            cost = float(f"{best['cost']:.3g}")
+            cell = f"{best['method']}, {cost:,g} µs"
             verlet = cheapest(report[name], tolerance, among="verlet")
             if verlet and verlet is not best:
                 cell += f" (verlet × {verlet['cost'] / best['cost']:.1f})"

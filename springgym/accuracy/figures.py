@@ -48,6 +48,11 @@ APART = 0.042
 """Least distance of two names, as a share of the figure's height."""
 
 
+LIGHTEST = 0.18
+"""Greatest luminance of a name's colour: its contrast is 4.5 on white, and as much where a dark page
+turns figures light on dark."""
+
+
 class End(NamedTuple):
     """The last point of a curve, and the name that stands there."""
 
@@ -55,6 +60,19 @@ class End(NamedTuple):
     y: float
     name: str
     color: str
+
+
+def readable(color: str) -> tuple[float, float, float]:
+    """Return a colour, darkened as far as text needs it, see `LIGHTEST`."""
+    import numpy as np
+    from matplotlib.colors import to_rgb
+
+    coded = np.array(to_rgb(color))
+    light = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
+    light *= min(1.0, LIGHTEST / max(float(light @ (0.2126, 0.7152, 0.0722)), 1e-9))
+    coded = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+    red, green, blue = coded.tolist()
+    return red, green, blue
 
 
 def draw(name: str, result: dict[str, Any], path: Path) -> None:
@@ -69,7 +87,9 @@ def draw(name: str, result: dict[str, Any], path: Path) -> None:
     what = result.get("what") or TITLES.get(result["kind"], result["kind"])
     figure.suptitle(f"{name}: {what}", fontsize=10, x=0.1, ha="left")
     measured = result["measured"]
-    figure.text(0.99, 0.01, f"{measured['cpu']}, {measured['date']}", fontsize=SMALL, ha="right", color=PEER)
+    figure.text(
+        0.99, 0.01, f"{measured['cpu']}, {measured['date']}", fontsize=SMALL, ha="right", color=readable(PEER)
+    )
     save(figure, path)
 
 
@@ -114,7 +134,7 @@ def name_ends(axes: Axes, ends: Sequence[End]) -> None:
             textcoords="axes fraction",
             va="center",
             fontsize=SMALL,
-            color=end.color,
+            color=readable(end.color),
             arrowprops={"arrowstyle": "-", "color": end.color, "alpha": 0.35, "linewidth": 0.6, "shrinkB": 2},
             annotation_clip=False,
         )

@@ -9,6 +9,7 @@ from springgym.accuracy.figures import COLORS, INK, PEER, SMALL, End, name_ends,
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 OURS = "#2b5c96"
 
@@ -87,6 +88,8 @@ def _sizes(axes: Axes, rows: list[dict[str, Any]]) -> None:
 
 ACROSS = 3
 """Environments side by side."""
+PANEL, BELOW = 1.75, 0.55
+"""Height of a panel, and of the strip below all panels that names axis and methods [inch]."""
 
 
 def draw_curves(rows: list[dict[str, Any]], path: Path) -> None:
@@ -95,18 +98,16 @@ def draw_curves(rows: list[dict[str, Any]], path: Path) -> None:
     from matplotlib.figure import Figure
 
     names = list(dict.fromkeys(row["environment"] for row in rows))
-    down = -(-(len(names) + 1) // ACROSS)  # the last one holds the names of methods
-    figure = Figure(figsize=(7.6, 1.75 * down))
+    down = -(-len(names) // ACROSS)
+    tall = PANEL * down + BELOW
+    figure = Figure(figsize=(7.6, tall))
     FigureCanvasAgg(figure)
-    width, height = 0.9 / ACROSS, 0.95 / down
+    width, height = 0.9 / ACROSS, PANEL / tall
     costs = [row["microseconds"] for row in rows]
     errors = [row["median"] for row in rows]
-    for n, name in enumerate([*names, ""]):
-        left, top = 0.085 + width * (n % ACROSS), 0.985 - height * (n // ACROSS)
+    for n, name in enumerate(names):
+        left, top = 0.085 + width * (n % ACROSS), 1 - 0.02 / down - height * (n // ACROSS)
         axes = plain(figure, left, top - 0.8 * height, 0.86 * width, 0.62 * height)
-        if not name:
-            _methods_of(axes, list(dict.fromkeys(row["method"] for row in rows)))
-            continue
         axes.set(
             xscale="log",
             yscale="log",
@@ -129,21 +130,26 @@ def draw_curves(rows: list[dict[str, Any]], path: Path) -> None:
         for row in own:
             if row["default"]:
                 axes.plot(row["microseconds"], row["median"], "*", color="k", markersize=9, zorder=5)
-    figure.text(0.5, 0.008, "µs of one core a step, 64 copies", fontsize=SMALL, ha="center", color=INK)
+    strip = BELOW / tall
+    _name_methods(figure, list(dict.fromkeys(row["method"] for row in rows)))
+    figure.text(0.5, 0.75 * strip, "µs of one core a step, 64 copies", fontsize=SMALL, ha="center", color=INK)
     figure.text(
-        0.012, 0.5, "error of a control period / size of the body", fontsize=SMALL, va="center", rotation=90,
-        color=INK,
+        0.012, 0.5 + strip / 2, "error of a control period / size of the body", fontsize=SMALL, va="center",
+        rotation=90, color=INK,
     )  # fmt: skip
     path.parent.mkdir(parents=True, exist_ok=True)
     save(figure, path)
 
 
-def _methods_of(axes: Axes, methods: list[str]) -> None:
-    """Name the methods and the star in an empty panel."""
-    axes.set_axis_off()
-    axes.set(xlim=(0, 1), ylim=(0, 1))
-    signs = [("o-", COLORS.get(name, INK), name.replace("_", " ")) for name in methods]
-    for n, (sign, color, name) in enumerate([*signs, ("*", "k", "default")]):
-        y = 0.9 - 0.22 * n
-        axes.plot([0.02, 0.14], [y, y], sign, color=color, markersize=9 if sign == "*" else 3, markevery=[1])
-        axes.text(0.22, y, name, fontsize=SMALL, va="center", color=INK)
+def _name_methods(figure: Figure, methods: list[str]) -> None:
+    """Name the methods and the star below the panels."""
+    from matplotlib.lines import Line2D
+
+    signs = [(name.replace("_", " "), "o", 3, COLORS.get(name, INK)) for name in methods]
+    handles = [
+        Line2D([], [], marker=mark, markersize=size, color=color, label=label, linewidth=1.2 * (mark == "o"))
+        for label, mark, size, color in [*signs, ("default", "*", 9, "k")]
+    ]
+    figure.legend(
+        handles=handles, loc="lower center", ncols=len(handles), frameon=False, fontsize=SMALL, labelcolor=INK
+    )

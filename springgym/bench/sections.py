@@ -107,10 +107,10 @@ def all_features() -> dict[str, Feature]:
 
 
 def features(rounds: int) -> list[Row]:
-    """Steps a second, and µs a step of one copy, without each thing that a scene may have and with it.
+    """Measure steps a second, and µs a step of one copy, with and without each feature of a scene.
 
-    The paper's top by verlet at 0.5 ms, undamped and without a ledger but where it says so. No error is
-    stated: the scenes differ, and the method and step are one.
+    The scene is the paper's top, simulated by verlet at 0.5 ms. It is undamped, and has no ledger, unless a
+    row says otherwise. Rows state no error, since the scenes differ and method and step are the same.
     """
     cases = []
     for name, feature in all_features().items():

@@ -233,7 +233,7 @@ def vibrations(body: Body) -> tuple[np.ndarray, np.ndarray]:
     Raises
     ------
     TypeError
-        If it is no body.
+        If it is not a body.
     ValueError
         If the body is floppy.
     """

@@ -74,12 +74,12 @@ def precession_gap(
 ) -> float:
     """Return the share by which an elastic top's slow steady precession differs from that of the rigid one.
 
-    In steady precession the top keeps a shape that turns about the vertical with its axis, while its
-    particles pass through it. In each position about its axis that shape is the one in which springs carry
-    weight and rotation (`relative_equilibrium`). With its moment of the weight T and its angular momentum L,
-    of velocities that follow from the turning shape, the rate Ω solves T = Ω ẑ × L.
+    In steady precession the top keeps its shape. The shape turns about the vertical together with the axis,
+    and the particles pass through it. At each angle about the axis, the springs balance the weight and the
+    rotation (`relative_equilibrium`). The weight has the moment T about the pin, and the turning shape has
+    the angular momentum L. Then the rate Ω solves T = Ω ẑ × L.
 
-    Holds as long as the spin is slow beside the vibrations of the body: shapes are those of rest.
+    The result is valid as long as the body spins slowly compared with its vibrations.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def precession_gap(
     TypeError
         If an argument has the wrong type, see `springgym.checks`.
     ValueError
-        If it is no heavy top, stands upright, has no such precession, or no such shape.
+        If the body is not a heavy top, if it stands upright, or if it has no such precession or shape.
     """
     tilt, spin = number("tilt", tilt, UPRIGHT, math.pi - UPRIGHT), number("spin", spin)
     top = heavy_top(body, pinned, gravity)

@@ -82,7 +82,7 @@ class _MaskModel(models.PrimitiveModel):
 
 
 def as_lanes(context, builder, value, given: types.Type, lanes: Lanes):
-    """``value`` itself if it is `Lanes`, else the number repeated in every lane."""
+    """Return ``value`` itself if it is `Lanes`, else `Lanes` that repeat the number."""
     if isinstance(given, Lanes):
         return value
     number = context.cast(builder, value, given, lanes.dtype)

@@ -670,8 +670,8 @@ def get_state(env: object, copies: ArrayLike | None = None) -> dict[str, Any]:
     Raises
     ------
     TypeError
-        If it is no environment of springgym, or several in a loop of Gymnasium's; or if copies are named, and
-        it is no native batch.
+        If it is not an environment of springgym, or if it is a loop of Gymnasium's over several; or if
+        copies are named, and it is not a native batch.
     ValueError
         If there are no such copies.
     """
@@ -697,8 +697,8 @@ def set_state(env: Any, state: Mapping[str, Any], copies: ArrayLike | None = Non
     Raises
     ------
     TypeError
-        If it is no environment of springgym, or several in a loop of Gymnasium's; or if copies are named, and
-        it is no native batch.
+        If it is not an environment of springgym, or if it is a loop of Gymnasium's over several; or if
+        copies are named, and it is not a native batch.
     ValueError
         If the state does not fit this environment, see `SpringEnv.set_state`, or there are no such copies.
         Nothing changes then.

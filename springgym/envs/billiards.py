@@ -211,15 +211,16 @@ class BilliardsOptions(EnvOptions, total=False):
 class SpringBilliardsEnv(SpringEnv, gym.Env):
     """
     ## Description
-    Strike a ball once, so that it sends another one into a pocket. Both slide on a table without cushions,
-    and friction slows them by 0.49 m/s². There is no second stroke: the direction of the first one, and its
-    strength, decide. Each ball is a single particle with a radius of 3 cm and a mass of 170 g; it slides and
-    does not turn, and both are smooth. A ball that has fallen into the pocket is held there by a net.
+    Strike a ball once, so that it sends another one into a pocket. The table has no cushions, and friction
+    slows both balls by 0.49 m/s². There is no second stroke: the direction and the strength of the first one
+    decide. Each ball is a single particle with a radius of 3 cm and a mass of 170 g. It is smooth, and slides
+    without turning. A net holds a ball that has fallen into the pocket.
 
-    What makes it hard is that balls are round. They part along the line between their centres, so that an
-    error δ of the direction becomes an error of δ d/2R behind the impact, for a way d to it: 12 times as much
-    at 0.7 m. The pocket is ±6 cm wide, at 0.6 m, so δ must be less than ±0.01 rad, and less for a cut. Hardly
-    one stroke of a hundred is that good by chance, and the next second shows which.
+    The task is hard because balls are round: the second ball leaves along the line between their centres. So
+    if the stroke is off by an angle δ, the second ball is off by δ d/2R, where d is the distance between the
+    balls and R their radius: 12 times as much at 0.7 m. The pocket reaches 6 cm to each side, 0.6 m away.
+    Therefore δ must be less than 0.01 rad, and even less for a cut. By chance, hardly one stroke in a hundred
+    is that good, and an agent sees only a second later whether it was.
 
     ## Action Space
     `Box(-1, 1, (2,), float32)`, held for a control period of 20 ms.
@@ -228,7 +229,7 @@ class SpringBilliardsEnv(SpringEnv, gym.Env):
     |---|---|---|---|
     | `"stroke"` | 0, 1 | force on the first ball along x, y, for a period: 2.3 m/s at 1 | ±20 N |
 
-    The first action of a size above 0.1 is the stroke. All later ones have no effect but their cost. Actions
+    The first action larger than 0.1 is the stroke. Later actions have no effect except their cost. Actions
     outside of ±1 are clipped.
 
     ## Observation Space
@@ -250,8 +251,8 @@ class SpringBilliardsEnv(SpringEnv, gym.Env):
     ## Rewards
     With G(x; b, m) = 0.1^(d²), d = max(|x| − b, 0)/m, the distance e of the second ball from the pocket and
     the effort E = 1 − 0.1 mean(a²), the reward is 0 before the stroke, 0.2 E G(e; 0.06, 0.5) after it, and E
-    from when on the ball is in the pocket: from 0 to 1. Its terms in `info` are `reward_near`, before the
-    ball is there, and `reward_potted`.
+    once the ball is in the pocket: from 0 to 1. Its terms in `info` are `reward_near`, until the ball is in
+    the pocket, and `reward_potted`.
 
     ## Starting State
     Both balls rest. The second one is within U(−0.2, 0.2) m of the middle along x and y, U(0.5, 0.8) m from
@@ -265,7 +266,7 @@ class SpringBilliardsEnv(SpringEnv, gym.Env):
     falls if its centre is less than 0.06 m from that of the pocket at the end of a control period.
 
     ## Information
-    `away` e [m], `speed`, the larger one of both balls [m/s], `energy` and `energy_drift` [J], `strain`. Five
+    `away` e [m], `speed` of the faster ball [m/s], `energy` and `energy_drift` [J], `strain`. Five
     entries describe the pair of balls. `pairs_touching` tells whether it touches now. Since the start of the
     episode, `pairs_impulse` is its impulse [N·s], `pairs_least_gap` its least gap [m], at most the reach of
     its contact, `pairs_missed` counts contacts that were found too late, and `too_fast` those that the step

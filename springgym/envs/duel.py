@@ -133,7 +133,7 @@ class Script:
         Force across the way to it, to the right of a top that spins anticlockwise, so that it rolls off the
         other one [N].
     lead
-        Along the other top's velocity, less the own one [kg/s].
+        Along the other top's velocity, less that of one's own top [kg/s].
     guard
         Force towards the middle a metre away from it [N/m].
     damping
@@ -361,7 +361,7 @@ class SpringDuelEnv(SpringEnv, gym.Env):
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
-    | `"push"` | 0, 1 | force on the own crown along x, y | ±40 N |
+    | `"push"` | 0, 1 | force on the crown of one's own top along x, y | ±40 N |
 
     Nothing drives the spin. Actions outside of ±1 are clipped.
 
@@ -370,23 +370,23 @@ class SpringDuelEnv(SpringEnv, gym.Env):
 
     | `observation` | entries | meaning | unit of 1.0 |
     |---|---|---|---|
-    | `"particles"` | 0–83 | positions of ring particles 0–11, crown and tip, own top first | 0.7 m |
+    | `"particles"` | 0–83 | positions of ring particles 0–11, crown and tip, one's own top first | 0.7 m |
     | | 84–167 | their velocities | 30 rad/s × its distance from the axis + 1 m/s |
-    | `"frame"` | 0, 1 | centre of mass x, y of the own top, from the middle | 0.5 m |
+    | `"frame"` | 0, 1 | centre of mass x, y of one's own top, from the middle | 0.5 m |
     | | 2, 3 | its velocity x, y | 1 m/s |
     | | 4, 5 | its axis x, y | 0.2 |
     | | 6, 7 | its angular velocity across the axis, x, y | 1 rad/s |
     | | 8 | its spin | 25 rad/s |
     | | 9, 10 | its angular momentum x, y | 6 kg·m²/s |
-    | | 11, 12 | centre of mass x, y of the other top, from the own one's | 0.5 m |
-    | | 13, 14 | its velocity x, y, less the own one's | 1 m/s |
+    | | 11, 12 | centre of mass x, y of the other top, from that of one's own | 0.5 m |
+    | | 13, 14 | its velocity x, y, less that of one's own | 1 m/s |
     | | 15, 16 | its axis x, y | 0.2 |
     | | 17, 18 | its angular velocity across the axis, x, y | 1 rad/s |
     | | 19 | its spin | 25 rad/s |
     | | 20, 21 | its angular momentum x, y | 6 kg·m²/s |
 
     ## Rewards
-    With G(x; b, m) = 0.1^(d²), d = max(|x| − b, 0)/m, the tilt θ of the own top, its distance a and the
+    With G(x; b, m) = 0.1^(d²), d = max(|x| − b, 0)/m, the tilt θ of one's own top, its distance a and the
     other's b from the middle, at most 1.1 m, and the effort E = 1 − 0.1 mean(a²) of its actions, every step
     earns 0.002 G(θ; 0.1, 0.6) G(a; 0.3, 0.8) E b/1.1 m, and the step that wins earns 0.998 more: from 0 to 1.
     So waiting pays less than winning. The terms in `info` are `reward_driven` and `reward_won`.
@@ -400,7 +400,7 @@ class SpringDuelEnv(SpringEnv, gym.Env):
     Termination: a top is tilted by more than 0.7 rad, or its centre of mass more than 1.1 m from the middle,
     or the simulation diverged (`info["diverged"]`; reward 0). A top that is down loses. If both go down in
     the same step, both lose. Truncation: 500 steps, 10 s. `info["is_success"]`: the other top is down, and
-    the own one is not, for the last 1 steps: the duel is won.
+    one's own is not, for the last 1 steps: the duel is won.
 
     ## Information
     `tilt` θ [rad], `away` a [m], `other_away` b [m], `energy` and `energy_drift` [J], `strain`. Five entries

@@ -31,7 +31,7 @@ class Aim(NamedTuple):
 
 
 class Goals:
-    """The goals of a task: of all `Aim`, one after another, K numbers in all. Its instances are immutable."""
+    """The goals of a task: the K numbers of all its `Aim`, one after another. Instances are immutable."""
 
     def __init__(self, aims: Sequence[Aim]) -> None:
         self.size = sum(aim.size for aim in aims)
@@ -39,7 +39,7 @@ class Goals:
         self.within = np.array([aim.within for aim in aims])
 
     def space(self, observation: spaces.Box) -> spaces.Dict:
-        """Return the space of observations with goals, in which the rest is of another space."""
+        """Return the space of observations with goals, given the space of what else is observed."""
         goal = spaces.Box(-FARTHEST, FARTHEST, (self.size,), np.float64)
         return spaces.Dict({"observation": observation, "achieved_goal": goal, "desired_goal": goal})
 

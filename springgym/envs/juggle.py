@@ -327,7 +327,8 @@ class SpringJuggleEnv(SpringEnv, gym.Env):
     - `observation`: see above.
     - `restitution=0.85`: a ball that loses more in each bounce than the usual one (0.95).
     - `balls=2`: two balls that take turns. Each bounces on a vertical of its own, 0.12 m left or right of
-      home, and the text above holds for each. `error` and `aside` are the larger ones. The second ball starts
+      home, and the text above holds for each. `error` and `aside` are those of the ball that
+      is farther off. The second ball starts
       on its way up to the wanted height.
     - `hard=True`: wanted heights of U(0.4, 1) m.
     - `integrator` ("verlet"), `step` (3.13e-4 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,

@@ -378,15 +378,16 @@ class LabyrinthOptions(EnvOptions, total=False):
 class SpringLabyrinthEnv(SpringEnv, gym.Env):
     """
     ## Description
-    A ball rolls on a board that you tilt, as in the game. Bring it to the end of a way, past the holes beside
-    it. Every episode has another board: one of 3776 ways over a square of 4 × 4 cells, shifted at random, and
-    18 holes, some of which run into one another. The ball is solid and rolls: six particles, joined by 15
+    A ball rolls on a board that you tilt, as in the game. Bring it to the end of a path, past the holes
+    beside it. Every episode has another board: one of 3776 paths over a square of 4 × 4 cells, shifted at
+    random, and 18 holes, some of which overlap. The ball is solid and rolls: six particles, joined by 15
     springs, carry a sphere of 2.5 cm.
 
-    The world's axes are those of the board, and its tilt turns the weight. What else a ball feels on a board
-    that turns is left out. Along each axis that is ω²r, at most 0.06 m/s² at 0.4 rad/s and 0.36 m, where the
-    weight gives up to 1.5 m/s². Across the board it is 2ωv, some 0.2 m/s², and a push where the rate jumps;
-    both change how hard the ball presses on the board, but not how it rolls.
+    The world's axes are those of the board. Tilting the board changes the direction of the weight, and the
+    task leaves out all inertial forces of the turning board. Along the board these would be ω²r, at most
+    0.06 m/s² at 0.4 rad/s and 0.36 m, while the weight gives up to 1.5 m/s². Perpendicular to the board they
+    would be 2ωv, some 0.2 m/s², and a push when the rate jumps. These two change how hard the ball presses on
+    the board, but not how it rolls.
 
     ## Action Space
     `Box(-1, 1, (2,), float32)`, held for a control period of 20 ms.
@@ -404,40 +405,40 @@ class SpringLabyrinthEnv(SpringEnv, gym.Env):
     |---|---|---|---|
     | `"particles"` | 0–17 | positions of the ball's particles | 0.2 m |
     | | 18–35 | their velocities | 0.3 m/s |
-    | | 36–61 | points x, y of the way, from the first to the last | 1 m |
+    | | 36–61 | points x, y of the path, from the first to the last | 1 m |
     | | 62–97 | middles x, y of the holes | 1 m |
     | | 98, 99 | angles of the board towards x, y | 1 rad |
-    | | 100 | number of legs that are done | 1 |
-    | `"frame"` | 0, 1 | place x, y of the ball | 0.2 m |
+    | | 100 | number of completed legs | 1 |
+    | `"frame"` | 0, 1 | position x, y of the ball | 0.2 m |
     | | 2, 3 | its velocity x, y | 0.3 m/s |
     | | 4, 5 | its angular velocity x, y | 12 rad/s |
     | | 6, 7 | angles of the board towards x, y | 0.1 rad |
-    | | 8–15 | points x, y of the way, from the ball: the one passed last and the next three | 0.2 m |
-    | | 16 | length of the way that is left | 1 m |
+    | | 8–15 | points x, y of the path, from the ball: the last one passed and the next three | 0.2 m |
+    | | 16 | remaining length of the path | 1 m |
     | | 17–24 | middles x, y of the four nearest holes, from the ball | 0.1 m |
 
     ## Rewards
-    The way has 13 points and begins at the first. The next one is passed when the ball is less than 5 cm from
-    it. The progress p is the share of the way's length that is done: what is left is the distance to the next
-    point, and the legs behind it. With G(x; b, m) = 0.1^(d²), d = max(|x| − b, 0)/m, the distance e of the
-    ball from the end, the effort E = 1 − 0.1 mean(a²), and K = 1 on the last leg, else 0, the reward is
-    E [p + K G(e; 0.02, 0.2)]/2, from 0 to 1. Its terms in `info` are `reward_way` and `reward_end`, the
-    halves with p and with G.
+    The path has 13 points, and the ball starts at the first. It passes the next point when it is less than
+    5 cm from it. What remains is the distance to the next point, and all legs after it. The progress p is the
+    share of the path's length that does not remain. With G(x; b, m) = 0.1^(d²), d = max(|x| − b, 0)/m, the
+    distance e of the ball from the end, the effort E = 1 − 0.1 mean(a²), and K = 1 on the last leg, else 0,
+    the reward is E [p + K G(e; 0.02, 0.2)]/2, from 0 to 1. Its terms in `info` are `reward_way` and
+    `reward_end`, the halves with p and with G.
 
     ## Starting State
-    The ball rests at the first point of the way, and the board is level. The way goes from cell to
-    neighbouring cell of 18 cm, twelve times, and meets none twice; all such ways are equally likely. The
+    The ball rests at the first point of the path, and the board is level. The path goes from a cell of 18 cm
+    to a neighbouring one, twelve times, and visits no cell twice; all such paths are equally likely. The
     middle of each cell is shifted by U(−1.5, 1.5) cm along x and y, and the first leg is shorter by a share
-    U(0, 0.6). Holes are half-way between two or four middles, where they are nearest to the way, and have a
-    radius of 5.5 cm.
+    U(0, 0.6). Holes have a radius of 5.5 cm. They lie half-way between the middles of two or four cells, at
+    those of these points that are nearest to the path.
 
     ## Episode End
-    Termination: the ball falls, with its centre above a hole, or more than 0.36 m from the middle along x or
-    y; or the simulation diverged (`info["diverged"]`; reward 0). Truncation: 600 steps, 12 s.
-    `info["is_success"]`: all points are passed, and e < 0.05 m, for the last 25 steps.
+    Termination: the ball falls, because its centre is above a hole, or more than 0.36 m from the middle along
+    x or y; or the simulation diverged (`info["diverged"]`; reward 0). Truncation: 600 steps, 12 s.
+    `info["is_success"]`: the ball has passed all points, and e < 0.05 m, for the last 25 steps.
 
     ## Information
-    `left` [m], the length of the way that is left, `gap` between the ball's centre and the nearest hole's rim
+    `left` [m], the remaining length of the path, `gap` between the ball's centre and the nearest hole's rim
     [m], `tilt` of the board [rad], `energy` and `energy_drift` [J], `strain`.
 
     ## Arguments

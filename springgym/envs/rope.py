@@ -209,8 +209,8 @@ class SpringRopeEnv(SpringEnv, gym.Env):
 
     ## Action Space
     `Box(-1, 1, (2,), float32)`, held for a control period of 50 ms. The entries are the acceleration of the
-    trolley along x and y, at ±1 ±3 m/s². Its speed along each is limited to 3 m/s. Actions outside of ±1 are
-    clipped.
+    trolley along x and y: at ±1 ±3 m/s². Its speed along each axis is limited to 3 m/s. Actions outside of
+    ±1 are clipped.
 
     ## Observation Space
     `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.

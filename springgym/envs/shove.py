@@ -294,7 +294,7 @@ class SpringShoveEnv(SpringEnv, gym.Env):
     box from its place, its heading φ, the distance a between ball and box and the effort
     E = 1 − 0.1 mean(a²), the reward is E [0.05 G(a; 0.3, 0.5) + 0.95 N (1 + G(φ; 0.05, 0.8))/2] with
     N = [L(e; 0.03, 0.3) + G(e; 0.03, 0.5)]/2: from 0 to 1. Its terms in `info` are `reward_approach`,
-    `reward_near` and `reward_heading`, its three products.
+    `reward_near` and `reward_heading`, its terms when multiplied out.
 
     ## Starting State
     Both lie on the floor at rest. The box is U(0.3, 0.8) m from its place in any direction, and turned by
@@ -304,8 +304,8 @@ class SpringShoveEnv(SpringEnv, gym.Env):
     ## Episode End
     Termination: ball or box is more than 1.8 m from the place, the box is tipped over, or the simulation
     diverged (`info["diverged"]`; reward 0). Truncation: 250 steps, 10 s. `info["is_success"]`: e < 0.08 m,
-    |φ| < 0.2 rad, and the box moves slower than 0.1 m/s (0.2 m times its turning added), for the last 12
-    steps.
+    |φ| < 0.2 rad, and the box moves slower than 0.1 m/s (plus 0.2 m times its rate of turning), for the last
+    12 steps.
 
     ## Information
     `error` e [m], `heading` φ [rad], `speed` [m/s], `energy` and `energy_drift` [J], `strain`. Five entries

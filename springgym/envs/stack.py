@@ -223,7 +223,7 @@ class SpringStackEnv(SpringEnv, gym.Env):
     """
     ## Description
     A box lies on a shelf, and beyond the shelf's edge a block stands on the floor. Push the box with a ball
-    over the edge, so that it comes to lie on the block, square on it. The ball can only push, and it falls if
+    over the edge, so that it lies on the block, parallel to it. The ball can only push, and it falls if
     it follows too far. The box falls if it crosses the edge where there is no block. Box and block have 8
     corners and 28 springs each. The shelf is fixed. The ball is solid and rolls: six particles, joined by 15
     springs, carry a sphere of 10 cm. It does not stop by itself.
@@ -264,22 +264,22 @@ class SpringStackEnv(SpringEnv, gym.Env):
     centres of box and block as seen from above, the angle φ by which the box is turned from the block, the
     distance a between ball and box and the effort E = 1 − 0.1 mean(a²), the reward is
     E [0.05 G(a; 0.3, 0.5) + 0.95 N (1 + G(φ; 0.05, 0.8))/2] with N = [L(e; 0.03, 0.3) + G(e; 0.03, 0.5)]/2:
-    from 0 to 1. Its terms in `info` are `reward_approach`, `reward_near` and `reward_heading`, its three
-    products.
+    from 0 to 1. Its terms in `info` are `reward_approach`, `reward_near` and `reward_heading`, its
+    terms when multiplied out.
 
     ## Starting State
     Everything is at rest. The middle of the box is U(0.5, 0.9) m from the edge, and U(−0.3, 0.3) m along the
     edge from the edge's middle. The box is turned by U(−0.5, 0.5) rad. The ball lies U(0.35, 0.5) m from it,
     on the side away from the edge, by up to 60°. The block stands U(0.08, 0.1) m from the shelf and U(−0.3,
-    0.3) m from the edge's middle, turned as the shelf is. `reset(options={"heading": …})` sets the angle by
+    0.3) m from the edge's middle, parallel to the shelf. `reset(options={"heading": …})` sets the angle by
     which the box is turned.
 
     ## Episode End
     Termination: the middle of box or ball is less than 0.1 m above that of the block, because it has fallen;
     box or block is tipped over; or the simulation diverged (`info["diverged"]`; reward 0). Truncation:
     300 steps, 12 s. `info["is_success"]`: e < 0.08 m, |φ| < 0.2 rad, and the box moves slower than 0.1 m/s
-    (0.2 m times its turning added), for the last 12 steps. A box whose middle is so near the block's lies on
-    the block alone, none of it on the shelf.
+    (plus 0.2 m times its rate of turning), for the last 12 steps. A box this close to the middle of the block
+    rests on the block alone, not on the shelf.
 
     ## Information
     `error` e [m], `heading` φ [rad], `speed` [m/s], `energy` and `energy_drift` [J], `strain`. Five entries

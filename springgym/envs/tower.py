@@ -275,15 +275,16 @@ class TowerOptions(EnvOptions, total=False):
 class SpringTowerEnv(SpringEnv, gym.Env):
     """
     ## Description
-    Blocks stand on the floor around one of them. Set them on it, one after the other, so that a tower stands.
-    A crane lifts them. It pulls at the middle of the upper face of one block, so that the block hangs and
-    swings as a pendulum does. The crane lets go of a block once, and then takes the next one: what it has let
-    go must stay, though the next block may knock it down. Each block is 16 cm broad, 24 cm high and
-    of 1 kg, and has 8 corners and 28 springs. Nothing but friction holds the tower together.
+    Blocks stand on the floor around another one. Stack them on it, one after the other, so that a tower
+    stands. A crane lifts them. It pulls at the middle of the upper face of one block, so that the block
+    swings like a pendulum. The crane lets go of each block once, and then takes the next one. A block that it
+    has let go must stay in its place, although the next one may knock it down. Each block is 16 cm wide and
+    24 cm high, has a mass of 1 kg, and consists of 8 corners and 28 springs. Only friction holds the tower
+    together.
 
-    The force F acts l = 12 cm above the centre of mass. With the moment I = 0.0208 kg m², M X'' = F and
-    I n'' = l (F − M g n) for the horizontal way X and the tilt n: a block that hangs swings by itself at
-    7.5 rad/s, and nothing but the crane damps that.
+    The force F of the crane acts l = 12 cm above the centre of mass. With the moment of inertia
+    I = 0.0208 kg m², the horizontal position X and the tilt n obey M X'' = F and I n'' = l (F − M g n). So a
+    block that hangs swings at 7.5 rad/s, and only the crane can damp this motion.
 
     ## Action Space
     `Box(-1, 1, (4,), float32)`, held for a control period of 40 ms.
@@ -297,8 +298,8 @@ class SpringTowerEnv(SpringEnv, gym.Env):
 
     ## Observation Space
     `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped. "The block" is the one that
-    the crane holds, or the last one when all are let go. Its place is upon the block below: that one's
-    centre, and a block's height above it.
+    the crane holds, or the last one when all are let go. Its place is one block's height above the centre of
+    the block below.
 
     | `observation` | entries | meaning | unit of 1.0 |
     |---|---|---|---|
@@ -319,31 +320,32 @@ class SpringTowerEnv(SpringEnv, gym.Env):
     | | 26–28 | centre of block 3, from its place | 0.5 m |
     | | 29, 30 | its third axis x, y | 0.2 |
 
-    With other numbers of blocks, there are 48 more numbers or 5 more for each one, and 4 is that number.
+    Each further block adds 48 entries to `"particles"` and 5 to `"frame"`. Where the table says 4, it means
+    the number of blocks.
 
     ## Rewards
     With G(x; b, m) = 0.1^(d²) and L(x; b, m) = 1/(1 + 9d²), d = max(|x| − b, 0)/m, the distance e of a block
     from its place, N(e) = [L(e; 0.03, 0.5) + G(e; 0.03, 0.3)]/2 and the effort E = 1 − 0.1 mean(a²), the
-    reward is E Σ w N(e), over the blocks that the crane holds or has let go, from 0 to 1. Each block is worth
-    twice the one below: of b blocks above the lowest, w = 2^(k−1)/(2^b − 1) for block k, and a quarter of
-    this while it is held. Its terms in `info` are `reward_carried`, that of the block that is held, and
-    `reward_built`, those of the others.
+    reward is E Σ w N(e), over the blocks that the crane holds or has let go, from 0 to 1. With b blocks above
+    the lowest, block k has the weight w = 2^(k−1)/(2^b − 1), twice that of the block below. While the crane
+    holds a block, its weight is a quarter of this. The terms in `info` are `reward_carried`, that of the
+    block that the crane holds, and `reward_built`, the sum of the others.
 
     ## Starting State
     Everything is at rest. The lowest block is within U(−0.1, 0.1) m of the middle along x and y. The others
-    stand U(0.45, 0.7) m from it, in directions that are spread evenly from the first one on, up to a fifth of
-    their spacing. That direction is uniform, and so are the directions to which blocks are turned.
+    stand U(0.45, 0.7) m from it, evenly around it, except for random shifts of up to a fifth of their
+    spacing. The direction of the first one is uniform, and so are the headings of all blocks.
 
     ## Episode End
     Termination: a block that has been let go lies 5 cm lower than its place in the tower, or leans by more
-    than 37°; a block is more than 2 m from the middle, or high; or the simulation diverged
+    than 37°; a block is more than 2 m from the middle, or more than 2 m high; or the simulation diverged
     (`info["diverged"]`; reward 0). Truncation: 500 steps, 20 s. `info["is_success"]`: all blocks are let go,
     each is less than 0.06 m aside from the one below, and none moves faster than 0.1 m/s, for the last 25
     steps.
 
     ## Information
-    `held`, the number of the block that is held; `error`, the largest distance by which a block of the tower
-    is aside from the one below [m]; `speed`, the largest of all blocks [m/s]; `energy` and `energy_drift`
+    `held`, the number of the block that the crane holds; `error`, the largest horizontal distance between a
+    block of the tower and the one below [m]; `speed` of the fastest block [m/s]; `energy` and `energy_drift`
     [J], `strain`. Five entries describe the pairs of bodies. `pairs_touching` counts those that touch now.
     Since the start of the episode, `pairs_impulse` is their impulse [N·s], `pairs_least_gap` their least gap
     [m], at most the reach of their contact, `pairs_missed` counts contacts that were found too late, and

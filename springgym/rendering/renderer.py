@@ -1,4 +1,4 @@
-"""Draws frames in software with pygame: one drawing code for arrays and for the window."""
+"""Draw frames in software with pygame, with the same code for arrays and for the window."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ CHORDS = 4
 
 
 class Renderer:
-    """Draws a body, its scenery and marks; keeps the trace between frames.
+    """Draw a body, its scenery and marks, and keep the trace between frames.
 
-    Nothing is imported or opened before the first frame, and a window only in mode "human".
+    pygame is imported with the first frame. A window opens only in mode "human".
 
     Parameters
     ----------
@@ -117,10 +117,10 @@ class Renderer:
         return self._show(picture)
 
     def follow(self, positions: ArrayLike) -> None:
-        """Let the trace pass through a moment that is not drawn itself.
+        """Let the trace pass through a moment that is not drawn.
 
-        From then on, until the next `reset`, it passes through the moments it is told of, and not through
-        those drawn: who draws one picture in ten calls this for all ten.
+        After the first call, and until the next `reset`, the trace passes only through the moments given
+        here. So if you draw one moment in ten, call this for all ten.
 
         Parameters
         ----------

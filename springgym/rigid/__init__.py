@@ -137,7 +137,7 @@ def advance_kernel(
     together: bool = False,
     cycles: bool = False,
 ) -> Callable[..., None]:
-    """As `springgym.integrators.advance_kernel`; one for all methods."""
+    """Return the compiled function that advances blocks of copies of rigid bodies; all methods share it."""
     return kernel_reading(read, move_together) if together else kernel_reading(read)
 
 

@@ -29,7 +29,7 @@ class Shape(NamedTuple):
     """(3,) about that point [kg·m²]. The first two are those that are closest to each other, as 1/I."""
 
     def triad(self, markers: tuple[int, int, int]) -> np.ndarray:
-        """(3, 3) the body's triad in principal axes, its rows."""
+        """Return the body's triad in principal axes, as the rows of a matrix (3, 3)."""
         if self.moments[0] == NEVER:
             return np.eye(3)
         return np.ascontiguousarray(axes(self.positions, markers).T)

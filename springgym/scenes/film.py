@@ -39,6 +39,9 @@ FLAT = 1e-4
 """Share of the largest squared semi-axis below which the least is that of a disk."""
 THIN = 0.02
 """Half of the thickness of a flat round feature as it is drawn, as a share of its radius."""
+UNEVEN, CAP = 0.1, 0.75
+"""A ball whose centre of mass is off its centre by more than this share of its radius has a dark cap on its
+light end, within the angle of this cosine."""
 CALM = 0.5
 """Seconds over which the camera's way is smoothed."""
 
@@ -69,15 +72,39 @@ def frames(recording: Recording, fps: float = FPS, speed: float | None = None) -
     """Yield pictures (height, width, 3) of a recording, ``fps`` per second of the film, see `save_film`."""
     plan, x = recording.plan, recording.positions
     pace = speed or plan.view.speed or visible_speed(turning(plan.scene, recording.bodies), fps)
-    renderer = Renderer(look(plan.scene, plan.trace), camera(recording), scenery(recording), SIZE)
+    drawn, strain = look(plan.scene, plan.trace), None
+    if plan.view.strain:
+        strain = strains(drawn, plan.scene.of_bodies("lengths"), x)
+        drawn = replace(drawn, strain_scale=strain_scale(strain))
+    renderer = Renderer(drawn, camera(recording), scenery(recording), SIZE)
     along = way(recording)
     still, note = renderer.camera, () if pace == 1 else (told(pace),)
     for t in np.arange(0.0, recording.times[-1] + 1e-9, pace / fps):
         n = min(int(np.searchsorted(recording.times, t - 1e-9)), len(x) - 1)
         if along is not None:
             renderer.camera = still.moved(along[n])
-        yield renderer.draw(x[n], Marks(text=(f"{t:5.2f} s", *note)))  # type: ignore[misc]
+        marks = Marks(text=(f"{t:5.2f} s", *note))
+        yield renderer.draw(x[n], marks, None if strain is None else strain[n])  # type: ignore[misc]
     renderer.close()
+
+
+def strains(drawn: Look, lengths: np.ndarray, positions: np.ndarray) -> np.ndarray:
+    """Return the strains (T, S) of springs of unstretched lengths (S,) [m] at positions (T, N, 3) [m]."""
+    first, second = np.asarray(drawn.springs).T
+    return np.linalg.norm(positions[:, second] - positions[:, first], axis=2) / lengths - 1.0
+
+
+def strain_scale(strain: np.ndarray) -> float:
+    """Return the strain of the full colour: 1, 2 or 5 times a power of ten, which hardly any exceeds."""
+    return round_up(float(np.percentile(np.abs(strain), 99.5))) if strain.size else 1.0
+
+
+def round_up(value: float) -> float:
+    """Return the nearest of 1, 2 or 5 times a power of ten that is not below; 1 unless it is positive."""
+    if not value > 0:
+        return 1.0
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(next(k * power for k in (1.0, 2.0, 5.0, 10.0) if k * power >= value * (1 - 1e-9)))
 
 
 def told(pace: float) -> str:
@@ -269,15 +296,23 @@ def _rolling(body: Body, size: float, color: Color) -> dict[str, Any]:
     skins, triangles, colors, first = [], [], [], len(body.masses)
     for feature in body.rounds:
         squares, axes = np.linalg.eigh(feature.matrix)
+        light = feature.centre - body.masses @ body.positions / body.masses.sum()
+        off = float(np.linalg.norm(light)) / feature.extent
+        capped = UNEVEN < off < 1 and np.ptp(squares) < FLAT * squares[2]
+        if capped:  # any axes are those of a sphere
+            axes, _ = np.linalg.qr(np.column_stack([light, axes]))
+            axes[:, 0] = light / np.linalg.norm(light)
         semi = np.maximum(np.sqrt(np.maximum(squares, 0.0)), THIN * feature.extent)
         points, faces, sector = _globe(upright=squares[0] < FLAT * squares[2])
-        axes[:, 0] *= np.sign(np.linalg.det(axes))
+        axes[:, 1 if capped else 0] *= np.sign(np.linalg.det(axes))
         # a flat one is a coin: its first axis is that of the globe
         skin = feature.centre + (points[:, [2, 0, 1]] * semi) @ axes.T
         skins.append(points_of(body.masses, body.positions, feature, skin))
         triangles.append(faces + first)
         table = np.array([color, IVORY, color, IVORY, IVORY, color, AMBER, color], np.uint8)
-        colors.append(table[sector])
+        own = table[sector]
+        own[capped & (points[faces, 2].mean(axis=1) > CAP)] = INK
+        colors.append(own)
         first += len(points)
     return {
         "triangles": np.concatenate(triangles),

@@ -30,6 +30,8 @@ class View(NamedTuple):
     speed: float | None = None
     """one of `SPEEDS`; None for the fastest speed, up to real time, at which the eye can follow the
     rotation"""
+    strain: bool = False
+    """whether the film shows the springs, coloured by strain, since the motion is too small to be seen"""
 
 
 @dataclass(frozen=True, eq=False)

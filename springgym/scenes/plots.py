@@ -451,7 +451,7 @@ def bodies(recording: Recording, figure: Figure) -> None:
 def ringing(recording: Recording, figure: Figure) -> None:
     """Draw a chord of the body, from the traced particle to the farthest one, in time; the energies.
 
-    Of a solid, dashed, what its loss factor η leaves of the swings: e^(−η ω₁ t/2) of the first.
+    For a solid, a dashed line shows what its loss factor η leaves of the first swing: e^(−η ω₁ t/2).
     """
     plan, x, t = recording.plan, recording.positions, recording.times
     body, first = plan.scene.body, plan.trace or 0

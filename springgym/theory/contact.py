@@ -98,8 +98,8 @@ def _larger_root(energy: float, strength: float, reach: float, weight: float) ->
 def rebound(speed: float, restitution: float, slow: float) -> float:
     """Return rebound over impact speed v of the force F(h) (1 - beta h_dot / sqrt(h_dot^2 + w^2)).
 
-    With beta = (1 - e^2)/(1 + e^2): e for v well above w, less for slower impacts, without weight and for any
-    barrier F.
+    With beta = (1 - e^2)/(1 + e^2), it is e for v well above w, and less for slower impacts. This holds
+    without weight, for any barrier F.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ def stopping_distance(speed: float, friction: float, gravity: float = 9.81) -> f
 def slope_acceleration(angle: float, friction: float, gravity: float = 9.81) -> float:
     """Return the acceleration of a particle sliding down a slope, g (sin a - mu cos a), m/s^2.
 
-    Negative where it slows down; `holds` says whether it then stays. Angle in rad.
+    It is negative where the particle slows down; `holds` says whether it then stays. The angle is in rad.
     """
     return gravity * (math.sin(angle) - friction * math.cos(angle))
 

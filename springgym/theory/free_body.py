@@ -50,7 +50,7 @@ def corner_box_inertia(mass: float, edges: ArrayLike) -> Floats:
 
 
 def growth_rate(inertia: ArrayLike, spin: float) -> float:
-    """Rate at which a disturbance of spin about the middle axis grows, 1/s.
+    """Return the rate at which a disturbance of spin about the middle axis grows, 1/s.
 
     |w2| sqrt((I2 - I1)(I3 - I2) / (I1 I3)), I1 <= I2 <= I3 the sorted moments.
 
@@ -112,11 +112,11 @@ def _circulation(inertia: Floats, omega: Floats) -> _Circulation | None:
 
 
 def flip_interval(inertia: ArrayLike, omega: ArrayLike) -> float:
-    """Time between reversals of the middle component, 2 K(k) / p, s.
+    """Return the time between reversals of the middle component, 2 K(k) / p, s.
 
     For L^2 > 2 T I2:  p = sqrt((I3 - I2)(L^2 - 2 T I1) / (I1 I2 I3)),
     k^2 = (I2 - I1)(2 T I3 - L^2) / ((I3 - I2)(L^2 - 2 T I1)); else with 1 and 3 exchanged.
-    Needs SciPy.
+    This function needs SciPy.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def motion(inertia: ArrayLike, omega: ArrayLike, t: ArrayLike, frame: ArrayLike 
 
     phi_dot = (L / I_c) [1 + 1 / (I_a cn^2 / (I_c - I_a) + I_b sn^2 / (I_c - I_b))]
 
-    Accurate to about 1e-12 away from the separatrix. Needs SciPy.
+    The result is accurate to about 1e-12 away from the separatrix. This function needs SciPy.
 
     Parameters
     ----------

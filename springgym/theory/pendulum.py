@@ -86,7 +86,7 @@ def motion(inertia: float, mgl: float, theta: float, theta_dot: float, t: ArrayL
     k < 1:  sin(theta/2) = k sn(w t + u0, k),        theta_dot = 2 k w cn
     k > 1:  sin(theta/2) = sn(k w t + u0, 1/k),      theta_dot = 2 k w dn
 
-    Needs SciPy.
+    This function needs SciPy.
 
     Parameters
     ----------

@@ -79,7 +79,7 @@ def swing_modes(
 def bounce_modes(masses: ArrayLike, stiffness: ArrayLike) -> Modes:
     """Return vertical modes of the hanging rope, M z_ddot = -K z with K of the springs k_i.
 
-    Exact at any amplitude while all springs stay along the vertical.
+    They are exact at any amplitude, as long as all springs stay along the vertical.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def bounce_modes(masses: ArrayLike, stiffness: ArrayLike) -> Modes:
 def bounce_frequency_estimate(springs: int, stiffness: float, end_mass: float) -> float:
     """Return the lowest bounce of light beads under a heavy end, about sqrt(k / (N m_end)), rad/s.
 
-    Springs in series; too high by about (mass of the beads)/(6 m_end) of itself.
+    The springs are in series. The estimate is too high by a share of about (mass of the beads)/(6 m_end).
     """
     return math.sqrt(stiffness / (springs * end_mass))
 
@@ -123,7 +123,7 @@ def catenary(
     Spring i has tension T_i = sqrt(H^2 + V_i^2), V_i = V_0 + g (masses left of it), length
     l_i = L0_i + T_i / k_i and direction (H, V_i) / T_i. The height reached rises with V_0 and the
     span with H (sum L0 T + T^2 / 2k, whose slopes they are, is convex): two nested scalar roots.
-    Needs SciPy.
+    This function needs SciPy.
 
     Parameters
     ----------

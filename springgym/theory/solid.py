@@ -181,8 +181,8 @@ def ball_rule(radius: float, degree: int = DEGREE) -> Rule:
 def polyhedron_rule(points: ArrayLike, triangles: ArrayLike, degree: int = DEGREE) -> Rule:
     """Return a quadrature rule for the solid within a closed surface of triangles.
 
-    A sum over the tetrahedra between each triangle and the mean of the points. Where the surface is
-    not convex some have negative volume, and the sum is as exact.
+    The rule sums over the tetrahedra between each triangle and the mean of the points. Where the surface
+    is not convex, some have negative volume, and the sum is equally exact.
 
     Parameters
     ----------
@@ -216,8 +216,8 @@ def elastic_solid(
 ) -> ElasticSolid:
     """Compute mass, inertia, frequencies and spin stretch of a free elastic solid.
 
-    Polynomials are of the rule's degree, 8 having 495 unknowns, in coordinates along the principal
-    axes: in others, those of a flat solid that lies aslant could hardly be told from each other.
+    The polynomials have the degree of the rule; degree 8 has 495 unknowns. Their coordinates are the
+    principal axes. In other axes, the polynomials of a flat, tilted solid would be almost dependent.
 
     Parameters
     ----------

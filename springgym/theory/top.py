@@ -300,8 +300,8 @@ def fast_nutation_frequency(top: HeavyTop, omega3: float) -> float:
 def nutation_period(top: HeavyTop, state: TopState) -> float:
     """Return the period of the tilt, T = 4 K(k) / sqrt(beta (u3 - u1)), k^2 = (u2 - u1)/(u3 - u1), s.
 
-    Infinite on the separatrix (an axis that creeps to the upright) and for an axis balanced
-    upright below the sleeping threshold; at a steady precession, the period of small nutation.
+    It is infinite on the separatrix (an axis that creeps to the upright) and for an axis balanced
+    upright below the sleeping threshold. At a steady precession, it is the period of small nutation.
 
     Source: Whittaker chapter VI.
     """
@@ -328,7 +328,8 @@ def motion(top: HeavyTop, state: TopState, t: ArrayLike) -> TopMotion:
     phi_dot = [(b - a)/(1 - u) + (b + a)/(1 + u)] / 2
     psi_dot = omega3 - a - [(b - a)/(1 - u) - (b + a)/(1 + u)] / 2
 
-    Accurate to about 1e-12 away from the separatrix, for any number of turns. Needs SciPy.
+    The result is accurate to about 1e-12 away from the separatrix, for any number of turns. This function
+    needs SciPy.
 
     Parameters
     ----------

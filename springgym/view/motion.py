@@ -100,9 +100,7 @@ class Motion:
     @property
     def strain(self) -> np.ndarray:
         """Return the strains of the springs, (T, S)."""
-        first, second = np.asarray(self.look.springs).T
-        apart = np.linalg.norm(self.positions[:, second] - self.positions[:, first], axis=2)
-        return apart / self.lengths - 1.0
+        return film.strains(self.look, self.lengths, self.positions)
 
     @property
     def glassy(self) -> bool:

@@ -19,6 +19,7 @@ from springgym.checks import chosen
 from springgym.rendering.look import ORANGE, RED, Color
 from springgym.rendering.solids import COLD, HOT, NEUTRAL
 from springgym.scenes.plan import SPEEDS
+from springgym.simulator import SimulationDivergedError
 from springgym.view.knobs import Knob
 from springgym.view.motion import Motion
 from springgym.view.stage import Stage, group_of, look_from
@@ -62,6 +63,8 @@ TICKS = {
 """What can be shown, and what that is."""
 
 Changes = Mapping[tuple[str, ...], float]
+TORN = "The springs cannot hold this motion: make them stiffer, or the motion slower. In numbers: "
+"""Advice to users whose change tears a body apart."""
 
 
 class Subject(NamedTuple):
@@ -151,7 +154,9 @@ class Page:
         except Exception as error:
             if not isinstance(error, (ValueError, ArithmeticError)):
                 logging.getLogger("springgym").exception("the page could not do that")
-            self._say(f"⚠ {str(error) or type(error).__name__}", wrong=True)
+            what = str(error) or type(error).__name__
+            advice = TORN if isinstance(error, SimulationDivergedError) else ""
+            self._say(f"⚠ {advice}{what}", wrong=True)
             return False
         return True
 

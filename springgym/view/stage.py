@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from springgym.rendering import Camera, Marks
 from springgym.rendering.look import GRAPHITE, GREEN, ORANGE, RED, STEEL, Arrow
 from springgym.rendering.solids import arrow_path, circle, strain_colors
+from springgym.scenes.film import round_up, strain_scale
 from springgym.view.motion import Motion
 
 FOV = 0.5
@@ -85,7 +86,7 @@ class Stage:
         size = motion.extent
         self._ground = self._scene.add_frame("/ground", show_axes=False)
         self._world = self._scene.add_frame("/world", show_axes=False)
-        self._scale = _rounded(float(np.percentile(np.abs(self._strain), 99.5))) if self._strain.size else 1.0
+        self._scale = strain_scale(self._strain)
         self._add_scenery(motion)
         self._add_body(motion, size)
         self._nodes: dict[str, Any] = {}
@@ -155,7 +156,7 @@ class Stage:
         for n, (point, normal) in enumerate([*flat, *scenery.planes]):
             unit = np.asarray(normal, float) / np.linalg.norm(normal)
             foot = middle - unit * float((middle - np.asarray(point)) @ unit)
-            section = _rounded(extent / 3)
+            section = round_up(extent / 3)
             foot = section * np.round(foot / section) if abs(unit[2]) > 0.999 else foot
             foot = foot - unit * float((foot - np.asarray(point)) @ unit)
             level = abs(unit[2]) > 0.999
@@ -462,14 +463,6 @@ def look_from(view: Any, camera: Camera) -> None:
     view.fov = camera.fov
     view.position = np.array(camera.eye)
     view.look_at = np.array(camera.target)
-
-
-def _rounded(value: float) -> float:
-    """Return the nearest of 1, 2 or 5 times a power of ten that is not below, for positive values."""
-    if not value > 0:
-        return 1.0
-    power = 10.0 ** np.floor(np.log10(value))
-    return float(next(k * power for k in (1.0, 2.0, 5.0, 10.0) if k * power >= value * (1 - 1e-9)))
 
 
 def toned(colors: ArrayLike, light: float = 1.0, linear: bool = True) -> np.ndarray:

@@ -10,6 +10,7 @@ import pytest
 
 pytest.importorskip("matplotlib")
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
@@ -67,7 +68,7 @@ def test_curves_of_environments_can_be_read(tmp_path, monkeypatch):
     draw_curves(rows, tmp_path / "figure.svg")
     (figure,) = drawn
     figure.draw_without_rendering()
-    *panels, names = figure.axes
+    panels, (names,) = figure.axes, figure.legends
     assert len(panels) == len({row["environment"] for row in rows})
     for axes in panels:
         (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
@@ -75,7 +76,7 @@ def test_curves_of_environments_can_be_read(tmp_path, monkeypatch):
         assert np.all((points > (left, low)) & (points < (right, high)))
         assert [line.get_marker() for line in axes.get_lines()].count("*") == 1
     texts = [text for text in figure.findobj(Text) if text.get_text() and text.get_visible()]
-    assert {"rk4", "verlet", "default"} <= {text.get_text() for text in names.texts}
+    assert {"rk4", "verlet", "default"} <= {text.get_text() for text in names.get_texts()}
     assert min(text.get_fontsize() for text in texts) >= figures.SMALL
 
 
@@ -97,9 +98,30 @@ def test_peers_are_grey_and_a_method_has_one_colour():
     figures._work_precision(figure, REPORT["cusp-top"])
     names, _ = boxes(figure)
     colors = {text.get_text(): text.get_color() for text in names}
-    assert {color for name, color in colors.items() if name.startswith(figures.PEERS)} == {figures.PEER}
+    assert {color for name, color in colors.items() if name.startswith(figures.PEERS)} == {
+        figures.readable(figures.PEER)
+    }
     own = [color for name, color in colors.items() if not name.startswith(figures.PEERS)]
     assert len(own) == len(set(own)) > 6
+
+
+@pytest.mark.parametrize("color", [*figures.COLORS.values(), figures.PEER, figures.INK])
+def test_names_can_be_read_on_white_and_in_the_dark(color):
+    """The contrast of WCAG 2: 4.5 on white, and nearly as much where the site turns figures about."""
+
+    def luminance(rgb):
+        rgb = np.asarray(rgb)
+        linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+        return linear @ (0.2126, 0.7152, 0.0722)
+
+    name = np.array(figures.readable(color))
+    assert 1.05 / (luminance(name) + 0.05) >= 4.5
+    inverted = 0.92 - 0.84 * name  # invert(0.92), then hue-rotate(180deg), as docs/_static/site.css has it
+    weights = np.array([0.213, 0.715, 0.072])
+    turned = 2 * (weights @ inverted) - inverted
+    ground = luminance(3 * [0.92 - 0.84])
+    assert (luminance(np.clip(turned, 0, 1)) + 0.05) / (ground + 0.05) >= 4.0
+    assert np.argsort(name, kind="stable").tolist() == np.argsort(to_rgb(color), kind="stable").tolist()
 
 
 def test_one_command_makes_figures_anew(tmp_path):

@@ -1,6 +1,5 @@
 """PPO that begins by imitating classical control."""
 
-import agent
 import numpy as np
 import pytest
 import runs
@@ -20,7 +19,7 @@ def trained(folder, *overrides, seed=0):
     assert train.main(arguments) == 0
     run = runs.open_run(folder)
     env = make_sb3(TASK, 1, 7, **run.config.env_kwargs)
-    acts = agent.load_policy(run.agent, run.config, env.observation_space, env.action_space)
+    acts = runs.policy_in(run.agent, run.config, env.observation_space, env.action_space)
     teacher = make_controller("classical", TASK, run.config.env_kwargs, env.action_space)
     observations = np.concatenate([env.reset() for _ in range(20)])
     env.close()

@@ -1,5 +1,8 @@
 """Films: the file asked for, at most 25 frames a second in a GIF, and the agent's own episode."""
 
+import subprocess
+import sys
+
 import controllers
 import gymnasium as gym
 import imageio_ffmpeg
@@ -9,6 +12,7 @@ import toy_env
 import watch
 from PIL import Image, ImageSequence
 
+from springgym.extras import install
 from tests.envs.cases import KINDS, few_ids
 
 
@@ -147,3 +151,27 @@ def test_agent_must_be_known(capsys):
     with pytest.raises(SystemExit):
         watch.main(["zero", "--env", "Toy-v0", "--out", "toy.avi"])
     assert "--out toy.avi: the name must end in .gif, .mp4 or .html" in capsys.readouterr().err
+
+
+def command_without(modules, *arguments):
+    """Run ``springgym`` in a Python that lacks some modules."""
+    code = (
+        f"import sys; sys.modules.update(dict.fromkeys({modules}));"
+        "from springgym.cli import main; sys.exit(main(sys.argv[1:]))"
+    )
+    return subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True)
+
+
+def test_a_published_agent_is_watched_without_stable_baselines3_and_pytorch(tmp_path):
+    path = tmp_path / "top.gif"
+    lacks = ["stable_baselines3", "sb3_contrib", "torch"]
+    arguments = ["SpringTop-v0", "--out", str(path), "--set", "max_episode_steps=5"]
+    done = command_without(lacks, "watch", *arguments)
+    assert done.returncode == 0, done.stderr
+    assert path.exists()
+
+
+def test_without_yaml_it_says_what_to_install():
+    done = command_without(["yaml"], "watch", "SpringTop-v0")
+    assert done.returncode == 2
+    assert done.stderr.endswith(f"{install('scenes')}\n")

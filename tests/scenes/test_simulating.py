@@ -19,10 +19,22 @@ from springgym import cli, simulating
 from springgym.bodies import Body
 from springgym.cli import main
 from springgym.extras import install, missing
+from springgym.rendering.look import INK
 from springgym.scene import Scene
 from springgym.scenes import load, names
 from springgym.scenes.checks import CHECKS, Check
-from springgym.scenes.film import camera, frames, look, poses, scenery, turning, visible_speed, way
+from springgym.scenes.film import (
+    camera,
+    frames,
+    look,
+    poses,
+    round_up,
+    scenery,
+    strain_scale,
+    turning,
+    visible_speed,
+    way,
+)
 from springgym.scenes.plan import LEAST
 from springgym.scenes.plots import PLOTS, draw
 from springgym.scenes.recording import record
@@ -449,6 +461,47 @@ def test_film_shows_the_body_in_the_picture(name):
     assert np.isfinite(depth).all()
     assert pixels.min() > 0
     assert pixels.max() < 640
+
+
+def test_film_shows_vibrations_that_nobody_could_see():
+    """The rim of a struck steel top moves by micrometres: its springs are coloured by their strain."""
+    recording = record(replace(load("ringing-top"), duration=2e-3, checks=()))
+    middle, plain = np.s_[60:540, 60:580], recording.plan.view._replace(strain=False)
+    still = list(frames(replace(recording, plan=replace(recording.plan, view=plain))))
+    shown = list(frames(recording))
+    assert len(shown) == len(still) > 4
+
+    def change(pictures):
+        first, *others = (picture[middle].astype(int) for picture in pictures)
+        return max(int((np.abs(other - first).max(axis=2) > 30).sum()) for other in others)
+
+    assert change(shown) > 10 * change(still)  # of these, edges that move by less than a pixel
+
+
+def test_strain_of_the_full_colour_is_round():
+    assert [round_up(x) for x in (1.0, 1.01, 2e-5, 4.2e-3, 7e2, 0.0)] == pytest.approx(
+        [1.0, 2.0, 2e-5, 5e-3, 1e3, 1.0]
+    )
+    strain = np.zeros((10, 100))
+    strain[3, 7] = -0.3  # one of a thousand does not count
+    assert strain_scale(strain) == 1.0
+    strain[:, :10] = 3e-4
+    assert strain_scale(strain) == pytest.approx(5e-4)
+
+
+def test_the_light_end_of_an_uneven_ball_is_dark():
+    """A tippe-top is dark where its centre of mass is not; what is even, or no ball, has no cap."""
+    scene = load("tippe-top").scene
+    drawn, body = look(scene, None), scene.body
+    dark = (np.asarray(drawn.triangle_colors) == INK).all(axis=1)
+    skin = drawn.points(body.positions)
+    middles = skin[np.asarray(drawn.triangles)].mean(axis=1) - body.rounds[0].centre
+    up = middles @ (body.rounds[0].centre - body.masses @ body.positions / body.masses.sum())
+    assert 0.02 < dark.mean() < 0.3
+    assert up[dark].min() > up[~dark].max()
+    for name in ("ball-rolls", "rattleback", "euler-disk"):
+        even = look(load(name).scene, None)
+        assert not (np.asarray(even.triangle_colors) == INK).all(axis=1).any()
 
 
 def test_film_is_written_in_real_time(tmp_path):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from springgym import view
+from springgym.simulator import SimulationDivergedError
 
 pytest.importorskip("viser")
 
@@ -178,6 +179,23 @@ def test_what_diverges_leaves_the_stage(page):
         assert page._over.content == ""
         page.play(True)
         until(lambda: page.time != stood)
+
+
+def test_who_tears_a_body_apart_is_told_what_to_do(page):
+    make = page._subject.make
+
+    def tearing(name, changes):
+        if changes:
+            raise SimulationDivergedError("strain 0.6")
+        return make(name, changes)
+
+    page._subject = page._subject._replace(make=tearing)
+    with connected(page._server) as client, run(page):
+        send(client, CAMERA)
+        until(page._server.get_clients)
+        page._ask(page.name, {("gravity",): 9.0})
+        until(lambda: not page._shown)
+        assert "make them stiffer, or the motion slower. In numbers: strain 0.6<" in page._over.content
 
 
 def test_the_old_motion_stands_while_another_is_made(page):

@@ -71,7 +71,7 @@ def _other(recording: Recording) -> tuple[int, Placed]:
 
 @applies(_balls, _slippery_balls, needs.level, needs.friction, needs.moves, needs.gravity, together=True)
 def billiards(recording: Recording) -> list[Check]:
-    """Compare what equal balls keep on a rough table with their start, and their speeds when they roll again.
+    """Compare the quantity that equal balls conserve on a rough table, and their speeds when they roll again.
 
     The table's friction f acts at the lowest point: m dv = f and z × I dω = r f. So it does not change
     m v − z × I ω/r of any ball. Balls without friction between them exchange m v and no spin. So the sum
