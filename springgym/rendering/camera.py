@@ -50,6 +50,11 @@ class Camera:
                 f"{self.target}: move it sideways"
             )
 
+    @property
+    def distance(self) -> float:
+        """Distance from the eye to the target [m]."""
+        return float(np.linalg.norm(np.subtract(self.target, self.eye)))
+
     @classmethod
     def framing(
         cls,

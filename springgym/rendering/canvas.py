@@ -72,7 +72,7 @@ class Canvas:
         self.light = lamp(camera)
         self.picture_size = size
         self.size = (OVERSAMPLE * size[0], OVERSAMPLE * size[1])
-        distance = float(np.linalg.norm(np.subtract(camera.target, camera.eye)))
+        distance = camera.distance
         self.extent = size[1] / camera.pixels_per_radian(size[1]) * distance  # picture's height at target, m
         self._surface = self.pygame.Surface(self.size, 0, 32)
         self._layer = self.pygame.Surface(self.size, self.pygame.SRCALPHA, 32)

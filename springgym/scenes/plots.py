@@ -167,7 +167,7 @@ def _clock(
 
 def _ruler(axes: Axes, camera: Camera, pixels: tuple[int, int], recording: Recording) -> None:
     """Draw a length as it is seen in the middle of the picture."""
-    distance = float(np.linalg.norm(np.subtract(camera.target, camera.eye)))
+    distance = camera.distance
     a_metre = camera.pixels_per_radian(pixels[1]) / distance
     most = 0.25 * pixels[0] / a_metre
     power = 10.0 ** np.floor(np.log10(most))

@@ -31,6 +31,8 @@ READ_EVERY = 4
 SAMPLES = 400
 """Points of a curve."""
 BRAND: Color = (43, 92, 150)
+REFIT = 1.25
+"""The camera is placed anew if a changed motion asks for it so many times farther away, or nearer."""
 PATIENCE = 0.5
 """Seconds of simulating from which on the page says so."""
 WIDTH = 380
@@ -248,7 +250,13 @@ class Page:
         self._stage.show(follow=travels, springs=motion.glassy)
         self._speed.value = fraction(motion.speed(FPS))
         self._show(motion)
-        look_from(self._server.initial_camera, self._stage.camera(motion))
+        self._look()
+
+    def _look(self) -> None:
+        """Have all clients, and those to come, look at the whole motion."""
+        camera = self._stage.camera(self.motion)
+        self._distance = camera.distance
+        look_from(self._server.initial_camera, camera)
         for client in self._server.get_clients().values():
             self._place(client)
 
@@ -370,6 +378,8 @@ class Page:
         with self._lock:
             if name == self.name:
                 self._show(motion)
+                if not 1 / REFIT < self._stage.camera(motion).distance / self._distance < REFIT:
+                    self._look()
             else:
                 self._turn_to(name, motion)
             if self._chooser is not None:

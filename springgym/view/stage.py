@@ -133,7 +133,7 @@ class Stage:
         narrow = 2.0 * float(np.arctan(share * np.tan(0.5 * FOV)))
         camera = replace(Camera.fitting(x, size, *motion.direction, narrow, 0.1), fov=FOV)
         right, up, _ = camera.axes()
-        reach = float(np.linalg.norm(np.subtract(camera.target, camera.eye))) * np.tan(0.5 * FOV)
+        reach = camera.distance * np.tan(0.5 * FOV)
         return camera.moved(reach * (aside[0] * right + aside[1] * up))
 
     def write(self, text: str) -> None:
@@ -141,7 +141,7 @@ class Stage:
         assert self._motion is not None
         camera = self.camera(self._motion)
         _, up, _ = camera.axes()
-        reach = float(np.linalg.norm(np.subtract(camera.target, camera.eye))) * np.tan(0.5 * FOV)
+        reach = camera.distance * np.tan(0.5 * FOV)
         self._scene.add_label(
             "/text", text, position=np.add(camera.target, -0.85 * reach * up), anchor="bottom-center"
         )

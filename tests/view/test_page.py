@@ -65,6 +65,18 @@ def test_each_of_several_bodies_has_sliders_that_move_it_alone(page):
     assert {knob.body for knob in page._sliders} == {""}
 
 
+def test_the_camera_steps_back_from_what_has_grown(page):
+    eye = page._server.initial_camera.position
+    page._make(page.name, {("bodies", "left", "start", "spin"): 49.0})
+    assert (page._server.initial_camera.position == eye).all()
+    page._make(
+        page.name, {("bodies", "left", "body", "height"): 4.0, ("bodies", "left", "body", "radius"): 2.0}
+    )
+    camera = page._stage.camera(page.motion)
+    np.testing.assert_array_equal(page._server.initial_camera.position, camera.eye)
+    assert not (camera.eye == eye).all()
+
+
 @contextmanager
 def run(page):
     thread = threading.Thread(target=page.run)
