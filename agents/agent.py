@@ -1,4 +1,4 @@
-"""Writing agents to their file, see `springgym.envs.agent`; `runs.policy_in` reads them."""
+"""Write agents to files in the format of `springgym.envs.agent`; `runs.policy_in` reads them."""
 
 from __future__ import annotations
 

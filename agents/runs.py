@@ -177,7 +177,7 @@ def load_policy(run: Run, observation_space: spaces.Space[Any], action_space: sp
 def policy_in(
     path: Path, config: Config, observation_space: spaces.Space[Any], action_space: spaces.Space[Any]
 ) -> Policy:
-    """Load the deterministic policy in a file, see `springgym.envs.agent.load_policy`.
+    """Load the deterministic policy from a file, see `springgym.envs.agent.load_policy`.
 
     Raises
     ------

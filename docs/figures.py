@@ -121,9 +121,11 @@ def agent(folder: Path, args: argparse.Namespace) -> None:
 
 
 def posters(folder: Path, args: argparse.Namespace) -> None:
-    """A picture out of each film that docs/build.py has made: pages show them where there are no films."""
+    """Write a picture out of each film that docs/build.py has made, for pages without films."""
     ids = {row.id for row in ENVIRONMENTS}
-    for film in sorted(set((HERE / "_media").glob("*.mp4")) - set((HERE / "_media").glob("*-small.mp4"))):
+    for film in sorted((HERE / "_media").glob("*.mp4")):
+        if film.stem.endswith("-small"):
+            continue
         frames, _ = imageio_ffmpeg.count_frames_and_secs(str(film))
         reader = imageio_ffmpeg.read_frames(str(film))
         width, height = next(reader)["size"]

@@ -32,9 +32,9 @@ from springgym.view import save_page, save_viewer
 
 HERE = Path(__file__).parent
 SECONDS, LONG = 8.0, 16.0
-"""Greatest length [s] of the film of an agent, and of that of a scene. The tippe-top turns over in 13 s."""
+"""Greatest durations [s] of films of agents, and of films of scenes. The tippe-top turns over in 13 s."""
 PIXELS, SMALL = 480, 320
-"""Width of films, and of those of the front page."""
+"""Widths of films and of the front page's films [pixels]."""
 SEED = 8
 STILL = 1.0
 """Seconds that a film goes on after an episode has succeeded, before it shows the next one."""

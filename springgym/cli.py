@@ -62,7 +62,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     def run() -> int:
         if name in SCRIPTS:
-            return scripts.run(name, arguments[1:])
+            return scripts.run(name, arguments[1:], extra)
         if not arguments:
             _parser(name).print_help(sys.stderr)
             return WRONG_USE
@@ -155,6 +155,11 @@ def whole_file(path: Path) -> Iterator[Path]:
         raise OSError(f"{path}: {error.strerror or error}") from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def significant(number: float, figures: int) -> str:
+    """Write a number with a few significant figures, as 29,840 and not as 2.984e+04."""
+    return f"{float(f'{number:.{figures}g}'):,.12g}"
 
 
 def _parse(name: str, arguments: list[str]) -> argparse.Namespace:

@@ -22,6 +22,7 @@ from springgym.bodies.elastic import Elastic
 from springgym.bodies.precession import heavy_top, precession_gap
 from springgym.bodies.rotations import axes
 from springgym.checks import TINY, chosen, instance, number
+from springgym.cli import significant
 from springgym.dynamics import DYNAMICS
 from springgym.integrators import METHODS
 from springgym.materials import MATERIALS, Material
@@ -281,21 +282,16 @@ def table_of_tops(materials: Iterable[str]) -> Iterator[str]:
         cells = (
             top.material,
             f"{1e3 * top.mass:.0f}",
-            plain(top.frequency, 4),
+            significant(top.frequency, 4),
             f"{top.step:.2g}",
             f"{top.growth:.1e}",
             f"{top.gap:.3e}",
             f"{top.predicted:.3e}",
             f"{top.ratio:.2f}",
-            plain(top.alone, 2),
-            plain(top.batch, 2),
+            significant(top.alone, 2),
+            significant(top.batch, 2),
         )
         yield f"| {' | '.join(cells)} |"
-
-
-def plain(number: float, figures: int) -> str:
-    """Write a number in so many significant figures, as 29,840, and not 2.984e+04."""
-    return f"{float(f'{number:.{figures}g}'):,g}"
 
 
 # --- The command ------------------------------------------------------------------------------------

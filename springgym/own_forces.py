@@ -47,7 +47,7 @@ RETURNED = {"add": "nothing: it adds to force", "energy": "a number, the energy 
 """What these functions must return."""
 
 Force: TypeAlias = Any
-"""A named tuple of a user's, with the functions `FUNCTIONS`."""
+"""A user's named tuple, with the functions `FUNCTIONS`."""
 
 
 class OfBody(NamedTuple):
@@ -95,7 +95,7 @@ def _checked(name: str, force: object, count: int) -> Force:
 
 
 def check_functions(name: str, kind: type, functions: Mapping[str, tuple[str, ...]]) -> None:
-    """Refuse a named tuple of a user's that lacks a compiled function, or has one with other parameters.
+    """Refuse a user's named tuple that lacks a compiled function, or whose function has other parameters.
 
     Raises
     ------

@@ -16,8 +16,8 @@ AGENTS = COPY if COPY.is_dir() else SOURCE / "agents"
 """The scripts and the published agents: an installed package holds a copy, a clone has them beside it."""
 
 
-def run(name: str, arguments: Sequence[str]) -> int:
-    """Run a script as ``python agents/NAME.py`` does, and return its exit status.
+def run(name: str, arguments: Sequence[str], extra: str) -> int:
+    """Run a script, which needs an ``extra``, as ``python agents/NAME.py`` does, and return its exit status.
 
     The current folder is searched for modules last, so that ``module:ID`` finds an environment there.
 
@@ -26,7 +26,8 @@ def run(name: str, arguments: Sequence[str]) -> int:
     ModuleNotFoundError
         If a package that the script needs is missing.
     """
-    if name != "watch" and find_spec("stable_baselines3") is None:  # sooner than a package beside it
+    # sooner than a package of which another extra would be told
+    if extra == "agents" and find_spec("stable_baselines3") is None:
         raise ModuleNotFoundError(f"springgym {name} needs Stable-Baselines3")
     if str(AGENTS) not in sys.path:
         sys.path[:] = [str(AGENTS), *sys.path, os.getcwd()]

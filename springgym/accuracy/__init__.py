@@ -26,7 +26,7 @@ from springgym.accuracy.code import digests
 from springgym.accuracy.problems import PROBLEMS
 from springgym.accuracy.studies import STUDIES
 from springgym.accuracy.work_precision import TOLERANCES, cheapest, measure
-from springgym.cli import whole_file
+from springgym.cli import significant, whole_file
 
 REPORT = "accuracy.json"
 
@@ -159,8 +159,7 @@ def table(report: dict[str, Any]) -> str:
             if best is None:
                 cells.append("none")
                 continue
-            cost = float(f"{best['cost']:.3g}")
-            cell = f"{best['method']}, {cost:,g} µs"
+            cell = f"{best['method']}, {significant(best['cost'], 3)} µs"
             verlet = cheapest(report[name], tolerance, among="verlet")
             if verlet and verlet is not best:
                 cell += f" (verlet × {verlet['cost'] / best['cost']:.1f})"

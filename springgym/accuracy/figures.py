@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from springgym.rendering import srgb
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -64,14 +66,11 @@ class End(NamedTuple):
 
 def readable(color: str) -> tuple[float, float, float]:
     """Return a colour, darkened as far as text needs it, see `LIGHTEST`."""
-    import numpy as np
     from matplotlib.colors import to_rgb
 
-    coded = np.array(to_rgb(color))
-    light = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
+    light = srgb.to_light(to_rgb(color))
     light *= min(1.0, LIGHTEST / max(float(light @ (0.2126, 0.7152, 0.0722)), 1e-9))
-    coded = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
-    red, green, blue = coded.tolist()
+    red, green, blue = srgb.from_light(light).tolist()
     return red, green, blue
 
 

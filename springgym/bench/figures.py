@@ -142,7 +142,7 @@ def draw_curves(rows: list[dict[str, Any]], path: Path) -> None:
 
 
 def _name_methods(figure: Figure, methods: list[str]) -> None:
-    """Name the methods and the star below the panels."""
+    """Draw the legend below the panels: the colour of each method, and the star of the default."""
     from matplotlib.lines import Line2D
 
     signs = [(name.replace("_", " "), "o", 3, COLORS.get(name, INK)) for name in methods]

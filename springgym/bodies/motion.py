@@ -1,4 +1,4 @@
-"""Placing bodies and setting them in rigid motion, for the start of scenes and episodes."""
+"""Place bodies and set them in rigid motion, for the start of scenes and episodes."""
 
 from __future__ import annotations
 

@@ -368,7 +368,7 @@ def give(
 
 @compiled
 def give_body(faster: Vector, moment: Vector, v: Rows, problem: RoundProblem, carrier: Carrier) -> None:
-    """Change the velocity of a rigid body by ``faster`` [m/s], its angular momentum by ``moment`` [N·m·s]."""
+    """Add ``faster`` [m/s] to a rigid body's velocity, and ``moment`` [N·m·s] to its angular momentum."""
     spun, later = turned(carrier.turn, moment), turned(carrier.end_turn, moment)
     for i in range(problem.terms.particles.mass.size):
         set_row(v, i, row(v, i) + (faster + cross(spun, row(problem.x, i) - carrier.point)))
@@ -606,7 +606,7 @@ def twist(
 def hold_centre(
     r: int, e: int, k: int, problem: RoundProblem, friction: Numbers, resistance: Resistance | None
 ) -> None:
-    """Apply the friction at row ``r`` that stops the slip of a feature without rotation, as the push allows.
+    """Apply the friction at row ``r`` that would stop a feature's slip without rotation, at most μJ.
 
     Where the couple can stop all rolling, too, that is the answer. The slip is that of the point that touches
     less ω × its arm, which friction changes by K less what it changes that by.

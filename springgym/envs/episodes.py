@@ -90,7 +90,7 @@ CLEARED = ("goal", "memory", "elapsed", "time", "held", "balance", "action", "ou
 
 
 class Sought(dict[str, Any]):
-    """No reset options, which keeps the names of those that are looked for."""
+    """Empty reset options that record which names a task looks for in them."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -117,7 +117,7 @@ class Renderer:
         return self._show(picture)
 
     def follow(self, positions: ArrayLike) -> None:
-        """Let the trace pass through a moment that is not drawn.
+        """Add a moment that is not drawn to the trace.
 
         After the first call, and until the next `reset`, the trace passes only through the moments given
         here. So if you draw one moment in ten, call this for all ten.

@@ -31,7 +31,7 @@ class View(NamedTuple):
     """one of `SPEEDS`; None for the fastest speed, up to real time, at which the eye can follow the
     rotation"""
     strain: bool = False
-    """whether the film shows the springs, coloured by strain, since the motion is too small to be seen"""
+    """whether the film shows the springs, coloured by their strain; for motions too small to be seen"""
 
 
 @dataclass(frozen=True, eq=False)

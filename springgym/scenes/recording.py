@@ -1,4 +1,4 @@
-"""Simulating a plan, and recording its states."""
+"""Simulate a plan, and record its states."""
 
 from __future__ import annotations
 

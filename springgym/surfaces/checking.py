@@ -18,15 +18,15 @@ from springgym.own_forces import reason_of
 from springgym.surfaces.surface import Surface, packed_kind
 
 CLOSE = 1e-9
-"""Largest difference between equal heights, as a share of the extent: far more than rounding makes, and far
-less than a mistake does."""
+"""Two heights count as equal if they differ by less than this share of the extent. Rounding causes far
+smaller differences, and mistakes cause far larger ones."""
 
 STEP, STEEP = 1e-6, 1e-4
 """Slopes are differences of heights over this share of the extent, and may err by `STEEP`. Rounding makes
 an error of 1e-10. Where the surface bends over a share s of the extent, the difference errs by 1e-12/s²."""
 
 NEWTON = 20
-"""Number of Newton's steps that lead onto the surface."""
+"""Number of steps of Newton's method from a place onto the surface."""
 
 
 def check_gradient(surface: Surface, places: ArrayLike) -> None:

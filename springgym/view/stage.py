@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from springgym.rendering import Camera, Marks
+from springgym.rendering import Camera, Marks, srgb
 from springgym.rendering.look import GRAPHITE, GREEN, ORANGE, RED, STEEL, Arrow
 from springgym.rendering.solids import arrow_path, circle, strain_colors
 from springgym.scenes.film import round_up, strain_scale
@@ -471,15 +471,14 @@ def toned(colors: ArrayLike, light: float = 1.0, linear: bool = True) -> np.ndar
     Its light and its tone mapping are undone; what is too bright for them becomes a little darker. Colours of
     lines and of instances are ``linear``: viser takes them as amounts of light. Those of meshes are sRGB.
     """
-    shown = np.asarray(colors, float) / 255.0
-    y = np.clip(np.where(shown <= 0.04045, shown / 12.92, ((shown + 0.055) / 1.055) ** 2.4) @ AFTER, 0.0, 1.0)
+    y = np.clip(srgb.to_light(np.asarray(colors, float) / 255.0) @ AFTER, 0.0, 1.0)
     a, b, c, d, e = 0.0245786, 0.000090537, 0.983729, 0.432951, 0.238081
     first, second, third = 1.0 - c * y, a - d * y, -(b + e * y)
     x = (np.sqrt(second**2 - 4.0 * first * third) - second) / (2.0 * first)
     sent = np.maximum(x @ BEFORE / EXPOSURE / light, 0.0)
     sent = sent / np.maximum(sent.max(axis=-1, keepdims=True), 1.0)
     if not linear:
-        sent = np.where(sent <= 0.0031308, 12.92 * sent, 1.055 * sent ** (1 / 2.4) - 0.055)
+        sent = srgb.from_light(sent)
     return np.rint(255.0 * sent).astype(np.uint8)
 
 

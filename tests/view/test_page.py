@@ -156,21 +156,29 @@ def test_what_a_client_sends_is_done_once_a_frame(page):
         assert page._speed.value in page._speed.options
 
 
-def test_what_diverges_leaves_the_stage(page):
-    """It is said over the stage, and the old motion is neither seen nor played under the new sliders."""
-    make, motion = page._subject.make, page.motion
+@contextmanager
+def failing(page, error):
+    """Make every change of the page's motion fail, ask for one, and give the client that sees it fail."""
+    make = page._subject.make
 
-    def diverging(name, changes):
+    def fails(name, changes):
         if changes:
-            raise ValueError("it <diverged>")
+            raise error
         return make(name, changes)
 
-    page._subject = page._subject._replace(make=diverging)
+    page._subject = page._subject._replace(make=fails)
     with connected(page._server) as client, run(page):
         send(client, CAMERA)
         until(page._server.get_clients)
         page._ask(page.name, {("gravity",): 9.0})
         until(lambda: not page._shown)
+        yield client
+
+
+def test_what_diverges_leaves_the_stage(page):
+    """It is said over the stage, and the old motion is neither seen nor played under the new sliders."""
+    motion = page.motion
+    with failing(page, ValueError("it <diverged>")) as client:
         assert "class='told wrong'>⚠ it &lt;diverged&gt;<" in page._over.content
         assert not page._stage._world.visible
         assert not page._plot.visible
@@ -194,19 +202,7 @@ def test_what_diverges_leaves_the_stage(page):
 
 
 def test_who_tears_a_body_apart_is_told_what_to_do(page):
-    make = page._subject.make
-
-    def tearing(name, changes):
-        if changes:
-            raise SimulationDivergedError("strain 0.6")
-        return make(name, changes)
-
-    page._subject = page._subject._replace(make=tearing)
-    with connected(page._server) as client, run(page):
-        send(client, CAMERA)
-        until(page._server.get_clients)
-        page._ask(page.name, {("gravity",): 9.0})
-        until(lambda: not page._shown)
+    with failing(page, SimulationDivergedError("strain 0.6")):
         assert "make them stiffer, or the motion slower. In numbers: strain 0.6<" in page._over.content
 
 

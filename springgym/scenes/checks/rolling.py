@@ -191,7 +191,7 @@ def _resisted(plan: Plan) -> None:
 
 @applies(_ball, needs.level, needs.moves, needs.gravity, needs.constant_friction, _resisted)
 def rolling_resistance(recording: Recording) -> list[Check]:
-    """Compare the distance and the time in which a rolling ball stops with theory."""
+    """Compare with theory the distance and the time in which a rolling ball stops."""
     contact, m = recording.plan.scene.contact, recording.measures
     assert isinstance(contact, Contact)
     radius, share = moment_share(recording.plan.scene.body)
