@@ -21,6 +21,9 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from springgym.core.kinds import Each, Mask, Nested, Number, Ragged
 
+FOUR, LOCAL = 4, 64
+"""As in `springgym.core.lanes`."""
+
 Index: TypeAlias = Number | tuple[Number, ...]
 """A whole number or `Lanes` of them; or a tuple of these, one an axis."""
 
@@ -182,6 +185,45 @@ def load_each(array: np.ndarray, index: Index) -> Lanes:
 def store_each(array: np.ndarray, index: Index, value: Number) -> None:
     lanes = _lanes_of(index)
     array["lanes"][*_place(array, index), np.arange(lanes.numbers.size)] = lanes.everywhere(value)
+
+
+# --- Rows of a single copy --------------------------------------------------------------------------
+
+
+def alone(array: np.ndarray) -> bool | None:
+    return True if array.dtype.names and array["lanes"].shape[-1] == 1 else None
+
+
+def local_rows(array: np.ndarray) -> np.ndarray:
+    return np.zeros(LOCAL, [("lanes", array["lanes"].dtype, (FOUR,))])
+
+
+def row_of_four(array: np.ndarray, i: int) -> Lanes:
+    _check(i, len(array))
+    return Lanes(np.append(array["lanes"][i, :, 0], array["lanes"].dtype.type(0)))
+
+
+def next_four(array: np.ndarray, first: int) -> Lanes:
+    _check(first, len(array) - (FOUR - 1))
+    found = array[first : first + FOUR]
+    return Lanes(found["lanes"][:, 0].copy() if array.dtype.names else found.copy())
+
+
+def in_precision_of(lanes: Lanes, like: Lanes) -> Lanes:
+    return Lanes(lanes.numbers.astype(like.numbers.dtype))
+
+
+def in_four(number: Number, like: Lanes) -> Lanes:
+    return Lanes(like.everywhere(number.numbers[0] if isinstance(number, Lanes) else number))
+
+
+def of_four(lanes: Lanes) -> tuple[Lanes, ...]:
+    return tuple(Lanes(lanes.numbers[n : n + 1]) for n in range(FOUR))
+
+
+def columns(a: Lanes, b: Lanes, c: Lanes, d: Lanes) -> tuple[Lanes, ...]:
+    rows = np.array([lanes.numbers for lanes in (a, b, c, d)])
+    return tuple(Lanes(rows[:, axis].copy()) for axis in range(3))
 
 
 # --- Blocks and bodies ------------------------------------------------------------------------------

@@ -97,6 +97,9 @@ def integrate(
         set_forces(x, a, direction, terms)
         actuate(x, b, terms)
         inner = 0 < n < steps
+        if inner and not acts_amid(terms):
+            kick_through(x, v, a, 0.5 * h, h, terms.particles)
+            continue
         whole = inner and not pair
         divide_and_kick(a, v, v, 0.5 * h if n > 0 else 0.0, terms.particles)
         if n > 0 and (not whole or n % 2 == 1):
