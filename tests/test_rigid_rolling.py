@@ -355,13 +355,17 @@ def test_struck_ball_rolls_with_5_7_and_the_other_with_2_7() -> None:
 
 @pytest.mark.slow
 def test_springs_that_collide_approach_their_twin_as_they_grow_stiff() -> None:
-    """By what a spinning ball and another have after an impact: springs stretch as they spin, by 1/k."""
-    _, v, w = after(thrown("ball"), 0.15, 2e-5)
+    """By what a spinning ball and another have after an impact: springs stretch as they spin, by 1/k.
+
+    A rigid body has the inertia of the shape that it is given, and these are placed as they stretch.
+    """
+    _, v, w = after(thrown("ball", 1e9), 0.15, 2e-5)
     off = []
     for stiffness in (1e4, 1e5, 1e6):
         springs = full(thrown("ball", stiffness), step=2e-5, copies=2)
         springs.advance(round(0.15 / springs.step))
         found = motions(springs)
         off.append(max(np.abs(found[0] - v)[:2].max(), 0.1 * np.abs(found[1] - w)[:2].max()))
-    assert off[2] < 1e-3
-    assert off[2] < off[1] < off[0]
+    assert off[1] < 0.2 * off[0]
+    assert off[2] < 0.2 * off[1]
+    assert off[2] < 5e-5
