@@ -142,7 +142,7 @@ class Rolling(NamedTuple):
     normal: Rows
     """n, of the surface"""
     size: Rows
-    """h₀ [m], d + s [m], W n² [1/kg]"""
+    """the gap where the step begins, d + s where it was not missed [m], W n² [1/kg]"""
     push: Rows
     """J L [N·s], and J"""
     friction: Rows
@@ -395,10 +395,11 @@ def slip_at_end(
 
 
 @compiled
-def roll(problem: RoundProblem) -> bool:
+def roll(problem: RoundProblem, again: bool) -> bool:
     """Find what surfaces give a body by its round features; tell whether they touch it in any copy.
 
-    All else takes the velocities from those before the node to those of the `Rolling`.
+    All else takes the velocities from those before the node to those of the `Rolling`. If that is asked
+    ``again`` at a node, with other velocities there, what follows from the positions is known.
     """
     x, span, space, rounds, surfaces = (
         problem.x,
@@ -411,20 +412,17 @@ def roll(problem: RoundProblem) -> bool:
         for rows in (space.change, space.rub, space.force):
             set_row(rows, i, vec(0.0, 0.0, 0.0))
     found, none = False, 0.0 * row(x, 0)
-    now, carrier = Way(x, None, None), problem.carrier
-    before, after = ends_of_step(problem, carrier)
+    before, after = ends_of_step(problem, problem.carrier)
     for e in range(rounds.first.size):
         for k in range(count(surfaces.kinds)):
             r = e * count(surfaces.kinds) + k
-            point, n, square, _ = nearest(e, k, now, none, rounds, surfaces)
-            _, _, _, start = nearest(e, k, before, none, rounds, surfaces)
+            if not again:
+                place(r, e, k, before, problem)
+            point, n, size = row(space.point, r), row(space.normal, r), row(space.size, r)
+            start, inverse = size[0], size[2]
             _, _, _, ahead = nearest(e, k, after, none, rounds, surfaces)
-            set_row(space.point, r, point)
-            set_row(space.normal, r, n)
-            inverse = square * inverse_mass_at_node(e, point, n, problem, carrier)
             base = ahead - span.out * dot(n, at(e, point, Way(space.velocity, None, None), rounds))
-            taken = select(start < LOW * surfaces.reach, TAKEN * surfaces.reach, start)
-            set_row(space.size, r, vec(taken, base + (taken - start), inverse))
+            set_row(space.size, r, vec(start, base, inverse))
             set_row(space.push, r, vec(0.0, 0.0, 0.0))
             set_row(space.friction, r, vec(0.0, 0.0, 0.0))
             begin_couple(r, space, problem.terms.resistance)
@@ -432,9 +430,22 @@ def roll(problem: RoundProblem) -> bool:
                 found = True
     if found:
         solve(problem)
-        if carrier is None:
+        if problem.carrier is None:
             sum_up(problem)
     return found
+
+
+@compiled
+def place(r: int, e: int, k: int, before: Way, problem: RoundProblem) -> None:
+    """Set what positions alone say of row ``r``: its point, its normal, its first gap and effective mass."""
+    space, rounds, surfaces = problem.space, problem.rounds, problem.terms.surfaces
+    none = 0.0 * row(problem.x, 0)
+    point, n, square, _ = nearest(e, k, Way(problem.x, None, None), none, rounds, surfaces)
+    _, _, _, start = nearest(e, k, before, none, rounds, surfaces)
+    inverse = square * inverse_mass_at_node(e, point, n, problem, problem.carrier)
+    set_row(space.point, r, point)
+    set_row(space.normal, r, n)
+    set_row(space.size, r, vec(start, start, inverse))
 
 
 @compiled
@@ -446,11 +457,15 @@ def begin_couple(r: int, space: Rolling, resistance: Resistance | None) -> None:
 
 @compiled
 def gaps(r: int, e: int, v: Rows, without: Number, problem: RoundProblem) -> tuple[Number, Number]:
-    """Return the gaps [m] of row ``r`` where the step begins and ends, ``without`` some of its speed."""
-    space = problem.space
+    """Return the gaps [m] of row ``r`` where the step begins and ends, ``without`` some of its speed.
+
+    What was missed is taken as farther.
+    """
+    space, reach = problem.space, problem.terms.surfaces.reach
     size, n, point = row(space.size, r), row(space.normal, r), row(space.point, r)
     speed = dot(n, at(e, point, Way(v, None, None), problem.rounds))
-    return size[0], size[1] + problem.span.out * (speed - without)
+    taken = select(size[0] < LOW * reach, TAKEN * reach, size[0])
+    return taken, size[1] + (taken - size[0]) + problem.span.out * (speed - without)
 
 
 @compiled

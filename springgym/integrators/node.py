@@ -514,7 +514,7 @@ def begin_to_roll(own: Bodies, span: Span, rounds: Rounds | None, exchange: Exch
     if rolls(rounds):
         for i in range(own.x.shape[0]):
             set_row(own.space.rolling.velocity, i, free_velocity(i, span, own))
-        return roll(RoundProblem(own.x, own.v, span, own.space.rolling, rounds, own.terms, None))
+        return roll(RoundProblem(own.x, own.v, span, own.space.rolling, rounds, own.terms, None), False)
     return False
 
 
@@ -673,7 +673,7 @@ def push_by_surfaces(own: Bodies, span: Span, first: bool, last: bool, exchange:
     """
     terms = own.terms
     if rolls(terms.rounds):
-        roll_by_surfaces(own, span, exchange, terms.rounds)
+        roll_by_surfaces(own, span, first, exchange, terms.rounds)
         return
     for i in range(own.x.shape[0]):
         if not own.space.busy[i]:
@@ -701,15 +701,18 @@ def push_by_surfaces(own: Bodies, span: Span, first: bool, last: bool, exchange:
 
 
 @compiled
-def roll_by_surfaces(own: Bodies, span: Span, exchange: Exchange, rounds: Rounds | None) -> None:
-    """Let surfaces give a body with round features what follows from all else."""
+def roll_by_surfaces(own: Bodies, span: Span, first: bool, exchange: Exchange, rounds: Rounds | None) -> None:
+    """Let surfaces give a body with round features what follows from all else, if that changed anywhere."""
     if rounds is not None:
-        rolling = own.space.rolling
+        rolling, changed = own.space.rolling, first
         for i in range(own.x.shape[0]):
             more = row(exchange.velocity, i) - row(exchange.known, i)
+            changed = changed or any_lane(dot(more, more) > 0.0)
             set_row(exchange.by_bodies, i, row(exchange.by_bodies, i) + more)
             set_row(rolling.velocity, i, row(exchange.free, i) + row(exchange.by_bodies, i))
-        roll(RoundProblem(own.x, own.v, span, rolling, rounds, own.terms, None))
+        if not changed:
+            return
+        roll(RoundProblem(own.x, own.v, span, rolling, rounds, own.terms, None), not first)
         for i in range(own.x.shape[0]):
             change, rubbed = row(rolling.change, i), row(rolling.rub, i)
             now = (row(exchange.free, i) + row(exchange.by_bodies, i)) + (change + rubbed)

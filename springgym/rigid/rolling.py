@@ -138,7 +138,7 @@ def roll_on_surfaces(node: RigidNode, workspace: np.ndarray, solid: Solid, round
     set_velocities(problem.before, before, node.before[1], node.axes, solid)
     set_velocities(problem.space.velocity, free, node.free[1], node.axes, solid)
     set_velocities(workspace[LEAVING], end.velocity, end.spin, turned(solid.axes, end.q), solid)
-    roll(problem)
+    roll(problem, False)
     given = given_by_rows(node, problem, solid)
     return given.change[0] + given.rub[0], given.change[1] + given.rub[1]
 
