@@ -30,7 +30,7 @@ from benchmark import EPISODES, Cell, digest_of, row_of
 from config import MENDABLE, ConfigError, IQLConfig, add_overrides, load_config, whole
 from evaluate import evaluate, table, task_kwargs
 from gymnasium import spaces
-from rows import folder_name
+from rows import folder_name, identity
 from runs import (
     HELD_OUT_SEED,
     SELECTION_SEED,
@@ -267,8 +267,8 @@ def train(run: Run, data: Data) -> dict[str, Any]:
 def add_row(path: Path, row: dict[str, Any]) -> None:
     """Write a row into a file, in place of that of the same run if there is one."""
     rows = read_rows(path)
-    rows[_of(row)] = row
-    lines = ",\n".join(json.dumps(rows[of]) for of in sorted(rows))
+    rows[identity(row)] = row
+    lines = ",\n".join(json.dumps(rows[run]) for run in sorted(rows))
     write_atomically(path, f"[\n{lines}\n]\n")
 
 
@@ -283,13 +283,9 @@ def read_rows(path: Path) -> dict[tuple[Any, ...], dict[str, Any]]:
     if not path.exists():
         return {}
     try:
-        return {_of(row): row for row in json.loads(path.read_text(encoding="utf-8"))}
+        return {identity(row): row for row in json.loads(path.read_text(encoding="utf-8"))}
     except (ValueError, KeyError, TypeError) as error:
         raise ConfigError(f"{path}: the file does not hold rows of offline learning: {error!r}") from error
-
-
-def _of(row: dict[str, Any]) -> tuple[Any, ...]:
-    return row["task"], row["algorithm"], tuple(own["id"] for own in row["data"]), row["seed"]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

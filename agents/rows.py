@@ -76,6 +76,11 @@ def learned_from(row: Mapping[str, Any]) -> list[str]:
     return [own["id"] for own in row.get("data", [])]
 
 
+def identity(row: Mapping[str, Any]) -> tuple[Any, ...]:
+    """Return which run a row is of: a file holds one of each."""
+    return row["task"], row["algorithm"], tuple(learned_from(row)), row["seed"]
+
+
 def folder_name(task: str, algorithm: str, data: Sequence[str], seed: int) -> str:
     """Return the usual name of a run's folder."""
     return "-".join(
