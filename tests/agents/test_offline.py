@@ -55,6 +55,11 @@ def test_a_run_is_evaluated_and_checked_like_others(data, tmp_path, capsys):
     asked = ["--check", str(tmp_path / "rows.json"), "--agents", str(tmp_path)]
     assert benchmark.main(asked) == 0
     assert "1 rows, 0 refused, 0 consistent but not played again" in capsys.readouterr().out
+    others = row | {"commit": COMMIT, "data": [own | {"id": "springgym/SpringRope/classical-v0"}]}
+    assert "its configuration asks for the data" in check.refusal(others)
+    unnamed = {key: value for key, value in row.items() if key != "data"}
+    for wrong in (unnamed, row | {"used": []}):
+        assert "data says what it learned from" in check.refusal(wrong)
 
 
 def test_same_data_and_seed_same_agent(data, tmp_path):
@@ -65,6 +70,21 @@ def test_same_data_and_seed_same_agent(data, tmp_path):
         found[name] = run.agent.read_bytes()
     assert found["a"] == found["b"] != found["c"]
     assert [row["seed"] for row in rows] == [0, 1]
+
+
+def test_transitions_are_those_of_the_episodes(data):
+    import minari
+
+    found, at = offline.read_data([RANDOM], TASK), 0
+    for episode in minari.load_dataset(RANDOM).iterate_episodes():
+        part = slice(at, at + len(episode))
+        np.testing.assert_array_equal(found.observations[part], episode.observations[:-1])
+        np.testing.assert_array_equal(found.following[part], episode.observations[1:])
+        np.testing.assert_allclose(found.actions[part], episode.actions, atol=1e-6)
+        np.testing.assert_allclose(found.rewards[part], episode.rewards, rtol=1e-6)
+        np.testing.assert_array_equal(found.terminated[part], episode.terminations)
+        at += len(episode)
+    assert at == len(found.rewards) == found.told[0]["transitions"]
 
 
 def settings(**changes):
@@ -106,7 +126,7 @@ def test_it_prefers_what_was_rewarded():
     ],
 )
 def test_what_is_wrong_is_told_before_anything_is_learned(data, asked, says, tmp_path, capsys):
-    assert offline.main([TASK, "--run", str(tmp_path / "run"), "--data", *asked]) == 2
+    assert offline.main([TASK, "--run", str(tmp_path / "run"), "--steps", "1", "--data", *asked]) == 2
     assert says in capsys.readouterr().err
     assert not (tmp_path / "run").exists()
 
