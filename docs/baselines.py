@@ -137,10 +137,10 @@ python agents/generalize.py --rows docs/generalization.json
 FROM_DATA = """## Offline learning
 
 Here, agents learn from [recorded episodes of others](training.md#data-for-offline-learning) alone. They play
-nothing while they learn. *Random* acts at random, *published* is the agent of the package, and *medium-noisy*
-is PPO that was stopped early, with noise in its actions. IQL is implicit Q-learning, with the hyperparameters
-of `configs/iql.yaml`. The brackets give the 95 % interval over training seeds and episodes. No other table or
-mean contains these rows.
+nothing while they learn. *Random* acts at random, *published* is the agent of the package, and *medium* is
+PPO that was stopped early, *noisy* with noise in its actions. IQL is implicit Q-learning, with the
+hyperparameters of `configs/iql.yaml`. The brackets give the 95 % interval over training seeds and episodes.
+No other table or mean contains these rows.
 
 {table}
 
@@ -154,8 +154,8 @@ python agents/offline.py SpringTop-v0 --data springgym/SpringTop/medium-noisy-v0
 python docs/baselines.py --rows runs/offline.json
 ```
 
-The medium agent of SpringTumble-v0 took 300,000 steps. Its random data is recorded with
-`--set observation=frame`, which the trained agents of this task observe.
+The medium agent of SpringTumble-v0 took 300,000 steps, that of SpringRope-v0 65,536. The random data of
+SpringTumble-v0 is recorded with `--set observation=frame`, which the trained agents of this task observe.
 """
 METHOD = """## How it was made
 
@@ -355,7 +355,9 @@ def table_of_data(rows: Sequence[dict[str, Any]]) -> list[str]:
         mark = " †" if any("present_probe" in run for run in runs) else ""
         returns = " + ".join(f"{scale * own['mean_return']:.2f}{unit}" for own in data)
         success = np.array([run["success_rate"] for run in runs])
-        errors = np.sqrt(success * (1 - success) / [run["episodes"] for run in runs])
+        counts = np.array([run["episodes"] for run in runs])
+        likely = (success * counts + 2) / (counts + 4)  # Agresti and Coull: 0 of 100 is no certainty
+        errors = np.sqrt(likely * (1 - likely) / (counts + 4))
         low, high = interval_of_mean(success, errors)
         low, high = (100 * min(max(end, 0.0), 1.0) for end in (low, high))
         results = [
