@@ -36,11 +36,11 @@ from hashlib import sha256
 from importlib.util import find_spec
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from config import CONFIG_FOLDER, CONFIG_OF, MENDABLE, Config, ConfigError, load_config, whole
+from config import CONFIG_FOLDER, MENDABLE, ONLINE, Config, ConfigError, load_config, whole
 from controllers import UNTRAINED, controller_env_kwargs, controllers_of, make_controller
-from rows import PROTOCOL, curve, used
+from rows import PROTOCOL, curve, folder_name, used
 from runs import locked, open_run, versions, write_atomically
 from tqdm import tqdm
 
@@ -49,8 +49,11 @@ from springgym.extras import install
 from springgym.registration import ENVIRONMENTS, VARIANTS
 from springgym.strict_yaml import read_yaml
 
+if TYPE_CHECKING:
+    from evaluate import Evaluation
+
 ROOT = Path(__file__).resolve().parent.parent
-ALGORITHMS = (*UNTRAINED, *CONFIG_OF)
+ALGORITHMS = (*UNTRAINED, *ONLINE)
 EPISODES = 100
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 TRIES = 5
@@ -79,7 +82,7 @@ class Plan:
     """a folder other than ``configs``"""
 
     def folder(self, cell: Cell) -> Path:
-        return self.runs / f"{cell.task.rpartition(':')[2]}-{cell.algorithm}-{cell.seed}"
+        return self.runs / folder_name(cell.task, cell.algorithm, (), cell.seed)
 
     def config(self, algorithm: str) -> Path | None:
         return self.configs / f"{algorithm}.yaml" if self.configs else None
@@ -113,9 +116,23 @@ def measured(cell: Cell, plan: Plan) -> dict[str, Any]:
             env_id, kwargs = find_task([agent], cell.task, [])
         found = evaluate(agent, env_id, kwargs, plan.episodes)
     config = asked(cell, plan)
-    made, begun = made_with(), begun_at(folder)
-    if config is not None and begun != made["commit"]:
-        made["commit"] = f"{begun}, {made['commit']}"  # which --check refuses
+    points = [] if config is None else curve(folder)
+    row = row_of(cell, config, digest(cell, plan), steps, seconds, points, found)
+    if config is not None and (begun := begun_at(folder)) != row["commit"]:
+        row["commit"] = f"{begun}, {row['commit']}"  # which --check refuses
+    return row
+
+
+def row_of(
+    cell: Cell,
+    config: Config | None,
+    letters: str,
+    steps: int,
+    seconds: float,
+    points: list[list[float | None]],
+    found: Evaluation,
+) -> dict[str, Any]:
+    """Return the row of a run: what it asked for, the digest of that, what it spent, and what it reached."""
     returns = [round(earned, 5) for earned in found.returns_per_step]
     return {
         "protocol": PROTOCOL,
@@ -126,14 +143,14 @@ def measured(cell: Cell, plan: Plan) -> dict[str, Any]:
         "success_rate": found.success_rate,
         "mean_return": round(sum(returns) / len(returns), 6),
         "first_seed": found.first_seed,
-        "episodes": plan.episodes,
+        "episodes": len(returns),
         "returns": returns,
         "successes": None if found.successes is None else [int(one) for one in found.successes],
-        "curve": [] if config is None else curve(folder),
+        "curve": points,
         "configuration": {} if config is None else asdict(config),
-        "config": digest(cell, plan),
+        "config": letters,
         "probe": probe(cell.task),
-        **made,
+        **made_with(),
     }
 
 

@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 from benchmark import EPISODES, Cell, answers, digest_of, probe
-from config import CONFIG_OF, Config, ConfigError, build_config
+from config import CONFIG_OF, Config, ConfigError, IQLConfig, build_config
 from controllers import UNTRAINED
 from evaluate import evaluate, find_task
-from rows import FORM, PROTOCOL, USED, used
+from rows import DATA, FORM, PROTOCOL, USED, folder_name, learned_from, used
 from runs import HELD_OUT_SEED, open_run
 
 import springgym
@@ -54,16 +54,41 @@ def form(row: object) -> str:
         return f"its protocol is {row.get('protocol')!r}; this version knows {PROTOCOL}"
     if absent := sorted(FORM.keys() - row.keys()):
         return f"it has no {', '.join(absent)}"
-    if unknown := sorted(row.keys() - FORM.keys()):
+    if unknown := sorted(row.keys() - FORM.keys() - {"data"}):
         return f"it has {', '.join(unknown)}, which is unknown"
-    for name, types in FORM.items():
-        value = row[name]
+    if wrong := mistyped(row, FORM):
+        return wrong
+    if ("data" in row) != ("data" in row["used"]):
+        return "data says what it learned from if 'data' is used, and only then"
+    return data_form(row["data"]) if "data" in row else ""
+
+
+def mistyped(entries: Mapping[str, Any], types: Mapping[str, tuple[type, ...]]) -> str:
+    """Return which entry has not its type; an empty text if all have."""
+    for name, kinds in types.items():
+        value = entries[name]
         if (
-            not isinstance(value, types)
+            not isinstance(value, kinds)
             or isinstance(value, bool)
             or (isinstance(value, float) and not number(value))
         ):
             return f"{name} is {value!r}"
+    return ""
+
+
+def data_form(data: object) -> str:
+    """Return why something does not say which data sets were learned from; an empty text if it does."""
+    if not isinstance(data, list) or not data:
+        return f"data must be a list of the data sets, got {data!r}"
+    for own in data:
+        if not isinstance(own, dict) or own.keys() != DATA.keys():
+            return f"an entry of data must hold {', '.join(DATA)}, got {own!r}"
+        if wrong := mistyped(own, DATA):
+            return f"data: {wrong}"
+        if not 0 < own["episodes"] <= own["transitions"] or not -1 <= own["mean_return"] <= 1:
+            return f"data: no such episodes: {own!r}"
+    if len({own["id"] for own in data}) < len(data):
+        return "data names a data set twice"
     return ""
 
 
@@ -108,6 +133,8 @@ def configuration(row: Row) -> str:
         config = read(row)
     except ConfigError as error:
         return f"configuration: {error}"
+    if isinstance(config, IQLConfig) and config.data != learned_from(row):
+        return f"its configuration asks for the data {config.data}, and the row has {learned_from(row)}"
     if not config.total_timesteps <= row["steps"] <= 2 * config.total_timesteps:
         return f"it took {row['steps']} steps, and its configuration asks for {config.total_timesteps}"
     return told(row, digest_of(config), used(algorithm, config))
@@ -189,9 +216,8 @@ def replay(row: Row, agents: Path | None) -> str | None:
     """Play a few of a row's episodes again; return what is wrong with them, None if there is no agent."""
     agent = row["algorithm"]
     if agent not in UNTRAINED:
-        folder = (
-            None if agents is None else agents / str(Cell(row["task"], agent, row["seed"])).replace(" ", "-")
-        )
+        name = folder_name(row["task"], agent, learned_from(row), row["seed"])
+        folder = None if agents is None else agents / name
         if folder is None or not (folder / "agent.npz").is_file():
             return None
         run = open_run(folder)
@@ -225,11 +251,12 @@ def check(path: Path, agents: Path | None = None) -> int:
         raise ConfigError(f"{path}: the file is not JSON: {error}") from error
     if not isinstance(rows, list):
         raise ConfigError(f"{path}: the file must hold a list of rows")
-    named = Counter(json.dumps([row.get(k) for k in Cell._fields]) for row in rows if isinstance(row, dict))
+    known = [row for row in rows if isinstance(row, dict)]
+    named = Counter(json.dumps([row.get(k) for k in (*Cell._fields, "data")]) for row in known)
     refused = unplayed = 0
     for n, row in enumerate(rows):
         found: str | None = refusal(row)
-        if not found and named[json.dumps([row[k] for k in Cell._fields])] > 1:
+        if not found and named[json.dumps([row.get(k) for k in (*Cell._fields, "data")])] > 1:
             found = "there are several rows of this task, algorithm and seed"
         found = found or replay(row, agents)
         if found is None:

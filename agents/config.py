@@ -166,6 +166,28 @@ class LinearConfig(Config):
     extra_spread: float
 
 
+@dataclass(frozen=True, kw_only=True)
+class IQLConfig(Config):
+    """Implicit Q-learning from data alone (Kostrikov et al. 2021, arXiv:2110.06169), see offline.py.
+
+    It takes no steps, so ``total_timesteps`` counts updates.
+    """
+
+    data: list[str] = field(default_factory=list)
+    """names of Minari data sets"""
+    batch_size: int
+    learning_rate: float
+    gamma: float
+    tau: float
+    expectile: float
+    """of what the data's actions return from a state: its value. The mean is 0.5, the best action 1"""
+    temperature: float
+    """An action of advantage A counts exp(temperature A): 0 imitates all alike."""
+    net_arch: list[int]
+    activation: Literal["tanh", "relu"]
+    normalize: bool = False
+
+
 CONFIG_OF: dict[Algorithm, type[Config]] = {
     "ppo": PPOConfig,
     "sac": SACConfig,
@@ -173,7 +195,10 @@ CONFIG_OF: dict[Algorithm, type[Config]] = {
     "crossq": CrossQConfig,
     "her": HERConfig,
     "linear": LinearConfig,
+    "iql": IQLConfig,
 }
+ONLINE = tuple(algo for algo, kind in CONFIG_OF.items() if kind is not IQLConfig)
+"""Those that learn from episodes of their own."""
 
 RANGES = {
     "total_timesteps": (1, inf),
@@ -196,6 +221,8 @@ RANGES = {
     "gradient_steps": (1, inf),
     "dropped_quantiles": (0, 24),
     "policy_delay": (1, inf),
+    "expectile": (0.0, 1.0),
+    "temperature": (0.0, 1000.0),
     "relabelled": (1, 1000),
     "population": (2, 100_000),
     "elites": (2, 100_000),
@@ -281,7 +308,7 @@ def build_config(algo: Algorithm, tree: Tree, path: tuple[str, ...]) -> Config:
         if not all(low <= number <= high for number in numbers):
             here = tree.where[*path, key]
             raise ConfigError(f"{here}: {key}: must lie between {low} and {high}, got {value!r}")
-    if isinstance(config, NetworkConfig) and len(config.net_arch) > MOST_LAYERS:
+    if isinstance(config, NetworkConfig | IQLConfig) and len(config.net_arch) > MOST_LAYERS:
         here = tree.where[*path, "net_arch"]
         raise ConfigError(f"{here}: net_arch: has {len(config.net_arch)} layers; at most {MOST_LAYERS}")
     if isinstance(config, LinearConfig) and config.elites > config.population:

@@ -2,12 +2,15 @@
 
     python agents/dataset.py SpringTop-v0 random classical SpringTop-v0
     python agents/dataset.py SpringTop-v0 planner --episodes 10 --set observation=frame
+    python agents/dataset.py SpringTop-v0 runs/medium --noise 0.3
 
 An agent is what ``agents/evaluate.py`` takes, or ``planner``, which is ``agents/plan.py``. Each becomes a
 data set ``springgym/TASK/AGENT-v0`` in Minari's folder, which the variable ``MINARI_DATASETS_PATH`` names.
 The agent that is published is called ``published`` there, and a run folder by its name. Agents observe what
 they observe in an evaluation; ``--set`` says it for those that do not look. An episode of each seed is
-played, without exploration.
+played, without exploration. ``--noise`` adds random numbers to all actions, so that the data shows what other
+actions lead to, and the data set is called AGENT-noisy-v0. From data without such variety one can only learn
+to imitate.
 
 For data of medium quality, record an agent that was trained for a part of the steps, as by
 ``springgym train SpringTop-v0 --timesteps 150000 --run runs/medium``.
@@ -16,6 +19,7 @@ For data of medium quality, record an agent that was trained for a part of the s
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
@@ -42,10 +46,14 @@ FIRST_SEED = 2_000_000
 
 
 class Recorded(VectorWrapper):
-    """A batch that records the first episode of each copy."""
+    """A batch that records the first episode of each copy.
 
-    def __init__(self, env: VectorEnv) -> None:
+    Normal noise is added to the actions, of a standard deviation of ``noise`` times half their range.
+    """
+
+    def __init__(self, env: VectorEnv, noise: float = 0.0) -> None:
         super().__init__(env)
+        self.noise, self.rng = noise, np.random.default_rng()
         self.seeds: list[int] = []
         self.observations: list[Any] = []
         self.steps: list[tuple[np.ndarray, ...]] = []
@@ -54,9 +62,14 @@ class Recorded(VectorWrapper):
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         observations, infos = self.env.reset(seed=seed, options=options)
         self.seeds, self.observations, self.steps = list(seed), [observations], []
+        self.rng = np.random.default_rng(self.seeds)
         return observations, infos
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+        if self.noise:
+            low, high = self.action_space.low, self.action_space.high  # type: ignore[attr-defined]
+            added = 0.5 * self.noise * (high - low) * self.rng.standard_normal(np.shape(actions))
+            actions = np.clip(actions + added, low, high).astype(np.float32)
         result = self.env.step(actions)
         self.observations.append(result[0])
         self.steps.append((np.array(actions), *result[1:4]))
@@ -92,7 +105,7 @@ def _of(seen: Any, copy: int) -> Any:
 
 
 def recorded(
-    agent: str, env_id: str, env_kwargs: Mapping[str, Any], seeds: Sequence[int]
+    agent: str, env_id: str, env_kwargs: Mapping[str, Any], seeds: Sequence[int], noise: float = 0.0
 ) -> tuple[list[dict[str, Any]], Any]:
     """Play an episode from each seed; return them, and the spec of a single environment for them."""
     own = named(agent)
@@ -103,7 +116,7 @@ def recorded(
     made["autoreset_mode"] = AutoresetMode.NEXT_STEP
     with making(env_id):
         spec = gym.make(env_id, **kwargs).spec
-        envs = Recorded(gym.make_vec(env_id, len(seeds), **made, **kwargs))
+        envs = Recorded(gym.make_vec(env_id, len(seeds), **made, **kwargs), noise)
     try:
         if agent == "planner":
             planner = planner_of(env_id)
@@ -128,13 +141,16 @@ def recorded(
         envs.close()
 
 
-def write(agent: str, env_id: str, env_kwargs: Mapping[str, Any], seeds: Sequence[int]) -> Any:
+def write(
+    agent: str, env_id: str, env_kwargs: Mapping[str, Any], seeds: Sequence[int], noise: float = 0.0
+) -> Any:
     """Record an agent and return its data set, in place of one of the same name."""
     import minari
     from minari.data_collector.episode_buffer import EpisodeBuffer
 
-    episodes, spec = recorded(agent, env_id, env_kwargs, seeds)
+    episodes, spec = recorded(agent, env_id, env_kwargs, seeds, noise)
     name = Path(agent).name if Path(agent).is_dir() else "published" if find(agent) else agent
+    name += "-noisy" if noise else ""
     of = env_id.rpartition(":")[2].partition("-v")[0]
     dataset_id = f"springgym/{of}/{name.replace(':', '-')}-v0"
     if dataset_id in minari.list_local_datasets():
@@ -146,8 +162,19 @@ def write(agent: str, env_id: str, env_kwargs: Mapping[str, Any], seeds: Sequenc
         eval_env=spec,
         algorithm_name=name,
         author="springgym",
-        description=f"{len(episodes)} episodes of {env_id}, seeds from {seeds[0]}, by {name}.",
+        description=f"{len(episodes)} episodes of {env_id}, seeds from {seeds[0]}, by {name}, {noise=:g}.",
     )
+
+
+def share(text: str) -> float:
+    """Return a number from 0 to 1, for arguments."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0 <= value <= 1:
+        raise argparse.ArgumentTypeError(f"{text!r} must be a number from 0 to 1")
+    return value
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -161,6 +188,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--episodes", type=whole(1, 100_000), default=100, help="of each (default: 100)")
     parser.add_argument("--seed", type=whole(0, 2**31), default=FIRST_SEED, help="seed of the first episode")
+    parser.add_argument("--noise", type=share, default=0.0, help="of actions, 1 for half their range")
     add_overrides(parser)
     options = parser.parse_args(arguments)
 
@@ -170,7 +198,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         kwargs = parse_assignments(options.overrides)
         for agent in options.agents:
             seeds = range(options.seed, options.seed + options.episodes)
-            data = write(agent, options.env_id, kwargs, seeds)
+            data = write(agent, options.env_id, kwargs, seeds, options.noise)
             print(f"{data.spec.dataset_id}: {data.total_episodes} episodes, {data.total_steps} steps")
         return 0
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from config import Config
 
@@ -34,7 +36,25 @@ FORM: dict[str, tuple[type, ...]] = {
     "cpu": (str,),
 }
 """What a row holds, and the types of the values."""
-USED = ("model", "planning", "privileged information", "imitation", "goal relabelling", "other starts")
+DATA: dict[str, tuple[type, ...]] = {
+    "id": (str,),
+    "agent": (str,),
+    "episodes": (int,),
+    "transitions": (int,),
+    "mean_return": (int, float),
+    "digest": (str,),
+}
+"""What a row of offline learning holds of each data set, in a list ``data``: its Minari name, whose episodes
+these are, how many, their mean return per step, and letters that change with them."""
+USED = (
+    "model",
+    "planning",
+    "privileged information",
+    "imitation",
+    "goal relabelling",
+    "other starts",
+    "data",
+)
 """What a row can have used beside the rewards of the task's own episodes."""
 POINTS = 40
 """Largest number of points of a curve in a row."""
@@ -46,8 +66,26 @@ def used(algorithm: str, config: Config | None) -> list[str]:
         "model": algorithm == "classical",
         "imitation": bool(getattr(config, "imitate", 0)),
         "other starts": bool(config and config.eval_env_kwargs),
+        "data": algorithm == "iql",
     }
     return [name for name in USED if found.get(name)]
+
+
+def learned_from(row: Mapping[str, Any]) -> list[str]:
+    """Return the names of the data sets of a row of offline learning; none of any other row."""
+    return [own["id"] for own in row.get("data", [])]
+
+
+def identity(row: Mapping[str, Any]) -> tuple[Any, ...]:
+    """Return which run a row is of: a file holds one of each."""
+    return row["task"], row["algorithm"], tuple(learned_from(row)), row["seed"]
+
+
+def folder_name(task: str, algorithm: str, data: Sequence[str], seed: int) -> str:
+    """Return the usual name of a run's folder."""
+    return "-".join(
+        [task.rpartition(":")[2], algorithm, *(name.rpartition("/")[2] for name in data), str(seed)]
+    )
 
 
 def curve(folder: Path) -> list[list[float | None]]:

@@ -35,7 +35,7 @@ from pathlib import Path
 from typing import IO, Any, NamedTuple
 
 import yaml
-from config import CONFIG_OF, Config, ConfigError, NetworkConfig, build_config
+from config import CONFIG_OF, Config, ConfigError, IQLConfig, NetworkConfig, build_config
 from gymnasium import spaces
 from gymnasium.envs.registration import EnvSpec
 
@@ -186,7 +186,7 @@ def policy_in(
     """
     (algo,) = (name for name, kind in CONFIG_OF.items() if type(config) is kind)
     network = Network(algo)
-    if isinstance(config, NetworkConfig):
+    if isinstance(config, NetworkConfig | IQLConfig):
         network = Network(algo, config.net_arch, config.activation, config.normalize)
     try:
         return agent.load_policy(path, network, observation_space, action_space)
@@ -216,9 +216,9 @@ def write_atomically(path: Path, text: str) -> None:
 
 def versions() -> dict[str, object]:
     """Return the versions and the machine that a run depends on besides its configuration."""
-    packages = ("springgym", "gymnasium", "numpy", "numba", "torch", "stable-baselines3", "sb3-contrib")
+    own = ("springgym", "gymnasium", "numpy", "numba", "torch", "stable-baselines3", "sb3-contrib")
     installed: dict[str, str | None] = {}
-    for name in packages:
+    for name in (*own, "torchrl", "minari"):
         try:
             installed[name] = metadata.version(name)
         except metadata.PackageNotFoundError:

@@ -24,8 +24,8 @@ from agent import save_agent
 from board import make_logger
 from checkpoint import load_checkpoint
 from config import (
-    CONFIG_OF,
     MENDABLE,
+    ONLINE,
     ConfigError,
     LinearConfig,
     PPOConfig,
@@ -59,7 +59,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "train.py") -> i
         program, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("env_id", nargs="?", help="environment id")
-    parser.add_argument("--algo", choices=sorted(CONFIG_OF), help="algorithm (default: ppo)")
+    parser.add_argument("--algo", choices=sorted(ONLINE), help="algorithm (default: ppo)")
     parser.add_argument(
         "--seed", type=whole(0, HELD_OUT_SEED - 1), help="seed, below those of the evaluation (default: 0)"
     )

@@ -21,7 +21,7 @@ from typing import Any
 import matplotlib
 import numpy as np
 from benchmark import Cell, Plan, add_hyperparameters, parsed, run_cells, trained_for
-from config import CONFIG_OF, MENDABLE, ConfigError, load_config, making, whole
+from config import MENDABLE, ONLINE, ConfigError, load_config, making, whole
 from evaluate import evaluate, task_kwargs
 from runs import locked, write_atomically
 from scores import interval
@@ -183,7 +183,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("task", metavar="ID", help="environment id")
-    parser.add_argument("--algo", choices=sorted(CONFIG_OF), default="ppo", help="algorithm (default: ppo)")
+    parser.add_argument("--algo", choices=sorted(ONLINE), default="ppo", help="algorithm (default: ppo)")
     parser.add_argument(
         "--seeds", type=whole(1, 1000), default=3, help="number of seeds, from 0 on (default: 3)"
     )

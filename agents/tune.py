@@ -27,7 +27,7 @@ import torch
 import train
 import yaml
 from benchmark import Cell, Plan, add_hyperparameters, training
-from config import CONFIG_OF, MENDABLE, ConfigError, load_config, whole
+from config import MENDABLE, ONLINE, ConfigError, load_config, whole
 from evaluate import evaluate, task_kwargs
 from runs import SELECTION_SEED, locked, write_atomically
 
@@ -188,7 +188,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("task", metavar="ID", help="environment id")
-    parser.add_argument("--algo", choices=sorted(CONFIG_OF), default="ppo", help="algorithm (default: ppo)")
+    parser.add_argument("--algo", choices=sorted(ONLINE), default="ppo", help="algorithm (default: ppo)")
     parser.add_argument(
         "--trials", type=whole(1, 100_000), default=20, help="trials of the whole study (default: 20)"
     )

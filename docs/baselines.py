@@ -25,8 +25,8 @@ from config import CONFIG_OF, load_config  # noqa: E402
 from environments import ALGORITHMS, FEWEST, earned, measure, shown  # noqa: E402
 from generalize import table as worlds  # noqa: E402
 from learning_time import shown as times  # noqa: E402
-from rows import used  # noqa: E402
-from scores import interquartile_mean, interval, profile  # noqa: E402
+from rows import identity, used  # noqa: E402
+from scores import interquartile_mean, interval, interval_of_mean, profile  # noqa: E402
 
 from springgym.registration import ENVIRONMENTS, VARIANTS, Row, Variant  # noqa: E402
 
@@ -36,9 +36,11 @@ PLANNER = HERE / "planner.json"
 """Rows of ``agents/plan.py``."""
 ELSEWHERE = HERE / "generalization.json"
 """Rows of ``agents/generalize.py``."""
+OFFLINE = HERE / "offline.json"
+"""Rows of agents that learned from data, which enter no table of those that play to learn."""
 TRAINED = ("linear", "ppo", "sac", "tqc", "crossq", "her")
 REFERENCES = ("classical", "planner")
-TOLD = {"model", "planning", "privileged information", "imitation", "goal relabelling"}
+TOLD = {"model", "planning", "privileged information", "imitation", "goal relabelling", "data"}
 """What a row must not have used, of `rows.USED`, to be one of learning from the task alone."""
 POSSIBLE, UNDONE = 0.9, 0.7
 """Success of a reference, and share of its return that nothing learned exceeds, where there is headroom."""
@@ -131,6 +133,29 @@ python agents/generalize.py --rows docs/generalization.json
 {table}
 
 {missing}
+"""
+FROM_DATA = """## Offline learning
+
+Here, agents learn from [recorded episodes of others](training.md#data-for-offline-learning) alone. They play
+nothing while they learn. *Random* acts at random, *published* is the agent of the package, and *medium* is
+PPO that was stopped early, *noisy* with noise in its actions. IQL is implicit Q-learning, with the
+hyperparameters of `configs/iql.yaml`. The brackets give the 95 % interval over training seeds and episodes.
+No other table or mean contains these rows.
+
+{table}
+
+These commands record the data of SpringTop-v0 and learn from it:
+
+```sh
+springgym train SpringTop-v0 --timesteps 100_000 --run runs/medium
+python agents/dataset.py SpringTop-v0 random SpringTop-v0
+python agents/dataset.py SpringTop-v0 runs/medium --noise 0.3
+python agents/offline.py SpringTop-v0 --data springgym/SpringTop/medium-noisy-v0 --rows runs/offline.json
+python docs/baselines.py --rows runs/offline.json
+```
+
+The medium agent of SpringTumble-v0 took 300,000 steps, that of SpringRope-v0 65,536. The random data of
+SpringTumble-v0 is recorded with `--set observation=frame`, which the trained agents of this task observe.
 """
 METHOD = """## How it was made
 
@@ -307,6 +332,49 @@ def table_of_worlds() -> list[str]:
     return [WORLDS.format(table="\n".join(worlds(rows)), missing=missing)]
 
 
+def recorded() -> list[dict[str, Any]]:
+    """Return the rows of offline learning, if there are any."""
+    return read(OFFLINE) if OFFLINE.exists() else []
+
+
+def table_of_data(rows: Sequence[dict[str, Any]]) -> list[str]:
+    """Return the lines of the table of what was learned from data."""
+    by_data = defaultdict(list)
+    for row in rows:
+        by_data[row["task"], row["algorithm"], json.dumps(row["data"])].append(row)
+    lines = [
+        "| task | learned from | transitions | return of the data | algorithm | updates | return per step | "
+        "success | seeds |",
+        "|---" * 9 + "|",
+    ]
+    found = list(by_data.values())
+    found.sort(key=lambda runs: (*identity(runs[0])[:2], runs[0]["data"][0]["mean_return"]))
+    for runs in found:
+        task, data = runs[0]["task"], runs[0]["data"]
+        scale, unit = measure(task)
+        mark = " †" if any("present_probe" in run for run in runs) else ""
+        returns = " + ".join(f"{scale * own['mean_return']:.2f}{unit}" for own in data)
+        success = np.array([run["success_rate"] for run in runs])
+        counts = np.array([run["episodes"] for run in runs])
+        likely = (success * counts + 2) / (counts + 4)  # Agresti and Coull: 0 of 100 is no certainty
+        errors = np.sqrt(likely * (1 - likely) / (counts + 4))
+        low, high = interval_of_mean(success, errors)
+        low, high = (100 * min(max(end, 0.0), 1.0) for end in (low, high))
+        results = [
+            f"`{task}`{mark}",
+            " + ".join(own["agent"] for own in data),
+            f"{sum(own['transitions'] for own in data):,}",
+            returns,
+            runs[0]["algorithm"],
+            f"{runs[0]['steps']:,}",
+            earned(runs),
+            f"{100 * success.mean():.0f} % ({low:.0f}–{high:.0f})",
+            str(len(runs)),
+        ]
+        lines.append(f"| {' | '.join(results)} |")
+    return lines
+
+
 def compared(rows: Sequence[dict[str, Any]]) -> tuple[list[str], list[str]]:
     """The algorithms that are compared, and the tasks of which all of them have `SEEDS` seeds or more."""
     seeds = Counter((row["algorithm"], row["task"]) for row in rows)
@@ -442,6 +510,7 @@ def page(rows: Sequence[dict[str, Any]]) -> str:
         *table_of_agents(),
         "",
         *table_of_worlds(),
+        *([FROM_DATA.format(table="\n".join(table_of_data(found)))] if (found := recorded()) else []),
         METHOD.format(older=older(rows)),
     ]
     cpus, versions = (sorted({row[key] for row in rows}) for key in ("cpu", "springgym"))
@@ -523,9 +592,12 @@ def draw(rows: Sequence[dict[str, Any]], path: Path) -> None:
     plt.close(figure)
 
 
-def key(row: dict[str, Any]) -> tuple[str, str, int]:
-    """Return the task, the algorithm and the seed that a row is of."""
-    return row["task"], row["algorithm"], row["seed"]
+def apart(rows: Iterable[dict[str, Any]]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Return the rows of what plays or plans, and the rows of what learned from data."""
+    found: tuple[list[dict[str, Any]], list[dict[str, Any]]] = [], []
+    for row in rows:
+        found["data" in row].append(row)
+    return found
 
 
 def read(path: Path) -> list[dict[str, Any]]:
@@ -560,16 +632,18 @@ def main() -> None:
     parser.add_argument("--rows", type=Path, nargs="+", default=[], help="rows to take in")
     parser.add_argument("--mark", action="store_true", help="mark rows of tasks that have changed since")
     options = parser.parse_args()
-    rows = {key(row): row for row in read(ROWS)} if ROWS.exists() else {}
+    rows = {identity(row): row for row in [*(read(ROWS) if ROWS.exists() else []), *recorded()]}
     for path in options.rows:
         taken = read(path)
         refuse(path, taken)
-        rows |= {key(row): row for row in taken}
+        rows |= {identity(row): row for row in taken}
     known = {task.id for task in TASKS}
-    kept = [rows[of] for of in sorted(rows) if of[0] in known]
+    everything = [rows[run] for run in sorted(rows) if run[0] in known]
     if options.mark:
-        mark(kept)
-    ROWS.write_text("[\n" + ",\n".join(map(json.dumps, kept)) + "\n]\n", encoding="utf-8")
+        mark(everything)
+    kept, offline = apart(everything)
+    for path, own in ((ROWS, kept), (OFFLINE, offline)):
+        path.write_text("[\n" + ",\n".join(map(json.dumps, own)) + "\n]\n", encoding="utf-8")
     PAGE.write_text(page(kept), encoding="utf-8")
     matplotlib.use("svg")
     matplotlib.rcParams["svg.hashsalt"] = "springgym"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import re
 from importlib import import_module
 from pathlib import Path
@@ -65,7 +66,7 @@ def test_baselines_page_is_current() -> None:
     writer = page_writer("baselines")
     rows = writer.read(writer.ROWS)
     assert writer.PAGE.read_text(encoding="utf-8") == writer.page(rows)
-    assert [writer.key(row) for row in rows] == sorted({writer.key(row) for row in rows})
+    assert [writer.identity(row) for row in rows] == sorted({writer.identity(row) for row in rows})
     assert {row["task"] for row in rows} <= {task.id for task in writer.TASKS}
 
 
@@ -105,21 +106,46 @@ def test_headroom_is_what_can_be_done_and_is_not_learned(
     assert page_writer("baselines").lack_of_headroom(*runs) == lack
 
 
+def test_what_is_learned_from_data_stands_apart() -> None:
+    """Its rows are in a file and a table of their own, with all seeds of the same data in one line."""
+    writer = page_writer("baselines")
+    rows = writer.read(writer.ROWS)
+    own = {
+        "id": "springgym/SpringTop/medium-v0",
+        "agent": "medium",
+        "transitions": 50_000,
+        "mean_return": 0.3,
+    }
+    row = {"task": "SpringTop-v0", "algorithm": "iql", "steps": 9, "episodes": 100, "returns": [0.5] * 100}
+    runs = [
+        row | {"data": [own], "seed": seed, "mean_return": 0.5, "success_rate": share}
+        for seed, share in enumerate((0.4, 0.8))
+    ]
+    other = row | {"data": [own | {"transitions": 7}], "seed": 0, "mean_return": 0.1, "success_rate": 0.0}
+    assert writer.apart([*runs, *rows]) == (rows, runs)
+    first, second = writer.table_of_data([*runs, other])[2:]
+    assert "| medium | 50,000 | 0.30 | iql | 9 | 0.50 (0.50–0.50, 2) | 60 % (" in first
+    assert first.endswith("| 2 |")
+    assert "| 7 | 0.30 | iql | 9 | 0.10 (0.10–0.10) | 0 % (0–3) | 1 |" in second
+
+
 def outdated_rows() -> set[str]:
     """Return tasks whose rows are marked as of another physics, or whose classical control acts otherwise."""
     writer = page_writer("baselines")  # it puts agents/ on the path
     benchmark = importlib.import_module("benchmark")
-    plan = benchmark.Plan(Path(), benchmark.EPISODES, (), None)
-    rows = writer.read(writer.ROWS)
+    rows = [*writer.read(writer.ROWS), *writer.recorded()]
     probes = {task: benchmark.probe(task) for task in sorted({row["task"] for row in rows})}
     outdated = set()
     for row in rows:
-        cell = benchmark.Cell(*writer.key(row))
+        cell = benchmark.Cell(row["task"], row["algorithm"], row["seed"])
         assert row["episodes"] == benchmark.EPISODES
         marked = "present_probe" in row
         present = row["present_probe"] if marked else row["probe"]
         assert abs(present - probes[cell.task]) <= writer.SAME, f"{cell}: its task has changed; see --mark"
         assert not marked or abs(row["probe"] - present) > writer.SAME, f"{cell}: its task has not changed"
+        names = ("data", "env_kwargs") if "data" in row else ()
+        own = tuple(f"{name}={json.dumps(row['configuration'][name])}" for name in names)
+        plan = benchmark.Plan(Path(), benchmark.EPISODES, own, None)
         same = row["config"] == benchmark.digest(cell, plan)
         assert same or cell.algorithm == "classical", f"{cell}: its configuration has changed"
         if marked or not same:

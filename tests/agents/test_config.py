@@ -134,7 +134,7 @@ def test_wrong_override_is_named(load, override, says):
         load(GOOD, [override])
 
 
-@pytest.mark.parametrize("algo", [algo for algo in config.CONFIG_OF if algo != "her"])
+@pytest.mark.parametrize("algo", [algo for algo in config.ONLINE if algo != "her"])
 def test_every_environment_has_an_entry(algo):
     ids = [spec.id for spec in gym.registry.values() if str(spec.vector_entry_point).startswith("springgym")]
     assert ids, "springgym registered no environment"

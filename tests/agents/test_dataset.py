@@ -24,13 +24,15 @@ def test_recorded_episodes_can_be_played_again(minari, monkeypatch, capsys):
     asked = [TASK, *agents, "--episodes", "2", "--set", "max_episode_steps=20", "hard=true"]
     for _ in range(2):  # the second ones take the place of the first
         assert dataset.main(asked) == 0
+    assert dataset.main([*asked, "--noise", "0.3"]) == 0
     assert "springgym/SpringTop/classical-v0: 2 episodes" in capsys.readouterr().out
-    for agent in agents:
+    noisy = [f"{agent}-noisy" for agent in agents]
+    for agent in [*agents, *noisy]:
         data = minari.load_dataset(f"springgym/SpringTop/{agent}-v0")
         assert data.total_episodes == 2
         assert data.storage.metadata["algorithm_name"] == agent
         env = data.recover_environment()
-        assert env.spec.kwargs.get("observation") == ("frame" if agent == "classical" else None)
+        assert env.spec.kwargs.get("observation") == ("frame" if "classical" in agent else None)
         for n, episode in enumerate(data.iterate_episodes()):
             seen, _ = env.reset(seed=dataset.FIRST_SEED + n)
             for k, action in enumerate(episode.actions):
@@ -41,6 +43,24 @@ def test_recorded_episodes_can_be_played_again(minari, monkeypatch, capsys):
             assert terminated or truncated
             np.testing.assert_array_equal(seen, episode.observations[-1])
             assert len(episode.observations) == len(episode.actions) + 1
+
+
+def test_noise_is_of_the_size_asked_for():
+    """Half the range of actions is 1 here; noise of 1 would often be cut."""
+    envs = dataset.Recorded(gym.make_vec(TASK, 2, vectorization_mode="vector_entry_point"), noise=0.2)
+    envs.reset(seed=[7, 8])
+    for _ in range(200):
+        envs.step(np.zeros(envs.action_space.shape, np.float32))
+    played = np.array([actions for actions, *_ in envs.steps])
+    assert abs(played.std() - 0.2) < 0.2 * 4 / np.sqrt(2 * played.size)  # four standard errors
+    assert abs(played.mean()) < 0.2 * 4 / np.sqrt(played.size)
+
+
+@pytest.mark.parametrize("noise", ["-0.1", "1.5", "nan", "much"])
+def test_noise_is_a_share(noise, capsys):
+    with pytest.raises(SystemExit):
+        dataset.main([TASK, "zero", f"--noise={noise}"])
+    assert f"'{noise}' must be a number from 0 to 1" in capsys.readouterr().err
 
 
 def test_only_the_first_episode_of_a_copy_is_recorded():

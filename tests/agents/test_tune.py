@@ -9,7 +9,7 @@ from conftest import HERE
 
 pytest.importorskip("optuna")
 import tune
-from config import CONFIG_OF, load_config
+from config import CONFIG_OF, ONLINE, load_config
 
 TOY = "toy_env:Toy-v0"
 
@@ -66,7 +66,7 @@ def test_what_cannot_be_trained_is_given_up(command, monkeypatch, tmp_path):
     assert trial["state"] == "PRUNED"
 
 
-@pytest.mark.parametrize("algo", CONFIG_OF)
+@pytest.mark.parametrize("algo", ONLINE)
 def test_what_is_searched_is_there(algo):
     fields = CONFIG_OF[algo].__dataclass_fields__
     assert set(tune.SPACES[algo]) <= set(fields)
