@@ -110,7 +110,7 @@ def all_kinds_of_terms() -> Iterator[None]:
         if twin and rigid[1] is None:
             rigid = (rigid[0], given.parameter({"masses"}, np.zeros(1)))
         surfaces, rounds, dampers = found.terms.surfaces, found.terms.rounds, found.terms.dampers
-        if surfaces is not None and (whole.meetings or not twin):
+        if surfaces is not None:
             surfaces, rounds = surfaces._replace(radius=float(part.body.radius)), packed_rounds(part.body)
         if twin and not whole.meetings:
             dampers = None
