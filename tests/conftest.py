@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import gc
 import os
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager, nullcontext
 from functools import cache
 from typing import Any
 
@@ -52,13 +53,8 @@ def own_ids() -> Iterator[None]:
         registry.update(kept)
 
 
-@pytest.fixture
-def few_kernels(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Compute one copy in a block as wide as a batch's, and bodies that collide with all kinds of terms.
-
-    So one kernel serves where several would be compiled. That both widths give the same bits, and that a
-    term which does nothing changes none, is tested elsewhere.
-    """
+@contextmanager
+def _few_kernels() -> Iterator[None]:
     from springgym import simulator
     from springgym.core import blocks
     from tests.collisions.stepped import all_kinds_of_terms
@@ -68,24 +64,33 @@ def few_kernels(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     def wide(copies: int, shape: tuple[int, ...], dtype: Any) -> tuple[tuple[int, ...], Any]:
         return layout(max(copies, 2), shape, dtype)
 
-    for module in (blocks, simulator):
-        monkeypatch.setattr(module, "block_layout", wide)
-    with all_kinds_of_terms():
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (blocks, simulator):
+            patch.setattr(module, "block_layout", wide)
+        with all_kinds_of_terms():
+            yield
+
+
+@pytest.fixture
+def few_kernels() -> Iterator[None]:
+    """Compute one copy in a block as wide as a batch's, and scenes with all kinds of terms.
+
+    So one kernel serves where several would be compiled. That both widths give the same bits, and that a
+    term which does nothing changes none, is tested elsewhere.
+    """
+    with _few_kernels():
         yield
 
 
-@pytest.fixture(autouse=True)
-def _few_kernels_for_most(request: pytest.FixtureRequest) -> None:
-    """Take few kernels, but for tests marked ``own_kernels`` and the environments `QUICK`.
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
+    """Take few kernels, in fixtures of any scope too, but for tests marked ``own_kernels``.
 
     Slow runs compile what users do.
     """
-    from tests.envs.cases import QUICK
-
-    node = request.node
-    own = node.get_closest_marker("own_kernels") or node.get_closest_marker("slow")
-    if not own and not any(env_id.partition("-v")[0] in node.nodeid for env_id in QUICK):
-        request.getfixturevalue("few_kernels")
+    own = item.get_closest_marker("own_kernels") or item.get_closest_marker("slow")
+    with nullcontext() if own else _few_kernels():
+        return (yield)
 
 
 LONGEST = (

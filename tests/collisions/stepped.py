@@ -10,6 +10,7 @@ from unittest import mock
 import numpy as np
 
 from springgym import packing, simulator
+from springgym.checks import HUGE
 from springgym.contact.pairs import Pairs
 from springgym.contact.round import Rolling, packed_rounds
 from springgym.contact.spheres import Spheres
@@ -18,7 +19,7 @@ from springgym.core import ragged
 from springgym.core.blocks import aligned_zeros, to_copies
 from springgym.core.kinds import Each, Ragged
 from springgym.forces import Terms
-from springgym.forces.actuators import Thrust, Wrench
+from springgym.forces.actuators import Drive, Thrust, Wrench
 from springgym.integrators.node import Space
 from springgym.scene import Scene
 from springgym.simulator import Simulator
@@ -29,25 +30,49 @@ FAR = Plane((0, 0, -100), (0, 0, 1))
 """A floor that nothing comes near."""
 
 
+def with_gravity(scene: Scene) -> Scene:
+    """A scene with gravity, be it zero."""
+    return scene if scene.gravity else scene.with_(gravity=(0.0, 0.0, 0.0))
+
+
 def with_all_terms(scene: Scene) -> Scene:
     """A scene with gravity and a floor, be they without effect."""
-    if not scene.gravity:
-        scene = scene.with_(gravity=(0.0, 0.0, 0.0))
+    scene = with_gravity(scene)
     if scene.surfaces:
         return scene
     contact = scene.contact if scene.collisions == "all" else Contact(strength=1e-3, reach=1e-3)
     return scene.with_(surfaces=(FAR,), contact=contact)
 
 
+ALIKE = frozenset({"masses", "stiffness", "lengths", "gravity"})
+"""Parameters that all vary where one does."""
+
+
+def shares_code(scene: Scene, method: str, twin: bool) -> bool:
+    """Return whether a scene is given all kinds of terms: bodies that collide, and others by verlet or rigid,
+    if nothing is of a kind that few scenes have, such as a bowl."""
+    level = all(isinstance(surface, Plane) for surface in scene.surfaces)
+    usual = isinstance(scene.contact, Contact) and not any(placed.forces for placed in scene.bodies)
+    return level and (bool(scene.meetings) or (usual and (twin or method == "verlet")))
+
+
+class Packing:
+    """What is known of the scene that is packed now."""
+
+    shares = False
+    """whether it is given all kinds of terms"""
+
+
 @contextmanager
 def all_kinds_of_terms() -> Iterator[None]:
-    """Give scenes of bodies that collide every kind of term, so that they share compiled code.
+    """Give scenes every kind of term, so that they share compiled code.
 
-    Scenes share it if their surfaces are of the same kinds.
+    Scenes share it if their surfaces are of the same kinds, if bodies collide in both or in none, and if
+    dampers act in cycles in both or in none. `shares_code` tells which do.
 
-    What a scene does not have does nothing there: damping, friction, loss and radii of zero, no round
-    features, idle actuators, and `FAR` where springs have no surface. Numbers that are the same in all bodies
-    are of each body.
+    What a scene does not have does nothing there: gravity, damping, friction, loss and radii of zero, no
+    round features, idle actuators, and `FAR` where bodies that collide have no surface. Numbers that are the
+    same in all bodies that collide are of each body.
     """
     pack, share, pack_pairs = packing._packed, packing._shared, packing.pack_pairs
     make_space, make_spheres = packing.node_workspace, packing.new_spheres
@@ -55,60 +80,77 @@ def all_kinds_of_terms() -> Iterator[None]:
     actuators, stack = packing._actuators, ragged.stacked
 
     def pack_whole(scene: Scene, twin: bool, options: packing.Options) -> Any:
+        Packing.shares = shares_code(scene, options.method.name, twin)
         asks = options.varying & {"friction", "restitution"}  # which is refused where there is no surface
-        alone = twin or asks or not scene.meetings
+        alone = twin or asks or not (scene.meetings and Packing.shares)
         return whole_pack(scene if alone else with_all_terms(scene), twin, options)
 
     def workspaces(scene: Scene, method: Any, collisions: Any, twin: bool, *others: Any) -> list[Any]:
-        full = scene if twin or not scene.meetings else with_all_terms(scene)
+        full = scene if twin or not (scene.meetings and Packing.shares) else with_all_terms(scene)
         return make_workspaces(full, method, collisions, twin, *others)
 
     def varied(whole: Scene, given: packing.Options, twin: bool) -> packing.Options:
         rubs = whole.surfaces or whole.meetings.by(whole.contact).any()
         names = {"friction", "restitution"} if rubs else set()
-        return given._replace(varying=given.varying | names | (set() if twin else {"damping"}))
+        names |= set() if twin else {"damping"}
+        names |= {"strength"} if whole.surfaces and not whole.meetings else set()
+        names |= ALIKE if given.varying & ALIKE and not twin else set()
+        return given._replace(varying=given.varying | names)
 
     def shared(whole: Scene, given: packing.Options) -> Terms:
-        return share(whole, varied(whole, given, True) if whole.meetings else given)
+        if not Packing.shares:
+            return share(whole, given)
+        return share(with_gravity(whole), varied(whole, given, True))
 
     def packed(part: Scene, whole: Scene, terms: Terms, twin: bool, given: packing.Options) -> packing.Packed:
-        if not whole.meetings:
+        if not Packing.shares:
             return pack(part, whole, terms, twin, given)
         found = pack(part, whole, terms, twin, varied(whole, given, twin))
         rigid = found.twin
         if twin and rigid[1] is None:
             rigid = (rigid[0], given.parameter({"masses"}, np.zeros(1)))
-        surfaces, rounds = found.terms.surfaces, found.terms.rounds
+        surfaces, rounds, dampers = found.terms.surfaces, found.terms.rounds, found.terms.dampers
         if surfaces is not None:
             surfaces, rounds = surfaces._replace(radius=float(part.body.radius)), packed_rounds(part.body)
-        return found._replace(terms=found.terms._replace(surfaces=surfaces, rounds=rounds), twin=rigid)
+        if twin and not whole.meetings:
+            dampers = None
+        return found._replace(
+            terms=found.terms._replace(surfaces=surfaces, rounds=rounds, dampers=dampers), twin=rigid
+        )
 
     def spheres(start: np.ndarray, radii: Sequence[float], dtype: Any) -> Spheres:
+        if not Packing.shares:
+            return make_spheres(start, radii, dtype)
         found: Any = make_spheres(start, np.ones(len(radii)).tolist(), dtype)
         return found._replace(radius=np.array(radii))
 
     def space(scene: Scene, pairs: Pairs | None, dtype: Any) -> Space:
         found = make_space(scene, pairs, dtype)
-        if pairs is None or not scene.surfaces or found.rolling is not None:
+        if not Packing.shares or not scene.surfaces or found.rolling is not None:
             return found
 
-        def rows() -> Ragged:
+        def rows() -> Any:
+            if pairs is None:
+                return aligned_zeros(found.a.shape, dtype)
             return Ragged(aligned_zeros(found.a.values.shape, dtype), found.a.start)
 
         return found._replace(rolling=Rolling(*(rows() for _ in Rolling._fields)))
 
     def actuated(part: Scene, whole: Scene, blocks: Callable[..., np.ndarray]) -> dict[str, Any]:
-        if not whole.meetings:
+        if not Packing.shares:
             return actuators(part, whole, blocks)
         markers = np.array(part.body.markers, np.uint32)
-        idle = {
+        idle: dict[str, Any] = {
             "wrench": Wrench(blocks(3), blocks(3), blocks(3), markers, part.pivot, 1.0),
             "thrust": Thrust(np.zeros(0, np.uint32), blocks(0, 3), markers, False),
         }
+        if not whole.meetings:
+            idle["drive"] = Drive(-1, blocks(3), HUGE)
         return idle | actuators(part, whole, blocks)
 
     def paired(whole: Scene, given: packing.Options) -> Pairs:
-        return with_all_features(pack_pairs(whole, given), given.blocks)
+        pairs = pack_pairs(whole, given)
+        return with_all_features(pairs, given.blocks) if Packing.shares else pairs
 
     def stacked(terms: Sequence[Any]) -> Any:
         first = terms[0]

@@ -198,6 +198,12 @@ def test_native_equals_sync(env_id: str, options: dict[str, Any], autoreset: str
     assert compare_with_sync(env_id, autoreset, 60, 3, **options) > 0
 
 
+@pytest.mark.own_kernels
+def test_native_equals_sync_where_each_has_a_kernel_of_its_own() -> None:
+    """As users compile them: single environments in blocks of one copy, by the terms that they need."""
+    assert compare_with_sync(IDS[0], "SameStep", 60, 3) > 0
+
+
 @pytest.mark.slow
 @each_id
 @pytest.mark.parametrize("autoreset", [mode.value for mode in AutoresetMode])

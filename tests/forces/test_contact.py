@@ -613,10 +613,8 @@ def test_off_equals_on_at_zero_strength() -> None:
 @pytest.mark.parametrize(
     "surfaces",
     [
-        "floor",
-        "room",
         "ramp",
-        *(pytest.param(name, marks=pytest.mark.slow) for name in ("bowl", "uneven pipe")),
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("floor", "room", "bowl", "uneven pipe")),
     ],
 )
 def test_batch_equals_single_to_the_bit(surfaces: str, dtype: Any) -> None:

@@ -231,6 +231,7 @@ def test_among_surfaces_cycles_are_asked_for() -> None:
     assert Simulator(scene, damping_every=4).damping_every == 4
 
 
+@pytest.mark.own_kernels  # of whose arrays it reads one
 @pytest.mark.parametrize("name", stability.VARIED)
 def test_what_varies_has_no_cycle_but_a_given_one(name: str) -> None:
     assert Simulator(tops(100.0), varying=[name]).damping_every == 1
