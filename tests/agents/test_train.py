@@ -534,7 +534,7 @@ def test_wrong_configuration(arguments, says, capsys, monkeypatch, tmp_path):
         (
             "algo: ppo",
             "algo: a2c",
-            r"config.yaml:1: algo: expected one of ppo, sac, tqc, crossq, her, linear, got 'a2c'",
+            r"config.yaml:1: algo: expected one of ppo, sac, tqc, crossq, her, linear, iql, got 'a2c'",
         ),
         ("seed: 0", "sed: 0", r"config.yaml:3: unknown key 'sed'; did you mean 'seed'"),
         ("seed: 0", "seed: zero", r"config.yaml:3: seed: expected a whole number, got 'zero'"),
