@@ -180,11 +180,11 @@ def add_in_fours(
         return 0, power
     if not pays_by_rows(x, springs):
         return 0, power
-    places, forces, moves = local_rows(x), local_rows(x), local_rows(x)
-    copy_rows(x, places)
-    copy_rows(force, forces)
+    count, places, forces, moves = x.shape[0], local_rows(x), local_rows(x), local_rows(x)
+    copy_rows(count, x, places)
+    copy_rows(count, force, forces)
     if v is not None and dampers is not None:
-        copy_rows(v, moves)
+        copy_rows(count, v, moves)
     end = springs.first.size // FOUR * FOUR
     for s in range(0, end, FOUR):
         d0, d1 = apart(places, s, springs), apart(places, s + 1, springs)
@@ -213,7 +213,7 @@ def add_in_fours(
             set_row(direction, s + 1, first_three(in_four(i1, d1) * d1))
             set_row(direction, s + 2, first_three(in_four(i2, d2) * d2))
             set_row(direction, s + 3, first_three(in_four(i3, d3) * d3))
-    for i in range(x.shape[0]):
+    for i in range(count):
         set_row(force, i, first_three(load(forces, i)))
     return end, power
 
@@ -225,9 +225,9 @@ def pays_by_rows(rows: Rows, springs: Springs) -> bool:
 
 
 @compiled
-def copy_rows(rows: Rows, local: Rows) -> None:
-    """Copy rows of a single copy to `local_rows`."""
-    for i in range(rows.shape[0]):
+def copy_rows(count: int, rows: Rows, local: Rows) -> None:
+    """Copy the first ``count`` rows of a single copy to `local_rows`; a workspace may have more."""
+    for i in range(count):
         store(local, i, row_of_four(rows, i))
 
 
@@ -401,7 +401,7 @@ def damp_in_rows(
     if not pays_by_rows(v, springs):
         return 0, energy
     moves = local_rows(v)
-    copy_rows(v, moves)
+    copy_rows(v.shape[0], v, moves)
     count = springs.first.size
     for n in range(count):
         s = count - 1 - n if backward else n

@@ -36,9 +36,11 @@ def results(copies: int, dtype: Any, particles: int, springs: int) -> list[np.nd
     first, second = (np.ascontiguousarray(end) for end in ends.T)
     of = Springs(first, second, rng.uniform(1, 2, springs), rng.uniform(1e2, 1e3, springs))
     half, whole = (decay(damping, 1 / masses[first], 1 / masses[second], time) for time in (0.01, 0.02))
-    arrays = [block_array(copies, shape, dtype) for shape in [(particles, 3)] * 3 + [(springs, 3), (9,)]]
+    rows = max(particles, springs)  # as many as workspaces have
+    shapes = [(particles, 3), (particles, 3), (rows, 3), (rows, 3), (9,)]
+    arrays = [block_array(copies, shape, dtype) for shape in shapes]
     for array, values in zip(arrays, (x, v, force), strict=False):
-        numbers(array)[...] = values[..., None]
+        numbers(array)[:, :particles] = values[..., None]
     pull(*arrays[:4], of, Dampers(damping, half, whole, True), arrays[4])
     return [numbers(array)[0, ..., -1] for array in arrays[1:]]
 
@@ -48,6 +50,7 @@ def results(copies: int, dtype: Any, particles: int, springs: int) -> list[np.nd
     [
         pytest.param(14, 37, id="rows as vectors, one spring left over"),
         pytest.param(8, 28, id="rows as vectors"),
+        pytest.param(14, 2 * LOCAL, id="more springs than rows fit"),
         pytest.param(14, 14 * SPRINGS_A_ROW - 1, id="too few springs"),
         pytest.param(LOCAL + 1, 4 * LOCAL, id="too many rows"),
     ],
