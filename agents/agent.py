@@ -38,10 +38,16 @@ RENORM_EPSILON = 1e-3
 """CrossQ adds this to the variance."""
 
 
+ACTIVATIONS: dict[str, type[torch.nn.Module]] = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
+"""What stands between the layers of a network, by its name in configurations."""
+
+
 def policy_kwargs(config: NetworkConfig) -> dict[str, Any]:
     """Return the settings of the networks, in the form that Stable-Baselines3's policies take."""
-    activation = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}[config.activation]
-    kwargs: dict[str, Any] = {"net_arch": config.net_arch, "activation_fn": activation}
+    kwargs: dict[str, Any] = {
+        "net_arch": config.net_arch,
+        "activation_fn": ACTIVATIONS[config.activation],
+    }
     if isinstance(config, PPOConfig):
         kwargs |= {
             "log_std_init": config.log_std_init,

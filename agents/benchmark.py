@@ -41,7 +41,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from config import CONFIG_FOLDER, MENDABLE, ONLINE, Config, ConfigError, load_config, whole
 from controllers import UNTRAINED, controller_env_kwargs, controllers_of, make_controller
 from rows import PROTOCOL, curve, folder_name, used
-from runs import locked, open_run, versions, write_atomically
+from runs import locked, open_run, versions, write_atomically, write_rows
 from tqdm import tqdm
 
 from springgym.cli import INTERRUPTED, guarded
@@ -435,8 +435,7 @@ class Table:
 
     def add(self, row: dict[str, Any]) -> None:
         self.rows[Cell(row["task"], row["algorithm"], row["seed"])] = row
-        lines = ",\n".join(json.dumps(self.rows[cell]) for cell in sorted(self.rows))
-        write_atomically(self.path, f"[\n{lines}\n]\n")
+        write_rows(self.path, (self.rows[cell] for cell in sorted(self.rows)))
 
 
 def add_hyperparameters(parser: argparse.ArgumentParser) -> None:

@@ -64,7 +64,7 @@ def form(row: object) -> str:
 
 
 def mistyped(entries: Mapping[str, Any], types: Mapping[str, tuple[type, ...]]) -> str:
-    """Return which entry has not its type; an empty text if all have."""
+    """Return what is wrong with the type of an entry; an empty text if all types are right."""
     for name, kinds in types.items():
         value = entries[name]
         if (
@@ -77,7 +77,7 @@ def mistyped(entries: Mapping[str, Any], types: Mapping[str, tuple[type, ...]]) 
 
 
 def data_form(data: object) -> str:
-    """Return why something does not say which data sets were learned from; an empty text if it does."""
+    """Return what is wrong with the list of a row's data sets; an empty text if nothing is."""
     if not isinstance(data, list) or not data:
         return f"data must be a list of the data sets, got {data!r}"
     for own in data:
@@ -237,6 +237,11 @@ def replay(row: Row, agents: Path | None) -> str | None:
     return ""
 
 
+def name_of(row: Mapping[str, Any]) -> str:
+    """Return a text of what a row is of, whatever its entries are."""
+    return json.dumps([row.get(key) for key in (*Cell._fields, "data")])
+
+
 def check(path: Path, agents: Path | None = None) -> int:
     """Print what is wrong with the rows of a file; the status is 0 if nothing is.
 
@@ -252,11 +257,11 @@ def check(path: Path, agents: Path | None = None) -> int:
     if not isinstance(rows, list):
         raise ConfigError(f"{path}: the file must hold a list of rows")
     known = [row for row in rows if isinstance(row, dict)]
-    named = Counter(json.dumps([row.get(k) for k in (*Cell._fields, "data")]) for row in known)
+    named = Counter(map(name_of, known))
     refused = unplayed = 0
     for n, row in enumerate(rows):
         found: str | None = refusal(row)
-        if not found and named[json.dumps([row.get(k) for k in (*Cell._fields, "data")])] > 1:
+        if not found and named[name_of(row)] > 1:
             found = "there are several rows of this task, algorithm and seed"
         found = found or replay(row, agents)
         if found is None:

@@ -49,6 +49,21 @@ def add_overrides(parser: argparse.ArgumentParser, what: str = "arguments of the
     )
 
 
+def number(low: float, high: float) -> Callable[[str], float]:
+    """Return a type for arguments that are numbers from ``low`` to ``high``."""
+
+    def parse(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"{text!r} must be a number from {low} to {high}")
+        return value
+
+    return parse
+
+
 def whole(low: int, high: int) -> Callable[[str], int]:
     """Return a type for arguments that are whole numbers from ``low`` to ``high``."""
 
@@ -76,6 +91,18 @@ class Config:
 
 @dataclass(frozen=True, kw_only=True)
 class NetworkConfig(Config):
+    """The settings that algorithms with neural networks need."""
+
+    batch_size: int
+    learning_rate: float
+    gamma: float
+    net_arch: list[int]
+    activation: Literal["tanh", "relu"]
+    normalize: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class SB3Config(NetworkConfig):
     """The settings that algorithms of Stable-Baselines3 need.
 
     Rows of ``metrics.csv`` and checkpoints are written whenever ``log_every`` and ``checkpoint_every``
@@ -83,20 +110,14 @@ class NetworkConfig(Config):
     """
 
     n_envs: int
-    batch_size: int
-    learning_rate: float
-    gamma: float
-    net_arch: list[int]
-    activation: Literal["tanh", "relu"]
     anneal: bool = False
     """whether the learning rate falls to 0 in a straight line"""
-    normalize: bool = False
     log_every: int = 4096
     checkpoint_every: int = 32768
 
 
 @dataclass(frozen=True, kw_only=True)
-class PPOConfig(NetworkConfig):
+class PPOConfig(SB3Config):
     """Proximal policy optimisation (Schulman et al. 2017, arXiv:1707.06347)."""
 
     n_steps: int
@@ -109,7 +130,7 @@ class PPOConfig(NetworkConfig):
 
 
 @dataclass(frozen=True, kw_only=True)
-class OffPolicyConfig(NetworkConfig):
+class OffPolicyConfig(SB3Config):
     """Those that learn from a replay buffer. ``gradient_steps`` follow each step of all copies."""
 
     buffer_size: int
@@ -167,7 +188,7 @@ class LinearConfig(Config):
 
 
 @dataclass(frozen=True, kw_only=True)
-class IQLConfig(Config):
+class IQLConfig(NetworkConfig):
     """Implicit Q-learning from data alone (Kostrikov et al. 2021, arXiv:2110.06169), see offline.py.
 
     It takes no steps, so ``total_timesteps`` counts updates.
@@ -175,17 +196,13 @@ class IQLConfig(Config):
 
     data: list[str] = field(default_factory=list)
     """names of Minari data sets"""
-    batch_size: int
-    learning_rate: float
-    gamma: float
     tau: float
     expectile: float
-    """of what the data's actions return from a state: its value. The mean is 0.5, the best action 1"""
+    """which expectile of the returns of the data's actions is the value of a state: 0.5 is their mean, and
+    towards 1 it is the return of the best action"""
     temperature: float
-    """An action of advantage A counts exp(temperature A): 0 imitates all alike."""
-    net_arch: list[int]
-    activation: Literal["tanh", "relu"]
-    normalize: bool = False
+    """factor t in the weight exp(t A) with which an action of advantage A is imitated: with 0, all weigh the
+    same"""
 
 
 CONFIG_OF: dict[Algorithm, type[Config]] = {
@@ -198,7 +215,7 @@ CONFIG_OF: dict[Algorithm, type[Config]] = {
     "iql": IQLConfig,
 }
 ONLINE = tuple(algo for algo, kind in CONFIG_OF.items() if kind is not IQLConfig)
-"""Those that learn from episodes of their own."""
+"""Algorithms that learn from episodes which they play."""
 
 RANGES = {
     "total_timesteps": (1, inf),
@@ -308,7 +325,7 @@ def build_config(algo: Algorithm, tree: Tree, path: tuple[str, ...]) -> Config:
         if not all(low <= number <= high for number in numbers):
             here = tree.where[*path, key]
             raise ConfigError(f"{here}: {key}: must lie between {low} and {high}, got {value!r}")
-    if isinstance(config, NetworkConfig | IQLConfig) and len(config.net_arch) > MOST_LAYERS:
+    if isinstance(config, NetworkConfig) and len(config.net_arch) > MOST_LAYERS:
         here = tree.where[*path, "net_arch"]
         raise ConfigError(f"{here}: net_arch: has {len(config.net_arch)} layers; at most {MOST_LAYERS}")
     if isinstance(config, LinearConfig) and config.elites > config.population:

@@ -19,7 +19,6 @@ For data of medium quality, record an agent that was trained for a part of the s
 from __future__ import annotations
 
 import argparse
-import math
 import sys
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
@@ -28,7 +27,7 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from config import MENDABLE, ConfigError, add_overrides, making, parse_assignments, whole
+from config import MENDABLE, ConfigError, add_overrides, making, number, parse_assignments, whole
 from controllers import controller_env_kwargs, make_controller
 from evaluate import named, trained_kwargs, trained_on
 from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
@@ -166,17 +165,6 @@ def write(
     )
 
 
-def share(text: str) -> float:
-    """Return a number from 0 to 1, for arguments."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0 <= value <= 1:
-        raise argparse.ArgumentTypeError(f"{text!r} must be a number from 0 to 1")
-    return value
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Command line."""
     parser = argparse.ArgumentParser(
@@ -188,7 +176,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--episodes", type=whole(1, 100_000), default=100, help="of each (default: 100)")
     parser.add_argument("--seed", type=whole(0, 2**31), default=FIRST_SEED, help="seed of the first episode")
-    parser.add_argument("--noise", type=share, default=0.0, help="of actions, 1 for half their range")
+    parser.add_argument("--noise", type=number(0, 1), default=0.0, help="of actions, 1 for half their range")
     add_overrides(parser)
     options = parser.parse_args(arguments)
 

@@ -25,7 +25,7 @@ from benchmark import answers, made_with, probe
 from config import MENDABLE, ConfigError, making, whole
 from controllers import CLASSICAL
 from evaluate import MOST_EPISODES, evaluate, find_task
-from runs import HELD_OUT_SEED, write_atomically
+from runs import HELD_OUT_SEED, write_rows
 from scores import interval
 
 from springgym.cli import guarded
@@ -143,8 +143,7 @@ def _generalize(options: argparse.Namespace) -> int:
             if "refused" in row:
                 print(f"{task}, {row['world']}: {row['refused']}")
         if options.rows:
-            text = ",\n".join(json.dumps(row) for row in rows)
-            write_atomically(options.rows, f"[\n{text}\n]\n")
+            write_rows(options.rows, rows)
     if not options.tasks:
         print("\n".join(table(rows)))
     return 0

@@ -9,10 +9,10 @@ from config import (
     ConfigError,
     CrossQConfig,
     HERConfig,
-    NetworkConfig,
     OffPolicyConfig,
     PPOConfig,
     SACConfig,
+    SB3Config,
     TQCConfig,
     making,
 )
@@ -27,7 +27,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 from springgym.envs.sb3 import SB3VecEnv, StaggeredMonitor, make_sb3
 
 
-def network_config(run: Run) -> NetworkConfig:
+def network_config(run: Run) -> SB3Config:
     """Return the configuration of a run that Stable-Baselines3 trains.
 
     Raises
@@ -35,7 +35,7 @@ def network_config(run: Run) -> NetworkConfig:
     ConfigError
         If it does not.
     """
-    if not isinstance(run.config, NetworkConfig):
+    if not isinstance(run.config, SB3Config):
         raise ConfigError(f"{run.folder} is a run of {run.algo}, which Stable-Baselines3 does not train")
     return run.config
 

@@ -27,7 +27,7 @@ from board import make_logger
 from config import CONFIG_FOLDER, DEFAULT, MENDABLE, Config, load_config, whole
 from learner import make_training_env, native_env, new_model
 from recorder import Recorder
-from runs import HELD_OUT_SEED, Run, create_run, write_atomically
+from runs import HELD_OUT_SEED, Run, create_run, write_rows
 from tqdm import tqdm
 from train import begin_with_imitation
 
@@ -148,8 +148,7 @@ def _measure_all(options: argparse.Namespace) -> int:
     for task, config in configs.items():
         known[task, options.seed] = measure(task, options.seed, config)
         if options.json:
-            lines = ",\n".join(json.dumps(row) for row in known.values())
-            write_atomically(options.json, f"[\n{lines}\n]\n")
+            write_rows(options.json, known.values())
     print(shown([known[task, options.seed] for task in tasks]))
     return 0
 

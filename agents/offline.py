@@ -26,6 +26,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import torch
+from agent import ACTIVATIONS
 from benchmark import EPISODES, Cell, digest_of, row_of
 from config import MENDABLE, ConfigError, IQLConfig, add_overrides, load_config, whole
 from evaluate import evaluate, table, task_kwargs
@@ -39,7 +40,7 @@ from runs import (
     locked,
     time_limit,
     versions,
-    write_atomically,
+    write_rows,
 )
 from torch import nn
 from tqdm import trange
@@ -49,11 +50,10 @@ from springgym.cli import guarded, whole_file
 from springgym.envs.agent import LAYERS, STATISTICS
 from springgym.extras import missing
 
-ACTIVATIONS = {"tanh": nn.Tanh, "relu": nn.ReLU}
 LOG_STD = (-5.0, 2.0)
-"""Between these, the logarithm of the noise of the policy that is learned is kept, as in the paper."""
+"""Bounds of the logarithm of the policy's standard deviation, as in the paper."""
 LIMITS = (1e-6, 10.0)
-"""Number that is added to the variance of observations, and largest size of a normalised one."""
+"""Constant that is added to the variance of observations, and bound of normalised observations."""
 
 
 class Data(NamedTuple):
@@ -144,7 +144,7 @@ def layers(inputs: int, outputs: int, config: IQLConfig) -> nn.Sequential:
 
 
 class Actor(nn.Module):
-    """A normal distribution of actions, around the mean in (−1, 1) that the published agent takes."""
+    """A policy that draws actions from a normal distribution, whose mean in (−1, 1) the saved agent takes."""
 
     def __init__(self, inputs: int, outputs: int, config: IQLConfig) -> None:
         super().__init__()
@@ -157,7 +157,7 @@ class Actor(nn.Module):
 
 
 class Critic(nn.Module):
-    """The value of an action from a state."""
+    """A network that estimates the value of an action in a state."""
 
     def __init__(self, inputs: int, config: IQLConfig) -> None:
         super().__init__()
@@ -169,7 +169,7 @@ class Critic(nn.Module):
 
 
 def fit(data: Data, config: IQLConfig, seed: int) -> dict[str, np.ndarray]:
-    """Learn from data; return the arrays of the agent in the form of `springgym.envs.agent`."""
+    """Train an agent on data, and return its arrays in the format of `springgym.envs.agent`."""
     from tensordict import TensorDict
     from tensordict.nn import TensorDictModule
     from torchrl.modules import IndependentNormal, ProbabilisticActor, ValueOperator
@@ -243,7 +243,7 @@ def fit(data: Data, config: IQLConfig, seed: int) -> dict[str, np.ndarray]:
 
 
 def train(run: Run, data: Data) -> dict[str, Any]:
-    """Learn in a folder, write the agent, and return the row of the run."""
+    """Train the agent of a run on data, write it into the run's folder, and return the row of the run."""
     config = run.config
     assert isinstance(config, IQLConfig)
     torch.set_num_threads(1)
@@ -265,15 +265,14 @@ def train(run: Run, data: Data) -> dict[str, Any]:
 
 
 def add_row(path: Path, row: dict[str, Any]) -> None:
-    """Write a row into a file, in place of that of the same run if there is one."""
+    """Add a row to a file; it replaces the row of the same run."""
     rows = read_rows(path)
     rows[identity(row)] = row
-    lines = ",\n".join(json.dumps(rows[run]) for run in sorted(rows))
-    write_atomically(path, f"[\n{lines}\n]\n")
+    write_rows(path, (rows[run] for run in sorted(rows)))
 
 
 def read_rows(path: Path) -> dict[tuple[Any, ...], dict[str, Any]]:
-    """Read the rows of a file, if there is one, by what they are of.
+    """Read the rows of a file by the `identity` of their runs; a file that is absent has none.
 
     Raises
     ------

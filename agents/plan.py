@@ -36,9 +36,9 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 from benchmark import made_with, probe
-from config import MENDABLE, ConfigError, making, whole
+from config import MENDABLE, ConfigError, making, number, whole
 from gymnasium.vector import AutoresetMode, VectorEnv
-from runs import HELD_OUT_SEED, time_limit, write_atomically
+from runs import HELD_OUT_SEED, time_limit, write_rows
 from scores import interval
 
 import springgym
@@ -274,8 +274,7 @@ class Tables:
         """Write a row in place of one of the same task."""
         if path is not None:
             rows = cls.read(path) | {row["task"]: row}
-            lines = ",\n".join(json.dumps(rows[task]) for task in sorted(rows))
-            write_atomically(path, f"[\n{lines}\n]\n")
+            write_rows(path, (rows[task] for task in sorted(rows)))
 
 
 def digest(planner: Planner) -> str:
@@ -348,17 +347,6 @@ def told(row: Mapping[str, Any]) -> str:
     )
 
 
-def positive(text: str) -> float:
-    """The type of an argument that is a number from 10⁻³ to 10³."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 1e-3 <= value <= 1e3:
-        raise argparse.ArgumentTypeError(f"{text!r} must be a number from 0.001 to 1000")
-    return value
-
-
 def plan_all(options: argparse.Namespace) -> int:
     """Make the rows that are asked for."""
     names = ("samples", "horizon", "spacing", "iterations", "temperature")
@@ -405,7 +393,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         ("spacing", f"from one action of a plan to the next [s] ({usual.spacing:g})"),
         ("temperature", "weigh all plans by their returns, instead of choosing the best"),
     ):
-        parser.add_argument(f"--{name}", type=positive, help=told_)
+        parser.add_argument(f"--{name}", type=number(0.001, 1000), help=told_)
     parser.add_argument("--rows", type=Path, help="write rows to this file")
     options = parser.parse_args(arguments)
     return guarded("plan.py", lambda: plan_all(options), MENDABLE)

@@ -44,8 +44,9 @@ DATA: dict[str, tuple[type, ...]] = {
     "mean_return": (int, float),
     "digest": (str,),
 }
-"""What a row of offline learning holds of each data set, in a list ``data``: its Minari name, whose episodes
-these are, how many, their mean return per step, and letters that change with them."""
+"""Entries of each data set in the list ``data`` of a row of offline learning, and their types: its name in
+Minari, the agent that played, numbers of episodes and transitions, mean return of an episode per step, and a
+digest of the transitions."""
 USED = (
     "model",
     "planning",
@@ -77,7 +78,7 @@ def learned_from(row: Mapping[str, Any]) -> list[str]:
 
 
 def identity(row: Mapping[str, Any]) -> tuple[Any, ...]:
-    """Return which run a row is of: a file holds one of each."""
+    """Return what tells the run of a row from all others; a file holds one row of each run."""
     return row["task"], row["algorithm"], tuple(learned_from(row)), row["seed"]
 
 

@@ -27,7 +27,7 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict
 from importlib import metadata
@@ -35,7 +35,7 @@ from pathlib import Path
 from typing import IO, Any, NamedTuple
 
 import yaml
-from config import CONFIG_OF, Config, ConfigError, IQLConfig, NetworkConfig, build_config
+from config import CONFIG_OF, Config, ConfigError, NetworkConfig, build_config
 from gymnasium import spaces
 from gymnasium.envs.registration import EnvSpec
 
@@ -186,7 +186,7 @@ def policy_in(
     """
     (algo,) = (name for name, kind in CONFIG_OF.items() if type(config) is kind)
     network = Network(algo)
-    if isinstance(config, NetworkConfig | IQLConfig):
+    if isinstance(config, NetworkConfig):
         network = Network(algo, config.net_arch, config.activation, config.normalize)
     try:
         return agent.load_policy(path, network, observation_space, action_space)
@@ -212,6 +212,12 @@ def write_atomically(path: Path, text: str) -> None:
     """Replace a file by ``text``: a kill at any moment leaves the old file or the new one."""
     with whole_file(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def write_rows(path: Path, rows: Iterable[Mapping[str, Any]]) -> None:
+    """Write rows as a list in JSON, one row a line."""
+    lines = ",\n".join(map(json.dumps, rows))
+    write_atomically(path, f"[\n{lines}\n]\n")
 
 
 def versions() -> dict[str, object]:

@@ -26,6 +26,7 @@ from environments import ALGORITHMS, FEWEST, earned, measure, shown  # noqa: E40
 from generalize import table as worlds  # noqa: E402
 from learning_time import shown as times  # noqa: E402
 from rows import identity, used  # noqa: E402
+from runs import write_rows  # noqa: E402
 from scores import interquartile_mean, interval, interval_of_mean, profile  # noqa: E402
 
 from springgym.registration import ENVIRONMENTS, VARIANTS, Row, Variant  # noqa: E402
@@ -643,7 +644,7 @@ def main() -> None:
         mark(everything)
     kept, offline = apart(everything)
     for path, own in ((ROWS, kept), (OFFLINE, offline)):
-        path.write_text("[\n" + ",\n".join(map(json.dumps, own)) + "\n]\n", encoding="utf-8")
+        write_rows(path, own)
     PAGE.write_text(page(kept), encoding="utf-8")
     matplotlib.use("svg")
     matplotlib.rcParams["svg.hashsalt"] = "springgym"

@@ -355,9 +355,9 @@ def test_struck_ball_rolls_with_5_7_and_the_other_with_2_7() -> None:
 
 @pytest.mark.slow
 def test_springs_that_collide_approach_their_twin_as_they_grow_stiff() -> None:
-    """By what a spinning ball and another have after an impact: springs stretch as they spin, by 1/k.
+    """After an impact of two spinning balls, velocities differ from the twin's by 1/k, as springs stretch.
 
-    A rigid body has the inertia of the shape that it is given, and these are placed as they stretch.
+    The twin has the inertia of the shape that it is given, and soft bodies are placed as they stretch.
     """
     _, v, w = after(thrown("ball", 1e9), 0.15, 2e-5)
     off = []

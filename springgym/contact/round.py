@@ -398,8 +398,8 @@ def slip_at_end(
 def roll(problem: RoundProblem, again: bool) -> bool:
     """Find what surfaces give a body by its round features; tell whether they touch it in any copy.
 
-    All else takes the velocities from those before the node to those of the `Rolling`. If that is asked
-    ``again`` at a node, with other velocities there, what follows from the positions is known.
+    All else takes the velocities from those before the node to those of the `Rolling`. If this is called
+    ``again`` at the same node, with other velocities, the rows keep what `begin_row` set.
     """
     x, span, space, rounds, surfaces = (
         problem.x,
@@ -417,7 +417,7 @@ def roll(problem: RoundProblem, again: bool) -> bool:
         for k in range(count(surfaces.kinds)):
             r = e * count(surfaces.kinds) + k
             if not again:
-                place(r, e, k, before, problem)
+                begin_row(r, e, k, before, problem)
             point, n, size = row(space.point, r), row(space.normal, r), row(space.size, r)
             start, inverse = size[0], size[2]
             _, _, _, ahead = nearest(e, k, after, none, rounds, surfaces)
@@ -436,8 +436,8 @@ def roll(problem: RoundProblem, again: bool) -> bool:
 
 
 @compiled
-def place(r: int, e: int, k: int, before: Way, problem: RoundProblem) -> None:
-    """Set what positions alone say of row ``r``: its point, its normal, its first gap and effective mass."""
+def begin_row(r: int, e: int, k: int, before: Way, problem: RoundProblem) -> None:
+    """Set what positions alone determine in row ``r``: point, normal, first gap and inverse mass."""
     space, rounds, surfaces = problem.space, problem.rounds, problem.terms.surfaces
     none = 0.0 * row(problem.x, 0)
     point, n, square, _ = nearest(e, k, Way(problem.x, None, None), none, rounds, surfaces)

@@ -651,8 +651,8 @@ def store_each(typingctx, array, index, value):
 # --- Rows of a single copy --------------------------------------------------------------------------
 
 FOUR = 4
-"""Lanes in which a single copy computes: x, y and z of a row, and a number that nobody reads; or numbers of
-four rows."""
+"""Number of lanes in which a single copy computes: three hold x, y and z of a row, and nobody reads the last;
+or each holds a number of another row."""
 
 LOCAL = 64
 """Number of rows that `local_rows` holds."""
@@ -689,9 +689,9 @@ def alone(typingctx, array):
 
 @intrinsic
 def local_rows(typingctx, array):
-    """Return an array of `LOCAL` elements of `FOUR` lanes on the stack, in the precision of one (N, 3).
+    """Return an array of `LOCAL` elements of `FOUR` lanes on the stack, in the precision of an array (N, 3).
 
-    Its numbers are any at first. All calls from one place in the code share it.
+    Its numbers are not set. All calls from one place in the code share the array.
     """
     dtype = _element(array).dtype
     kind = types.Array(from_dtype(block_dtype(dtype.name, FOUR)), 1, "C")
@@ -711,7 +711,7 @@ def local_rows(typingctx, array):
 
 @intrinsic
 def row_of_four(typingctx, array, i):
-    """Return row ``i`` of an array (N, 3) of a single copy as `FOUR` lanes: the last one is any number."""
+    """Return row ``i`` of an array (N, 3) of a single copy in three of `FOUR` lanes; the last is not set."""
     lanes = Lanes(_element(array).dtype, FOUR)
 
     def codegen(context, builder, sig, args):
@@ -741,7 +741,7 @@ def row_of_four(typingctx, array, i):
 
 @intrinsic
 def next_four(typingctx, array, first):
-    """Return ``array[first : first + FOUR]`` of a single copy, or shared, in the array's precision."""
+    """Load ``array[first : first + FOUR]``, of a single copy or shared, into lanes of its precision."""
 
     def codegen(context, builder, sig, args):
         first = context.cast(builder, args[1], sig.args[1], types.intp)
@@ -754,7 +754,7 @@ def next_four(typingctx, array, first):
 
 @intrinsic
 def in_precision_of(typingctx, lanes, like):
-    """Return lanes in the precision of lanes ``like`` others, which is the same or half of theirs."""
+    """Round lanes to the precision of the lanes ``like``, which is the same or half of theirs."""
 
     def codegen(context, builder, sig, args):
         return args[0] if lanes == like else builder.fptrunc(args[0], _llvm(like.dtype, FOUR))
@@ -764,7 +764,7 @@ def in_precision_of(typingctx, lanes, like):
 
 @intrinsic
 def in_four(typingctx, number, like):
-    """Return a number of a single copy, or shared, in each of `FOUR` lanes ``like`` others."""
+    """Repeat a number in each of `FOUR` lanes, in the precision of the lanes ``like``."""
 
     def codegen(context, builder, sig, args):
         one = as_lanes(context, builder, args[0], sig.args[0], Lanes(like.dtype, 1))
@@ -775,7 +775,7 @@ def in_four(typingctx, number, like):
 
 @intrinsic
 def of_four(typingctx, lanes):
-    """Return the numbers of `FOUR` lanes as a tuple of numbers of a single copy."""
+    """Return the numbers of `FOUR` lanes as a tuple."""
 
     def codegen(context, builder, sig, args):
         return context.make_tuple(builder, sig.return_type, _each(builder, args[0]))

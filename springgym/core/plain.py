@@ -22,7 +22,7 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 from springgym.core.kinds import Each, Mask, Nested, Number, Ragged
 
 FOUR, LOCAL = 4, 64
-"""As in `springgym.core.lanes`."""
+"""Numbers of lanes and of local rows, as in `springgym.core.lanes`."""
 
 Index: TypeAlias = Number | tuple[Number, ...]
 """A whole number or `Lanes` of them; or a tuple of these, one an axis."""

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 
 SPRINGS_A_ROW = 2
-"""As many springs for each particle pay for copying the particles' rows, see `pays_by_rows`."""
+"""Rows are taken as vectors in bodies with at least so many springs per particle, see `pays_by_rows`."""
 
 
 class Springs(NamedTuple):
@@ -143,18 +143,38 @@ def add_spring_forces(
             apart = row(x, j) - row(x, i)
             inverse_length = inverse_sqrt(dot(apart, apart) + TINY)
             k = load(springs.stiffness, s)
-            pull = k - k * load(springs.length, s) * inverse_length
+            pull = elastic_pull(k, k * load(springs.length, s), inverse_length)
             if v is not None and dampers is not None:
-                speed = inverse_length * dot(row(v, j) - row(v, i), apart)
-                damping = load(dampers.coefficient, s) * speed
-                pull = pull + damping * inverse_length
-                power = power + damping * speed
+                rate = dot(row(v, j) - row(v, i), apart)
+                pull, lost = damped_pull(pull, load(dampers.coefficient, s), rate, inverse_length)
+                power = power + lost
             add_scaled(force, i, pull, apart)
             add_scaled(force, j, -pull, apart)
             if direction is not None and dampers is not None:
                 set_row(direction, s, inverse_length * apart)
         if v is not None and dampers is not None:
             record(ledger, DAMPING, weight * power)
+
+
+@compiled
+def elastic_pull(k: Number, slack: Number, inverse_length: Number) -> Number:
+    """Return the elastic force of a spring over its length, k (L − L₀)/L [N/m]; ``slack`` is k L₀."""
+    return k - slack * inverse_length
+
+
+@compiled
+def damped_pull(pull: Number, c: Number, rate: Number, inverse_length: Number) -> tuple[Number, Number]:
+    """Add the force of a damper over its length, c (dL/dt)/L, to a ``pull`` [N/m].
+
+    The ``rate`` is L dL/dt [m²/s].
+
+    Returns
+    -------
+    the sum, and the power of the damper [W]
+    """
+    speed = inverse_length * rate
+    damping = c * speed
+    return pull + damping * inverse_length, damping * speed
 
 
 @compiled
@@ -193,14 +213,14 @@ def add_in_fours(
         inverse_length = inverse_sqrt(dot(d, d) + TINY)
         k = next_four(springs.stiffness, s)
         slack = in_precision_of(k * next_four(springs.length, s), inverse_length)
-        pull = in_precision_of(k, inverse_length) - slack * inverse_length
+        pull = elastic_pull(in_precision_of(k, inverse_length), slack, inverse_length)
         if v is not None and dampers is not None:
             u0, u1 = apart(moves, s, springs), apart(moves, s + 1, springs)
             u2, u3 = apart(moves, s + 2, springs), apart(moves, s + 3, springs)
-            speed = inverse_length * dot(vec_of(columns(u0, u1, u2, u3)), d)
-            damping = in_precision_of(next_four(dampers.coefficient, s), inverse_length) * speed
-            pull = pull + damping * inverse_length
-            w0, w1, w2, w3 = of_four(damping * speed)
+            rate = dot(vec_of(columns(u0, u1, u2, u3)), d)
+            c = in_precision_of(next_four(dampers.coefficient, s), inverse_length)
+            pull, lost = damped_pull(pull, c, rate, inverse_length)
+            w0, w1, w2, w3 = of_four(lost)
             power = power + w0 + w1 + w2 + w3
         p0, p1, p2, p3 = of_four(pull)
         add_pull(forces, s, p0, d0, springs)
@@ -220,13 +240,13 @@ def add_in_fours(
 
 @compiled
 def pays_by_rows(rows: Rows, springs: Springs) -> bool:
-    """Tell whether rows as vectors are faster: they fit in, and there are springs enough to copy them for."""
+    """Tell whether a body is faster with its rows as vectors: few enough to fit, for enough springs."""
     return rows.shape[0] <= LOCAL and springs.first.size >= SPRINGS_A_ROW * rows.shape[0]
 
 
 @compiled
 def copy_rows(count: int, rows: Rows, local: Rows) -> None:
-    """Copy the first ``count`` rows of a single copy to `local_rows`; a workspace may have more."""
+    """Copy the first ``count`` rows of an array to `local_rows`; an array of a workspace may have more."""
     for i in range(count):
         store(local, i, row_of_four(rows, i))
 
@@ -245,7 +265,7 @@ def vec_of(components: tuple[Number, Number, Number]) -> Vector:
 
 @compiled
 def apart(local: Rows, s: int, springs: Springs) -> Number:
-    """Return what the second end of spring ``s`` has more than the first, of `local_rows`."""
+    """Return the row of the second end of spring ``s`` minus that of its first end, of `local_rows`."""
     return load(local, springs.second[s]) - load(local, springs.first[s])
 
 
@@ -327,7 +347,7 @@ def pull_on(x: Rows, particle: int, springs: Springs) -> Vector:
             apart = row(x, j) - row(x, i) if i == particle else row(x, i) - row(x, j)
             inverse_length = inverse_sqrt(dot(apart, apart) + TINY)
             k = load(springs.stiffness, s)
-            total = total + (k - k * load(springs.length, s) * inverse_length) * apart
+            total = total + elastic_pull(k, k * load(springs.length, s), inverse_length) * apart
     return total
 
 

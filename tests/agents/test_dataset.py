@@ -46,7 +46,7 @@ def test_recorded_episodes_can_be_played_again(minari, monkeypatch, capsys):
 
 
 def test_noise_is_of_the_size_asked_for():
-    """Half the range of actions is 1 here; noise of 1 would often be cut."""
+    """Actions of this task go from −1 to 1: little of a noise of 0.2 is cut off there."""
     envs = dataset.Recorded(gym.make_vec(TASK, 2, vectorization_mode="vector_entry_point"), noise=0.2)
     envs.reset(seed=[7, 8])
     for _ in range(200):

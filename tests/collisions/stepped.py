@@ -45,7 +45,7 @@ def with_all_terms(scene: Scene) -> Scene:
 
 
 ALIKE = frozenset({"masses", "stiffness", "lengths", "gravity"})
-"""Parameters that all vary where one does."""
+"""If one of these parameters varies, tests let all of them vary, so that scenes share code."""
 
 
 def shares_code(scene: Scene, method: str, twin: bool) -> bool:
@@ -57,10 +57,10 @@ def shares_code(scene: Scene, method: str, twin: bool) -> bool:
 
 
 class Packing:
-    """What is known of the scene that is packed now."""
+    """The state of `all_kinds_of_terms` while it packs a scene."""
 
     shares = False
-    """whether it is given all kinds of terms"""
+    """whether the scene is given all kinds of terms"""
 
 
 @contextmanager

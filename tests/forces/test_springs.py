@@ -27,7 +27,7 @@ def pull(x: Any, v: Any, force: Any, direction: Any, springs: Any, dampers: Any,
 
 
 def results(copies: int, dtype: Any, particles: int, springs: int) -> list[np.ndarray]:
-    """Return what `pull` changes, of the last copy, of a body drawn by chance."""
+    """Return what `pull` changes in the last copy of a random body."""
     rng = np.random.default_rng(particles)
     ends = np.array([rng.choice(particles, 2, replace=False) for _ in range(springs)], np.uint32)
     x, v, force = rng.normal(size=(3, particles, 3))

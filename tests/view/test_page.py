@@ -158,7 +158,7 @@ def test_what_a_client_sends_is_done_once_a_frame(page):
 
 @contextmanager
 def failing(page, error):
-    """Make every change of the page's motion fail, ask for one, and give the client that sees it fail."""
+    """Make changes of the page's motion fail, ask for one, and yield the client that is shown the failure."""
     make = page._subject.make
 
     def fails(name, changes):
