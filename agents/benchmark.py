@@ -224,10 +224,10 @@ def digest(cell: Cell, plan: Plan) -> str:
 
 
 def digest_of(config: Config | None) -> str:
-    """A few letters that change with fields of a configuration that have not their default."""
+    """Return letters that change with fields of a configuration that have not their default, in any order."""
     known = () if config is None else fields(config)
     told = {own.name: value for own in known if (value := getattr(config, own.name)) != usual(own)}
-    return sha256(repr(told).encode()).hexdigest()[:8]
+    return sha256(repr(dict(sorted(told.items()))).encode()).hexdigest()[:8]
 
 
 def usual(field: Field[Any]) -> object:

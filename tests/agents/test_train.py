@@ -534,16 +534,17 @@ def test_wrong_configuration(arguments, says, capsys, monkeypatch, tmp_path):
         (
             "algo: ppo",
             "algo: a2c",
-            r"config.yaml:1: algo: expected one of ppo, sac, tqc, crossq, her, linear, iql, got 'a2c'",
+            "algo: expected one of ppo, sac, tqc, crossq, her, linear, iql, got 'a2c'",
         ),
-        ("seed: 0", "sed: 0", r"config.yaml:3: unknown key 'sed'; did you mean 'seed'"),
-        ("seed: 0", "seed: zero", r"config.yaml:3: seed: expected a whole number, got 'zero'"),
-        ("gamma: 0.95", "gamma: 95", r"config.yaml:11: gamma: must lie between"),
+        ("seed: 0", "sed: 0", "unknown key 'sed'; did you mean 'seed'"),
+        ("seed: 0", "seed: zero", "seed: expected a whole number, got 'zero'"),
+        ("gamma: 0.95", "gamma: 95", "gamma: must lie between"),
     ],
 )
 def test_damaged_run_configuration(finished, tmp_path, old, new, says):
     text = (finished / "config.yaml").read_text()
     assert text.count(old) == 1
     (tmp_path / "config.yaml").write_text(text.replace(old, new))
-    with pytest.raises(config.ConfigError, match=says):
+    line = 1 + text[: text.index(old)].count("\n")
+    with pytest.raises(config.ConfigError, match=f"config.yaml:{line}: {says}"):
         runs.open_run(tmp_path)
