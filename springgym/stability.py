@@ -150,12 +150,10 @@ def damps_each_step(scene: Scene, integrator: Integrator) -> str:
     """Return the reason why dampers and wrench must act in every step of a scene; empty if there is none."""
     if not integrator.cycles:
         return f"{integrator.name} knows no cycles"
-    if scene.meetings:
-        return "where bodies collide, dampers act at each node"
     if any(placed.body.floppy for placed in scene.bodies):
         return "dampers act on the motion of a floppy body, not on vibrations alone"
-    pushed = any(placed.thrust for placed in scene.bodies) and not scene.surfaces
-    if pushed or any(placed.drive or placed.forces for placed in scene.bodies):
+    touches = scene.surfaces or scene.meetings  # where actuators act in every step
+    if any(placed.drive or placed.forces or (placed.thrust and not touches) for placed in scene.bodies):
         return "what pushes single particles makes bodies ring"
     if not any(placed.body.damping.any() for placed in scene.bodies):
         return "the scene has no dampers"
@@ -197,9 +195,9 @@ def _turned(angle: np.ndarray) -> np.ndarray:
 def damping_every(scene: Scene, integrator: Integrator, step: float) -> int:
     """Return the largest number of steps in a harmless cycle, see `cycles_harmless`: 1, or an even number.
 
-    It is 1 among surfaces: how much contact makes bodies ring depends on what happens.
+    It is 1 where there is contact: how much it makes bodies ring depends on what happens.
     """
-    if scene.surfaces or damps_each_step(scene, integrator):
+    if scene.surfaces or scene.meetings or damps_each_step(scene, integrator):
         return 1
     of = vibrations(scene)
     return next((n for n in range(LONGEST_CYCLE, 1, -2) if cycles_harmless(of, step, n)), 1)

@@ -115,6 +115,7 @@ class SpringBalance(Task):
     goal_size = 6
     period = PERIOD
     finest = PERIOD / 12
+    damping_every = 2
     evaluate = staticmethod(evaluate)
     compact = staticmethod(compact)
     move = staticmethod(move)

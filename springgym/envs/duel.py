@@ -183,6 +183,7 @@ class SpringDuel(Task):
     metrics = ("tilt", "away", "other_away")
     entries = ENTRIES
     finest = 1e-3
+    damping_every = 2
     hold = 1
     wins = True
     evaluate = staticmethod(evaluate)

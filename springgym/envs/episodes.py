@@ -272,8 +272,8 @@ class Episodes:
         return period / steps, 1 if every is None else every
 
     def _cycles_in(self, of: stability.Vibrations, steps: int, exactly: bool) -> tuple[int, int]:
-        """Return the number of steps in a control period, and in a cycle: among surfaces, the task's."""
-        if not self.task.scene.surfaces:
+        """Return the number of steps in a control period, and in a cycle: with contact, the task's."""
+        if not (self.task.scene.surfaces or self.task.scene.meetings):
             return stability.cycles_in(of, self.task.period, steps, exactly)
         every = self.task.damping_every
         whole = steps if exactly else steps + -steps % (2 * every)

@@ -145,6 +145,7 @@ class SpringJuggle(Task):
     )
     goal_size = 1
     finest = 0.02 / 64
+    damping_every = 2
     hold = 100
     evaluate = staticmethod(evaluate)
     compact = staticmethod(compact)

@@ -147,6 +147,7 @@ class SpringShove(Task):
     )
     period = 0.04
     finest = 0.04 / 32
+    damping_every = 2
     hold = 12
     evaluate = staticmethod(evaluate)
     compact = staticmethod(compact)

@@ -86,7 +86,7 @@ class Task:
     finest: ClassVar[float] = math.inf
     """largest automatic step [s]: impacts may need shorter steps than stability"""
     damping_every: ClassVar[int] = 1
-    """number of steps in a cycle of dampers among surfaces, where cycles are harmless, see
+    """number of steps in a cycle of dampers where there is contact and cycles are harmless, see
     `springgym.forces.cycle`: 1, or an even number"""
     hold: ClassVar[int] = 50
     """number of consecutive steps in which the aim must be met to count as success"""

@@ -10,8 +10,8 @@ Where a state is read amid a cycle, both have acted for the time since it began,
 the next call goes on from before that: calls of a and b steps are one of a + b. Copies that were placed or
 varied begin a cycle, and so do those amid one of which something else is asked than when they were read.
 
-Half of a node among surfaces that is read is behind (`springgym.integrators.node`): there dampers act for
-twice the time that is missing.
+Where there is contact, half of a node that is read is behind (`springgym.integrators.node`): there dampers
+act for twice the time that is missing.
 """
 
 from __future__ import annotations
@@ -152,7 +152,7 @@ def relax_in_turn(
 
 @compiled
 def sweeps_at(read: bool, cycle: Cycle | None) -> bool:
-    """Return whether dampers act at a node among surfaces in some copy, which is ``read`` or passed."""
+    """Return whether dampers act in some copy at a node of contact, which is ``read`` or passed."""
     if cycle is None:
         return True
     phase = load(cycle.marks, PHASE)

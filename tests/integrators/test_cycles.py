@@ -86,6 +86,88 @@ def test_copies_amid_different_cycles_are_as_alone(height: float | None) -> None
         assert batch.measure().balance[copy] == alone.measure().balance[0]
 
 
+LEFT, RIGHT = cube(stiffness=2e3, damping=20.0), cube(stiffness=5e3, damping=10.0)
+CUBES = Scene(
+    bodies=(
+        Placed(
+            LEFT, LEFT.positions, np.cross((0, 0, 3.0), LEFT.positions), wrench=WrenchActuator(), name="left"
+        ),
+        Placed(RIGHT, np.add(RIGHT.positions, (1.3, 0.2, 0.1)), np.full((8, 3), (-3.0, 0, 0)), name="right"),
+    ),
+    gravity=None,
+    collisions=Contact(friction=0.4, restitution=0.5),
+)
+"""Soft cubes, of which one strikes the other, that turns."""
+
+
+def struck(copies: int = 1, every: int = EVERY, finer: int = 1) -> Simulator:
+    made = Simulator(CUBES, step=5e-4 / finer, copies=copies, damping_every=every)
+    made.actuate(**{"left.torque": np.tile([3.0, -2.0, 4.0], (copies, 1))})
+    return made
+
+
+def assert_struck(made: Simulator, copy: int = 0) -> None:
+    """Bodies have met, and both contact and dampers have taken energy."""
+    told, measures = made.pairs(), made.measure()
+    assert told.impulse[copy, 0] > 0.5
+    assert told.contact_loss[copy, 0] > 1e-2
+    assert measures.damping_loss[copy] > 1e-2
+
+
+@pytest.mark.parametrize("cuts", [[1] * 400, [3, 133, 1, 5, 0, 258]])
+def test_colliding_bodies_give_the_same_bits_in_calls_cut_anywhere(cuts: list[int]) -> None:
+    whole, cut = struck(), struck()
+    whole.advance(400)
+    for steps in cuts:
+        cut.advance(steps)
+    assert_same(seen(cut), seen(whole))
+    assert_struck(whole)
+
+
+@pytest.mark.own_kernels
+@pytest.mark.slow
+def test_copies_of_colliding_bodies_amid_different_cycles_are_as_alone() -> None:
+    batch = struck(11)
+    begun = batch.positions[0], batch.velocities[0]
+    batch.advance(5)
+    batch.place(*begun, copies=[2])
+    batch.advance(2)
+    batch.place(*begun, copies=[7])
+    batch.advance(400)
+    for copy, age in ((0, 407), (2, 402), (7, 400)):
+        alone = struck()
+        alone.advance(age)
+        assert_struck(alone)
+        assert_same([values[copy] for values in (batch.positions, batch.velocities)], seen(alone)[:2])
+        assert batch.measure().balance[copy] == alone.measure().balance[0]
+
+
+@pytest.mark.parametrize("amid", [0, 3])
+def test_ledger_of_colliding_bodies_closes(amid: int) -> None:
+    gaps = []
+    for finer in (1, 4):
+        made = struck(finer=finer)
+        before = made.measure().balance[0]
+        made.advance(396 * finer + amid)
+        gaps.append(abs(made.measure().balance[0] - before))
+        assert_struck(made)
+    assert gaps[0] < 1e-4
+    assert gaps[1] < gaps[0] / 10
+
+
+def test_colliding_bodies_move_as_with_dampers_in_every_step() -> None:
+    """As well in cycles of two, and towards the same motion in longer ones."""
+    ends = {}
+    for every, finer in ((1, 1), (2, 1), (EVERY, 1), (EVERY, 8), (1, 64)):
+        made = struck(every=every, finer=finer)
+        made.advance(396 * finer)
+        ends[every, finer] = made.positions[0]
+    exact = ends.pop((1, 64))
+    errors = {how: np.abs(end - exact).max() for how, end in ends.items()}
+    assert errors[2, 1] < 2 * errors[1, 1] < 1e-2
+    assert errors[EVERY, 8] < errors[EVERY, 1] / 5
+
+
 def test_a_state_amid_a_cycle_returns() -> None:
     made = spun()
     made.advance(4)
@@ -203,10 +285,7 @@ def test_no_vibration_lasts(turn: float, rings: bool) -> None:
     assert exact < 1e-3
 
 
-CUBES = (Placed(cube(), name="low"), Placed(cube(), np.add(cube().positions, (0, 0, 3)), name="high"))
-
 REASONS = {
-    "collisions": (Scene(bodies=CUBES, collisions=Contact()), {}),
     "floppy": (Scene(rope(), pinned=(0,)), {}),
     "undamped": (tops(0.0), {}),
     "thrust": (Scene(cube(), thrust=ThrustActuator((0,))), {}),
@@ -225,8 +304,10 @@ def test_where_all_acts_at_every_step(name: str) -> None:
         Simulator(scene, damping_every=2, **options)
 
 
-def test_among_surfaces_cycles_are_asked_for() -> None:
-    scene = tops(100.0).with_(surfaces=(floor(-0.5),))
+@pytest.mark.parametrize(
+    "scene", [tops(100.0).with_(surfaces=(floor(-0.5),)), CUBES], ids=["floor", "bodies"]
+)
+def test_where_there_is_contact_cycles_are_asked_for(scene: Scene) -> None:
     assert Simulator(scene).damping_every == 1
     assert Simulator(scene, damping_every=4).damping_every == 4
 
@@ -278,6 +359,13 @@ def test_a_task_among_surfaces_says_its_cycle() -> None:
     assert episodes("SpringFreeTop-v0", damping_every=1).simulator.damping_every == 1
     assert episodes("SpringFreeTop-v0", damping_every=4).steps % 4 == 0
     assert episodes("SpringTumble-v0").simulator.damping_every == 1
+
+
+def test_a_task_of_colliding_bodies_says_its_cycle() -> None:
+    at = episodes("SpringDuel-v0")
+    assert (at.simulator.damping_every, at.steps % 4) == (at.task.damping_every, 0) == (2, 0)
+    assert episodes("SpringDuel-v0", damping_every=1).simulator.damping_every == 1
+    assert episodes("SpringTower-v0").simulator.damping_every == 1
 
 
 def test_a_given_pace_is_kept() -> None:
