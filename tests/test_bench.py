@@ -246,15 +246,21 @@ def test_jax_steps_the_same_springs() -> None:
 
 
 @pytest.mark.parametrize("method", peers.CPP)
-@pytest.mark.parametrize(("precision", "copies"), [("float64", 1), ("float64", 100), ("float32", 100)])
-def test_reference_steps_as_the_package_does(precision: str, copies: int, method: str) -> None:
+@pytest.mark.parametrize(
+    ("precision", "copies", "divides"),
+    [
+        ("float64", 1, True),
+        *((precision, 100, divides) for precision in ("float64", "float32") for divides in (False, True)),
+    ],
+)
+def test_reference_steps_as_the_package_does(precision: str, copies: int, divides: bool, method: str) -> None:
     """The yardstick computes the same motion, so the comparison is of like with like.
 
     Its dampers act in every step. In the force they are another method, of the same order: it differs within
     the error of the step.
     """
     scene = paper_top(damping=100.0 if "dampers" in method else 0.0)
-    peer = peers.cpp(scene, PAPER_STEP, copies, precision, method, registers=(2,))
+    peer = peers.cpp(scene, PAPER_STEP, copies, precision, method, ways=((2, divides),))
     if peer is None:
         pytest.skip("no C++ compiler")
     simulator = Simulator(scene, integrator=method.partition(",")[0], step=PAPER_STEP, damping_every=1)

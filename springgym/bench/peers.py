@@ -10,6 +10,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterable, Sequence
 from functools import cache
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -39,16 +40,23 @@ class Peer(NamedTuple):
 CPP = ("rk4", "verlet", "verlet, dampers swept", "verlet, dampers in the force")
 """Methods of the hand-written reference, in its order."""
 
+WAYS = (*product((1, 2, 3, 4, 6, 8), (False, True)),)
+"""The number of vector registers that a block of its copies fills, and whether it divides to find 1/√d."""
+
 FLAGS = ("-std=c++17", "-O3", "-march=native", "-ffast-math", "-mprefer-vector-width=512", "-fPIC")
 
 
 @cache
 def _reference(
-    compiler: str, precision: str, registers: int, particles: int, springs: int
-) -> Callable[..., object]:
-    """Compile the hand-written reference for blocks of so many vector registers of 64 bytes."""
+    compiler: str, precision: str, registers: int, divide: bool, particles: int, springs: int
+) -> ctypes.CDLL:
+    """Compile the hand-written reference for blocks of so many of the processor's vector registers.
+
+    It divides to find 1/√d, or refines an estimate.
+    """
     real = "double" if precision == "float64" else "float"
-    sizes = {"REAL": real, "REGISTERS": registers, "PARTICLES": particles, "SPRINGS": springs}
+    sizes = {"REAL": real, "REGISTERS": registers, "DIVIDE": int(divide)}
+    sizes |= {"PARTICLES": particles, "SPRINGS": springs}
     with tempfile.TemporaryDirectory() as folder:
         library, compiled = Path(folder) / "reference.so", Path(folder) / "reference.o"
         source = Path(__file__).with_name("reference.cpp")
@@ -56,7 +64,7 @@ def _reference(
         subprocess.run([compiler, *FLAGS, *defined, "-c", str(source), "-o", str(compiled)], check=True)
         # Linked apart: linking with -ffast-math would switch off subnormal numbers in this whole process.
         subprocess.run([compiler, "-shared", str(compiled), "-o", str(library)], check=True)
-        return ctypes.CDLL(str(library)).advance
+        return ctypes.CDLL(str(library))
 
 
 def cpp(
@@ -65,19 +73,17 @@ def cpp(
     copies: int,
     precision: str,
     method: str = "rk4",
-    registers: Sequence[int] = (1, 2, 3, 4),
+    ways: Sequence[tuple[int, bool]] = WAYS,
 ) -> Peer | None:
     """Steps of the hand-written reference by one of `CPP`.
 
-    Blocks fill the number of vector registers that is fastest; a single copy has x, y and z in one.
+    Of the `WAYS`, it is the fastest; a single copy has x, y and z in one register.
     """
     compiler = shutil.which("c++") or shutil.which("g++")
     if compiler is None:
         return None
-    lanes = 64 // np.dtype(precision).itemsize
-    widest = -(-copies // lanes)
-    tried = (0,) if copies == 1 else tuple(n for n in registers if n <= widest)
-    found = [_cpp(compiler, scene, step, copies, precision, method, number) for number in tried]
+    tried = ((0, True),) if copies == 1 else ways
+    found = [_cpp(compiler, scene, step, copies, precision, method, *how) for how in tried]
     if len(found) == 1:
         return found[0]
     speeds = [0.0] * len(found)
@@ -90,13 +96,20 @@ def cpp(
 
 
 def _cpp(
-    compiler: str, scene: Scene, step: float, copies: int, precision: str, method: str, registers: int
+    compiler: str,
+    scene: Scene,
+    step: float,
+    copies: int,
+    precision: str,
+    method: str,
+    registers: int,
+    divide: bool,
 ) -> Peer:
     """Measure the reference in blocks of so many registers; 0 stands for a single copy."""
     body, dtype = scene.body, np.dtype(precision)
     particles, springs = len(body.masses), len(body.springs)
-    compiled = _reference(compiler, precision, registers, particles, springs)
-    width = max(1, registers * 64 // dtype.itemsize)
+    library = _reference(compiler, precision, registers, divide, particles, springs)
+    width = max(1, registers * library.register_bytes() // dtype.itemsize)
     blocks = -(-copies // width)
     state = []
     for start in (scene.positions, scene.velocities):
@@ -114,7 +127,7 @@ def _cpp(
 
     def advance(blocks: int, steps: int) -> None:
         x, v, *rest = (ctypes.c_void_p(array.ctypes.data) for array in (*state, *fixed))
-        compiled(
+        library.advance(
             CPP.index(method), x, v, blocks, steps, ctypes.c_double(step), *rest, ctypes.c_double(gravity)
         )
 

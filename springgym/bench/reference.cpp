@@ -1,13 +1,19 @@
 // The paper's top by hand, as fast as its author could make it: the yardstick of `springgym bench`.
 //   c++ -std=c++17 -O3 -march=native -ffast-math -mprefer-vector-width=512 -shared -fPIC reference.cpp
-//       -DREAL=double -DREGISTERS=3 -DPARTICLES=14 -DSPRINGS=37
-// A block of copies fills REGISTERS vectors of 64 bytes, and the springs are passed once. REGISTERS=0 is a single
-// copy: x, y and z of a particle lie in one vector, and the lengths of all springs are found together.
+//       -DREAL=double -DREGISTERS=3 -DDIVIDE=0 -DPARTICLES=14 -DSPRINGS=37
+// A block of copies fills REGISTERS vectors, as wide as the processor's, and the springs are passed once.
+// REGISTERS=0 is a single copy: x, y and z of a particle lie in one vector, and the lengths of all springs are
+// found together.
 #include <cmath>
 #include <initializer_list>
 #include <utility>
-#ifdef __AVX512F__
+#ifdef __AVX2__
 #include <immintrin.h>
+#endif
+#ifdef __AVX512F__
+constexpr int BYTES = 64;  // of a vector register
+#else
+constexpr int BYTES = 32;
 #endif
 
 constexpr int N = PARTICLES, S = SPRINGS;
@@ -15,7 +21,7 @@ constexpr int N = PARTICLES, S = SPRINGS;
 // --- Vectors ------------------------------------------------------------------------------------------
 
 #if REGISTERS
-typedef REAL Register __attribute__((vector_size(64)));
+typedef REAL Register __attribute__((vector_size(BYTES)));
 struct Number {  // of every copy in a block
     Register part[REGISTERS];
 };
@@ -32,9 +38,14 @@ struct Number {  // of every copy in a block
     }
 OPERATOR(+) OPERATOR(-) OPERATOR(*)
 
-// 1/sqrt(d) to the last bit or two: from 14 bits by one step of fourth order, of third in single precision.
+// 1/sqrt(d) to the last bit or two: by division, or from an estimate. That is good for 14 bits, of which a step of
+// fourth order makes all, or one of third order in single precision; with AVX2 for 12 bits, and steps of third and
+// second order.
 static inline Register inverse_root(Register d) {
-#ifdef __AVX512F__
+#if DIVIDE || !defined(__AVX2__)
+    for (unsigned c = 0; c < BYTES / sizeof(REAL); c++) d[c] = 1 / std::sqrt(d[c]);
+    return d;
+#elif defined(__AVX512F__)
     if constexpr (sizeof(REAL) == 8) {
         const Register y = (Register)_mm512_rsqrt14_pd((__m512d)d), e = 1 - d * y * y;
         return y + y * e * (REAL(0.5) + e * (REAL(0.375) + e * REAL(0.3125)));
@@ -43,8 +54,14 @@ static inline Register inverse_root(Register d) {
         return y + y * e * (REAL(0.5) + e * REAL(0.375));
     }
 #else
-    for (unsigned c = 0; c < 64 / sizeof(REAL); c++) d[c] = 1 / std::sqrt(d[c]);
-    return d;
+    if constexpr (sizeof(REAL) == 8) {
+        const Register z = (Register)_mm256_cvtps_pd(_mm_rsqrt_ps(_mm256_cvtpd_ps((__m256d)d))), e = 1 - d * z * z;
+        const Register y = z + z * e * (REAL(0.5) + e * REAL(0.375));
+        return y + y * REAL(0.5) * (1 - d * y * y);
+    } else {
+        const Register y = (Register)_mm256_rsqrt_ps((__m256)d), e = 1 - d * y * y;
+        return y + y * e * (REAL(0.5) + e * REAL(0.375));
+    }
 #endif
 }
 static inline Number inverse_root(Number d) {
@@ -196,6 +213,8 @@ static void rk4(const Body &b, Vector *x, Vector *v, int steps, REAL h) {
 }
 
 // --- What Python calls --------------------------------------------------------------------------------
+
+extern "C" int register_bytes() { return BYTES; }
 
 // Positions and velocities are (blocks, PARTICLES) of Vector; the body's arrays are of doubles.
 // method: 0 rk4, 1 verlet, 2 verlet with dampers swept, 3 verlet with dampers in the force.
