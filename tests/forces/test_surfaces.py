@@ -210,7 +210,9 @@ def test_a_height_differs_from_the_distance_as_its_module_says() -> None:
     "surfaces",
     [
         pytest.param(
-            (PIPE, Plane((0, -0.5, 0), (0, 1, 0)), Plane((0, 0.5, 0), (0, -1, 0))), id="a pipe with ends"
+            (PIPE, Plane((0, -0.5, 0), (0, 1, 0)), Plane((0, 0.5, 0), (0, -1, 0))),
+            id="a pipe with ends",
+            marks=pytest.mark.slow,
         ),
         pytest.param(
             (Bowl((0.1, 0, 0.5), 1.0), floor(-0.1), Plane((0.1, 0, 0), (1, 0, 0))),
