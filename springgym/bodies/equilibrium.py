@@ -50,9 +50,17 @@ def relative_equilibrium(
         If there is no such shape: the springs are too weak, the body is floppy, or a pin is off the axis.
     """
     instance("body", body, Body)
-    omega, mass = array("omega", omega, (3,)), body.masses[:, None]
-    pinned = tuple(indices("pinned", pinned, len(mass)).tolist())
+    omega = array("omega", omega, (3,))
+    pinned = tuple(indices("pinned", pinned, len(body.masses)).tolist())
     pull = np.zeros(3) if gravity is None else array("gravity", gravity, (3,))
+    return balanced(body, omega, pinned, pull, body.positions)
+
+
+def balanced(
+    body: Body, omega: np.ndarray, pinned: tuple[int, ...], pull: np.ndarray, near: np.ndarray
+) -> np.ndarray:
+    """Return the `relative_equilibrium`, sought from a shape (N, 3) with the same pins and orientation."""
+    mass = body.masses[:, None]
     if not len(body.springs):
         return np.array(body.positions)
     weight = mass * (pull if pinned else np.zeros(3))
@@ -67,7 +75,7 @@ def relative_equilibrium(
     unknown = (3 * free[:, None] + np.arange(3)).ravel()
     inwards = skew(omega) @ skew(omega)
     scale = (body.stiffness * body.lengths).max(initial=0.0)
-    x = body.positions.copy()
+    x = near.copy()
     residual = np.full_like(x, np.inf)
     with np.errstate(all="ignore"), suppress(np.linalg.LinAlgError):  # no shape: the residual says so
         for _ in range(50):
@@ -89,7 +97,7 @@ def relative_equilibrium(
                 break
     if not np.abs(residual[free]).max(initial=0.0) < 1e-9 * scale:
         raise ValueError(
-            f"body {body.name!r} has no steady shape at ω = {omega!s} rad/s under gravity {gravity!s}: "
+            f"body {body.name!r} has no steady shape at ω = {omega!s} rad/s under gravity {pull!s}: "
             "its springs are too weak, or it is floppy and does not hang along gravity"
         )
     return x

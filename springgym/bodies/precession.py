@@ -11,7 +11,7 @@ import numpy as np
 
 from springgym.bodies.body import Body, ByValue, rigidity_matrix
 from springgym.bodies.elasticity import spring_force_and_jacobian
-from springgym.bodies.equilibrium import relative_equilibrium
+from springgym.bodies.equilibrium import balanced, relative_equilibrium
 from springgym.bodies.rotations import axes, rotation, skew
 from springgym.checks import array, indices, instance, number
 from springgym.theory.top import HeavyTop, steady_precession
@@ -114,10 +114,13 @@ def _gap(of: ByValue, pin: int, pull: float, tilt: float, spin: float, rigid: fl
     up = np.array([-np.sin(tilt), 0.0, np.cos(tilt)])  # in axes whose third is that of the top
     mass = body.masses[:, None]
 
+    found: dict[float, np.ndarray] = {}  # the last shape at each angle, from which the next is sought
+
     def shape(turn: float, omega: np.ndarray) -> np.ndarray:
         """Return positions from the pin, in those axes, of the top turned by an angle about its own."""
         placed = rotation((0, 0, 1), turn) @ own.T
-        x = relative_equilibrium(body, placed.T @ omega, (pin,), -pull * placed.T @ up)
+        near = found.get(turn, body.positions)
+        found[turn] = x = balanced(body, placed.T @ omega, (pin,), -pull * placed.T @ up, near)
         return np.asarray((x - x[pin]) @ placed.T)
 
     def balance(rate: float, relative: float) -> tuple[float, float]:
