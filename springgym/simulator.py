@@ -596,12 +596,12 @@ class Simulator:
         """
         index, of = self._index(copies), dict(self.identity)
         if copies is None:
-            arrays = {name: array.copy() for name, array in self._changing()}
+            arrays = {name: array.copy() for name, array in self._changing.items()}
         else:
             of["copies"] = len(index)
             arrays = {
                 name: chosen_copies(array, index) if array.dtype.names else array[index]
-                for name, array in self._changing()
+                for name, array in self._changing.items()
             }
         return {"of": of, "lost": _lost(arrays.values(), len(index)), **arrays}
 
@@ -643,7 +643,7 @@ class Simulator:
             is not finite although its copy was, or there are no such copies; nothing is changed.
         """
         index, but = self._index(copies), () if copies is None else ("copies",)
-        own = dict(self._changing())
+        own = self._changing
         names = {"of", "lost", *own}
         given = checks.instance("state", state, Mapping)
         if "of" in given:
@@ -677,7 +677,7 @@ class Simulator:
         """Set some copies (k,) to a state of ``count`` copies, k or one for all of them."""
         rows = np.zeros(len(index), int) if count == 1 else np.arange(count)
         arrays, values, where = [], [], []
-        for name, array in self._changing():
+        for name, array in self._changing.items():
             blocks = array.dtype.names is not None
             arrays.append(by_copies(array) if blocks else array)
             values.append(get_copies(state[name], rows) if blocks else state[name][rows])
@@ -705,20 +705,20 @@ class Simulator:
         must = "; it must be made like this simulator but for its step"
         made = checks.instance("other", other, Simulator).identity
         check_same("other", made, self.identity, but=GOES_FORWARD, must=must)
-        theirs = dict(other._changing())
-        own = {name: array for name, array in self._changing() if not name.startswith(OF_A_STEP)}
+        theirs = other._changing
+        own = {name: array for name, array in self._changing.items() if not name.startswith(OF_A_STEP)}
         _set(own.values(), (theirs[name] for name in own))
         self._recall()
         packing.renew(self._terms, self._all)
         self._meet(self._all)
 
-    def _changing(self) -> Iterator[tuple[str, np.ndarray]]:
-        """Return names and arrays of all that changes: the motion, the actuators and varied parameters."""
-        yield from (("x", self._x), ("v", self._v), ("time", self.time))
+    @cached_property
+    def _changing(self) -> dict[str, np.ndarray]:
+        """Return the arrays of all that changes, by name: the motion, the actuators and varied parameters."""
+        found = {"x": self._x, "v": self._v, "time": self.time}
         if self._ledger is not None:
-            yield "ledger", self._ledger
-        yield from _blocks_in("terms", self._terms)
-        yield from _blocks_in("twin", self._twin)
+            found["ledger"] = self._ledger
+        return found | dict(_blocks_in("terms", self._terms)) | dict(_blocks_in("twin", self._twin))
 
     # --- Time -------------------------------------------------------------------------------------
 
@@ -985,7 +985,7 @@ class Simulator:
         """
         if reason := contacts.refusal(self.scene, self._terms):
             raise ValueError(reason)
-        blocks = [array for _, array in self._changing() if array.dtype.names]
+        blocks = [array for array in self._changing.values() if array.dtype.names]
         before, found = [array.copy() for array in blocks], []
         try:
             for block in range(self._x.shape[0]) if contacts.any_possible(self.scene) else ():
@@ -1097,6 +1097,7 @@ class Simulator:
         left_out = (
             "_advance",
             "_actuators",
+            "_changing",
             "_phase",
             "_clock",
             "_moving",

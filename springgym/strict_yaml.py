@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import copy
 import inspect
+import pickle
 import re
 import types
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import is_dataclass
+from functools import lru_cache
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
+from typing import Any, Literal, NamedTuple, Union, cast, get_args, get_origin, get_type_hints
 
 from springgym.extras import missing
 
@@ -90,6 +92,12 @@ def parse_yaml(text: str, source: str) -> Tree:
     YamlError
         If it is not valid, or a key is given twice, or aliases repeat more than `MOST_REPEATED` values.
     """
+    return cast(Tree, pickle.loads(_parsed(text, source)))
+
+
+@lru_cache(maxsize=64)
+def _parsed(text: str, source: str) -> bytes:
+    """Return the `Tree` of a text, pickled: who gets one may change it. Files are often read again."""
     where: dict[tuple[str, ...], str] = {}
     most = len(text) + MOST_REPEATED  # a value that is written takes a character at least
 
@@ -123,7 +131,8 @@ def parse_yaml(text: str, source: str) -> Tree:
         loader = _Loader(text)
         try:
             node = loader.get_single_node()
-            return Tree(None if node is None else value_of(node, (), f"{source}:1"), {(): source} | where)
+            value = None if node is None else value_of(node, (), f"{source}:1")
+            return pickle.dumps(Tree(value, {(): source} | where))
         finally:
             loader.dispose()
     except yaml.YAMLError as error:

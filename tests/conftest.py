@@ -82,6 +82,15 @@ def few_kernels() -> Iterator[None]:
         yield
 
 
+@pytest.fixture
+def small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draw small pictures, where a test asks only that there are some."""
+    from springgym.rendering.renderer import Renderer
+
+    *_, mode, fps = Renderer.__init__.__defaults__ or ()
+    monkeypatch.setattr(Renderer.__init__, "__defaults__", (None, (64, 64), mode, fps))
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
     """Take few kernels, in fixtures of any scope too, but for tests marked ``own_kernels``.
@@ -103,15 +112,26 @@ LONGEST = (
 """What runs first, so that no process is left with it at the end."""
 
 
+METHODS = ("batch", "conservation", "equations", "order", "stability")
+TOGETHER = (
+    ("tests/forces/test_contact.py", "tests/forces/test_node.py"),
+    tuple(f"tests/integrators/test_{name}.py" for name in METHODS),
+)
+"""Files whose tests share kernels that take long to compile, and that two processes would compile at once."""
+
+
 def scope(nodeid: str) -> str:
-    """Tell which tests run in one process: those of a file, all of duels, and all others of bodies that
-    collide.
+    """Tell which tests run in one process: those of a file, of files that share kernels, all of duels, and
+    all others of bodies that collide.
 
     These take the longest to compile, and share a kernel that a process compiles once.
     """
     if any(word in nodeid for word in DUELS):
         return "duels"
-    return "colliding" if any(word in nodeid for word in colliding()) else nodeid.partition("::")[0]
+    if any(word in nodeid for word in colliding()):
+        return "colliding"
+    file = nodeid.partition("::")[0]
+    return next((first for first, *others in TOGETHER if file in others), file)
 
 
 def pytest_collection_finish() -> None:

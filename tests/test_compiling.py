@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections import namedtuple
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -300,6 +301,24 @@ def test_a_full_disk_costs_a_compilation_and_leaves_nothing(package: Path, tmp_p
     cache = tmp_path / "cache"
     assert finish(start(package, cache, FULL)) == (8.0, 0)
     assert list(cache.iterdir()) == []
+
+
+def test_types_are_those_that_numba_finds() -> None:
+    """Of arrays that differ in one thing each, and of tuples of them, asked for twice."""
+    packed, aligned = (np.dtype([("a", "f8")], align=align) for align in (False, True))
+    assert packed == aligned
+    square, fixed = np.zeros((2, 2)), np.zeros(2)
+    fixed.setflags(write=False)
+    arrays = [np.zeros(2), np.zeros(2, int), np.zeros(2, packed), np.zeros(2, aligned), np.zeros(4)[::2]]
+    arrays += [fixed, square, np.asfortranarray(square), np.zeros((3, 3))[::2, ::2], np.zeros(())]
+    values: list[Any] = [*arrays, *((array,) for array in arrays)]
+    values += [(), (1,), (1.0,), (True,), (None,), (0.0, 1)]
+    for name in ("One", "Other"):
+        kind = namedtuple(name, ("first", "second"))
+        values += [kind(1.0, arrays[0]), kind(1.0, fixed), kind(1, (2, 3.0))]
+    for value in [*values, *values]:
+        assert compiling.type_of(value) == typeof(value)
+    assert len({compiling.type_of(value) for value in values}) == len(values)
 
 
 def test_a_cache_that_cannot_be_written_costs_a_compilation(package: Path, tmp_path: Path) -> None:

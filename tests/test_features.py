@@ -105,5 +105,6 @@ def test_idle_is_absent_but_for_rounding(name: str, method: str) -> None:
 
 def test_bits_tell_features_apart() -> None:
     """What the test above compares differs where a feature does something."""
-    without, present = moved(PLAIN, "verlet"), moved(FEATURES["damping"].on, "verlet")
-    assert not np.array_equal(present, without)
+    off, on, options, values = AT_ONCE["without surfaces"]
+    damped = {name: value + 1.0 for name, value in values.items()}
+    assert not np.array_equal(moved(on, "verlet", damped, **options), moved(off, "verlet"))

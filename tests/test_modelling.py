@@ -28,12 +28,8 @@ def test_less_than_the_gap_rules_the_rigid_top_out():
     need = needed(load("rubber-top"), 0.005, implicit=(), duration=0.3)
     assert need.cheapest.dynamics == "springs"
     assert max(model.error for model in need.models) == pytest.approx(0.0118, rel=0.01)
-
-
-def test_more_than_any_model_has():
-    need = needed(load("rubber-top"), 1e-9, implicit=(), duration=0.1)
     with pytest.raises(ValueError, match="no model precesses within 1e-09 of the real top"):
-        _ = need.cheapest
+        _ = need._replace(wanted=1e-9).cheapest
 
 
 @pytest.mark.parametrize("wanted", [0.0, -1.0, 1.1, float("nan"), "0.1", True, None])

@@ -31,8 +31,6 @@ from springgym.simulator import Simulator
 from springgym.surfaces import Contact, floor
 from tests.api.test_own import PULLED
 
-pytestmark = pytest.mark.own_kernels
-
 
 def advanced(scene: Scene, steps: int, **options: Any) -> np.ndarray:
     """Return positions and velocities after some steps, and the measures then."""

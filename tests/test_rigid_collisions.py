@@ -44,14 +44,14 @@ def contact(friction: float = 0.0, restitution: float = 1.0) -> Contact:
 
 def struck() -> dict[str, Any]:
     """Simulate a cube that strikes and rubs another off its middle; return what is kept and lost."""
-    simulator = Simulator(pair(CUBE, contact(0.3, 0.5)), dynamics="rigid", step=1e-3)
+    simulator = Simulator(pair(CUBE, contact(0.3, 0.5)), dynamics="rigid", step=2e-3)
     x = simulator.scene.positions.copy()
     v = np.zeros_like(x)
-    x[8:] = np.add(x[:8], (1.02, 0.2, 0.0))
+    x[8:] = np.add(x[:8], (1.012, 0.2, 0.0))
     v[:8] = (1.0, 0.5, 0.0)
     simulator.place(x, v)
     before = simulator.measure()
-    simulator.advance(40)
+    simulator.advance(16)
     after, told = simulator.measure(), simulator.pairs()
     return {
         "momenta": [[*m.momentum[0], *m.angular_momentum[0]] for m in (before, after)],

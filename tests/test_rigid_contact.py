@@ -133,13 +133,13 @@ def test_nothing_gets_through_at_20_m_per_s_and_100_rad_per_s_in_a_corner_of_thr
 @pytest.mark.parametrize(
     "surfaces",
     [
-        pytest.param((Bowl((0, 0, 1.5), 1.5),), id="bowl", marks=pytest.mark.slow),
+        pytest.param((Bowl((0, 0, 1.5), 1.5),), id="bowl"),
         pytest.param(
             (Pipe((0, 0, 1.5), (0, 1, 0), 1.5), Plane((0, -2, 0), (0, 1, 0))),
             id="pipe with an end",
             marks=pytest.mark.slow,
         ),
-        pytest.param((waves(0.1, 2.0, 3.0, 0.1, level=-0.1),), id="waves"),
+        pytest.param((waves(0.1, 2.0, 3.0, 0.1, level=-0.1),), id="waves", marks=pytest.mark.slow),
     ],
 )
 def test_energy_is_kept_on_curved_surfaces_at_either_step(surfaces: tuple) -> None:

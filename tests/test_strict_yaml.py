@@ -150,6 +150,15 @@ def test_nested_mapping_skipped_keys_and_given_arguments():
         build(Thing, tree, ("outer",), skip=("kind",), count=1)
 
 
+def test_who_reads_a_text_again_gets_what_it_says():
+    for _ in range(2):
+        tree = parse_yaml("a: {b: [1, 2]}", "file.yaml")
+        assert tree.value == {"a": {"b": [1, 2]}}
+        tree.value["a"]["b"].append(3)
+        tree.where.clear()
+    assert parse_yaml("a: {b: [1, 2]}", "other.yaml").where["a", "b"] == "other.yaml:1"
+
+
 def test_functions_are_called():
     def area(width: float, height: float = 2.0) -> float:
         return width * height

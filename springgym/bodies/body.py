@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, Self
 
 import numpy as np
@@ -213,20 +213,8 @@ class Body(ReadOnly):
         rigid motions that the pins allow. A direction counts as stretching no spring if it stretches them by
         less than 1e-9 (1e-6 in bodies of more than `EXACT` particles) of the largest stretch.
         """
-        held = indices("pinned", pinned, len(self.masses))
-        free = np.setdiff1d(np.arange(len(self.masses)), held)
-        moving = rigid_ways(self.positions) - rigid_ways(self.positions, held)
-        if len(self.masses) > EXACT:
-            first, second = self.springs.T
-            along = (self.positions[second] - self.positions[first]) / self._distances()[:, None]
-            squares = assembled(along[:, :, None] * along[:, None, :], self.springs, len(self.masses))
-            coordinates = (3 * free[:, None] + np.arange(3)).ravel()
-            sizes = np.linalg.eigvalsh(squares[np.ix_(coordinates, coordinates)])  # of the matrix's square
-            stretching = int(np.sum(sizes > 1e-12 * sizes[-1])) if len(sizes) else 0
-        else:
-            rows = rigidity_matrix(self.positions, self.springs)[:, free]
-            stretching = rank(rows.reshape(len(rows), 3 * len(free)))
-        return 3 * len(free) - moving - stretching
+        held = tuple(indices("pinned", pinned, len(self.masses)).tolist())
+        return _floppy_modes(self.positions.tobytes(), self.springs.tobytes(), held)
 
     def particle(self, name: str) -> int:
         """Return the only particle of a part.
@@ -336,6 +324,43 @@ class Body(ReadOnly):
             f"{self.mass:g} kg in all; {springs}{', floppy' if self.floppy else ''}; "
             f"parts: {', '.join(self.parts) or 'none'}{f'; {self.solid!r}' if self.solid else ''})"
         )
+
+
+class ByValue:
+    """A body as a key of a cache: equal to others with the same numbers, whatever their names."""
+
+    def __init__(self, body: Body) -> None:
+        self.body = body
+        arrays = (getattr(body, name) for name in PHYSICAL)
+        self._numbers = (body.markers, *(array.tobytes() for array in arrays))
+        self._hash = hash(self._numbers)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, ByValue) and self._numbers == other._numbers
+
+    def __hash__(self) -> int:
+        return self._hash
+
+
+@lru_cache(maxsize=32)
+def _floppy_modes(places: bytes, pairs: bytes, held: tuple[int, ...]) -> int:
+    """Compute `Body.floppy_modes` from positions and springs: many bodies differ in other numbers alone."""
+    positions = np.frombuffer(places).reshape(-1, 3)
+    springs = np.frombuffer(pairs, np.int64).reshape(-1, 2)
+    free = np.setdiff1d(np.arange(len(positions)), held)
+    moving = rigid_ways(positions) - rigid_ways(positions, np.array(held, int))
+    if len(positions) > EXACT:
+        first, second = springs.T
+        along = positions[second] - positions[first]
+        along = along / np.linalg.norm(along, axis=1)[:, None]
+        squares = assembled(along[:, :, None] * along[:, None, :], springs, len(positions))
+        coordinates = (3 * free[:, None] + np.arange(3)).ravel()
+        sizes = np.linalg.eigvalsh(squares[np.ix_(coordinates, coordinates)])  # of the matrix's square
+        stretching = int(np.sum(sizes > 1e-12 * sizes[-1])) if len(sizes) else 0
+    else:
+        rows = rigidity_matrix(positions, springs)[:, free]
+        stretching = rank(rows.reshape(len(rows), 3 * len(free)))
+    return 3 * len(free) - moving - stretching
 
 
 def inertia(positions: np.ndarray, masses: np.ndarray) -> np.ndarray:

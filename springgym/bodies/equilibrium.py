@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from springgym.bodies.body import Body, rigid_motions
+from springgym.bodies.body import Body, ByValue, rigid_motions
 from springgym.bodies.elasticity import spring_force_and_jacobian
 from springgym.bodies.rotations import skew
 from springgym.checks import TINY, array, direction, indices, instance, number
+from springgym.records import read_only
 
 
 def relative_equilibrium(
@@ -48,9 +50,17 @@ def relative_equilibrium(
         If there is no such shape: the springs are too weak, the body is floppy, or a pin is off the axis.
     """
     instance("body", body, Body)
-    omega, mass = array("omega", omega, (3,)), body.masses[:, None]
-    pinned = tuple(indices("pinned", pinned, len(mass)).tolist())
+    omega = array("omega", omega, (3,))
+    pinned = tuple(indices("pinned", pinned, len(body.masses)).tolist())
     pull = np.zeros(3) if gravity is None else array("gravity", gravity, (3,))
+    return balanced(body, omega, pinned, pull, body.positions)
+
+
+def balanced(
+    body: Body, omega: np.ndarray, pinned: tuple[int, ...], pull: np.ndarray, near: np.ndarray
+) -> np.ndarray:
+    """Return the `relative_equilibrium`, sought from a shape (N, 3) with the same pins and orientation."""
+    mass = body.masses[:, None]
     if not len(body.springs):
         return np.array(body.positions)
     weight = mass * (pull if pinned else np.zeros(3))
@@ -63,23 +73,23 @@ def relative_equilibrium(
     rigid = rigid[:, 3:] @ turns if pinned else rigid
     deforming = _kernel(rigid.T)  # displacements that are no rigid motion
     unknown = (3 * free[:, None] + np.arange(3)).ravel()
+    inwards = skew(omega) @ skew(omega)
     scale = (body.stiffness * body.lengths).max(initial=0.0)
-    x = body.positions.copy()
+    x = near.copy()
     residual = np.full_like(x, np.inf)
     with np.errstate(all="ignore"), suppress(np.linalg.LinAlgError):  # no shape: the residual says so
         for _ in range(50):
             r = x - (centre if pinned else body.masses @ x / body.mass)
             # as `springgym.bodies.body.inertia`, but summed at once: another order moves starts by rounding
             tensor = np.sum(mass * (r * r)) * np.eye(3) - (mass * r).T @ r
-            torque = np.cross(r, weight).sum(axis=0) - np.cross(omega, tensor @ omega)
+            torque = _cross(r, weight).sum(axis=0) - _cross(omega, tensor @ omega)
             alpha = turns @ np.linalg.lstsq(turns.T @ tensor @ turns, turns.T @ torque, rcond=1e-12)[0]
-            turning = skew(omega) @ skew(omega) + skew(alpha)
+            turning = inwards + skew(alpha)
             force, jacobian = spring_force_and_jacobian(body, x)
             residual = force + weight - mass * (r @ turning.T)
             if np.abs(residual[free]).max(initial=0.0) < 1e-14 * scale:
                 break
-            for i in free:
-                jacobian[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] -= mass[i] * turning
+            jacobian.reshape(len(x), 3, len(x), 3)[free, :, free] -= mass[free, :, None] * turning
             matrix = deforming.T @ jacobian[np.ix_(unknown, unknown)] @ deforming
             step = deforming @ np.linalg.lstsq(matrix, -deforming.T @ residual[free].ravel(), rcond=1e-12)[0]
             x.reshape(-1)[unknown] += step
@@ -87,7 +97,7 @@ def relative_equilibrium(
                 break
     if not np.abs(residual[free]).max(initial=0.0) < 1e-9 * scale:
         raise ValueError(
-            f"body {body.name!r} has no steady shape at ω = {omega!s} rad/s under gravity {gravity!s}: "
+            f"body {body.name!r} has no steady shape at ω = {omega!s} rad/s under gravity {pull!s}: "
             "its springs are too weak, or it is floppy and does not hang along gravity"
         )
     return x
@@ -122,13 +132,32 @@ def stretched_shapes(
     """Find the `StretchedShapes` about an axis (3,) through the pin or the centre of mass.
 
     Springs are linear, so the shape is a smooth function of ω²: a polynomial through five of them, at
-    Chebyshev's points, is exact to about (largest strain)⁵.
+    Chebyshev's points, is exact to about (largest strain)⁵. Shapes of bodies that were asked for lately are
+    not computed again.
     """
     along, fastest = direction("axis", axis), number("fastest", fastest, low=TINY)
+    held = tuple(indices("pinned", pinned, len(instance("body", body, Body).masses)).tolist())
+    return StretchedShapes(fastest, _coefficients(ByValue(body), tuple(along.tolist()), fastest, held))
+
+
+@lru_cache(maxsize=32)
+def _coefficients(
+    of: ByValue, along: tuple[float, ...], fastest: float, pinned: tuple[int, ...]
+) -> np.ndarray:
+    """Return the coefficients of `StretchedShapes`, read-only."""
     nodes = 0.5 - 0.5 * np.cos(np.pi * (np.arange(5) + 0.5) / 5)  # ω²/fastest²
-    shapes = [relative_equilibrium(body, fastest * np.sqrt(u) * along, pinned) for u in nodes]
-    coefficients = np.linalg.solve(np.vander(nodes), np.reshape(shapes, (5, -1)))
-    return StretchedShapes(fastest, coefficients.reshape(5, *body.positions.shape))
+    spins = fastest * np.sqrt(nodes)
+    shapes = [relative_equilibrium(of.body, spin * np.array(along), pinned) for spin in spins]
+    found = np.linalg.solve(np.vander(nodes), np.reshape(shapes, (5, -1)))
+    return read_only(found.reshape(5, *of.body.positions.shape))
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return a × b, as `numpy.cross` does, which takes many times as long for few vectors."""
+    found = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    for n, (i, j) in enumerate(((1, 2), (2, 0), (0, 1))):
+        found[..., n] = a[..., i] * b[..., j] - a[..., j] * b[..., i]
+    return found
 
 
 def _skews(vectors: np.ndarray) -> np.ndarray:

@@ -5,12 +5,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
-from springgym.bodies.body import Body, rigidity_matrix
+from springgym.bodies.body import Body, ByValue, rigidity_matrix
 from springgym.bodies.elasticity import spring_force_and_jacobian
-from springgym.bodies.equilibrium import relative_equilibrium
+from springgym.bodies.equilibrium import balanced, relative_equilibrium
 from springgym.bodies.rotations import axes, rotation, skew
 from springgym.checks import array, indices, instance, number
 from springgym.theory.top import HeavyTop, steady_precession
@@ -102,15 +103,24 @@ def precession_gap(
     except ValueError as error:
         raise ValueError(f"spin is {spin:g}: {error}") from error
     pin = int(indices("pinned", pinned, len(body.masses))[0])
+    return _gap(ByValue(body), pin, -float(np.asarray(gravity)[2]), tilt, spin, float(rigid))
+
+
+@lru_cache(maxsize=32)
+def _gap(of: ByValue, pin: int, pull: float, tilt: float, spin: float, rigid: float) -> float:
+    """Return the `precession_gap` of a top of which the rigid one precesses at a rate [rad/s]."""
+    body = of.body
     own = axes(body.positions, body.markers)
     up = np.array([-np.sin(tilt), 0.0, np.cos(tilt)])  # in axes whose third is that of the top
     mass = body.masses[:, None]
-    pull = -float(np.asarray(gravity)[2])
+
+    found: dict[float, np.ndarray] = {}  # the last shape at each angle, from which the next is sought
 
     def shape(turn: float, omega: np.ndarray) -> np.ndarray:
         """Return positions from the pin, in those axes, of the top turned by an angle about its own."""
         placed = rotation((0, 0, 1), turn) @ own.T
-        x = relative_equilibrium(body, placed.T @ omega, (pin,), -pull * placed.T @ up)
+        near = found.get(turn, body.positions)
+        found[turn] = x = balanced(body, placed.T @ omega, (pin,), -pull * placed.T @ up, near)
         return np.asarray((x - x[pin]) @ placed.T)
 
     def balance(rate: float, relative: float) -> tuple[float, float]:
@@ -127,14 +137,14 @@ def precession_gap(
             torque += np.cross(x, -pull * mass * up).sum(axis=0) / TURNS
         return float(torque[1] / np.cross(up, momentum)[1]), float(spun)
 
-    rate, relative = float(rigid), float(spin - rigid * np.cos(tilt))
+    rate, relative = rigid, float(spin - rigid * np.cos(tilt))
     slope = (balance(1.001 * rate, relative)[0] - balance(rate, relative)[0]) / (1e-3 * rate) - 1
     for _ in range(20):  # Newton's method for the rate; the spin is corrected beside it
         given, spun = balance(rate, relative)
         change, lack = (given - rate) / slope, spin - spun
         rate, relative = rate - change, relative + lack
         if abs(change) < 1e-11 * abs(rate) and abs(lack) < 1e-11 * abs(spin):
-            return rate / float(rigid) - 1
+            return rate / rigid - 1
     raise ValueError(f"body {body.name!r} has no steady precession with a spin of {spin:g} rad/s")
 
 

@@ -433,6 +433,31 @@ def is_inner(function: object) -> TypeGuard[Any]:
     return isinstance(function, Inner) or (INTERPRETED and getattr(function, "py_func", None) is function)
 
 
+_TYPES: dict[tuple[object, ...], tuple[numba.types.Type, object]] = {}
+"""Types of arrays and tuples by what decides them. Beside each stand the types by whose ids it is found."""
+
+
+def type_of(value: object) -> numba.types.Type:
+    """Return Numba's type of a value.
+
+    It is the same for arrays of the same kind and for tuples of the same types. So each is asked for once:
+    to ask for those of all arrays of a simulator takes longer than to make them.
+    """
+    parts: list[numba.types.Type] = []
+    if type(value) is np.ndarray:
+        flags, dtype = value.flags, value.dtype
+        layout = (value.ndim, flags.c_contiguous, flags.f_contiguous, flags.writeable)
+        key: tuple[object, ...] = (dtype, dtype.isalignedstruct, *layout)
+    elif isinstance(value, tuple):
+        parts = [type_of(part) for part in value]
+        key = (type(value), *map(id, parts))
+    else:
+        return numba.typeof(value)
+    if key not in _TYPES:
+        _TYPES[key] = numba.typeof(value), parts
+    return _TYPES[key][0]
+
+
 class SameTypes:
     """A function that is always called with arguments of the types of the first call.
 
@@ -452,7 +477,7 @@ class SameTypes:
         if self._code is None:
             self._code = self._function
             if is_jitted(self._function):
-                self._types = types = tuple(map(numba.typeof, arguments))
+                self._types = types = tuple(map(type_of, arguments))
                 if types not in self._function.overloads:  # compiling waits for the compiler's lock
                     self._function.compile(types)
                 self._code = self._function.get_overload(types)

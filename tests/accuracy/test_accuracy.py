@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from springgym.accuracy import REPORT, studies
+from springgym.accuracy import REPORT, studies, work_precision
 from springgym.accuracy.peers import derivative, jacobian, mujoco_rungs, scipy_rungs
 from springgym.accuracy.problems import PROBLEMS
 from springgym.accuracy.work_precision import (
@@ -25,6 +26,18 @@ from springgym.accuracy.work_precision import (
 from springgym.bodies import cube
 from springgym.bodies.distances import largest_distance, rms_distance
 from springgym.cli import main
+from springgym.simulator import Simulator
+
+
+@pytest.fixture
+def ledgers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Give simulators a ledger, which changes no bit: so they share kernels with other tests."""
+
+    def made(*given: Any, ledger: bool, **options: Any) -> Simulator:
+        assert not ledger
+        return Simulator(*given, **options)
+
+    monkeypatch.setattr(work_precision, "Simulator", made)
 
 
 @pytest.mark.parametrize("name", [name for name, problem in PROBLEMS.items() if problem.rigid])
@@ -36,6 +49,7 @@ def test_start_is_that_of_rigid_theory_but_for_the_strain(name: str) -> None:
     assert np.abs(problem.rigid(0.05) - problem.rigid(0.0)).max() > 1e-3
 
 
+@pytest.mark.usefixtures("ledgers")
 def test_verlet_halves_the_step_and_quarters_the_error_against_another_method() -> None:
     problem = PROBLEMS["cube-swing"]._replace(seconds=0.2)
     scene = problem.scene(problem.stiffness)
@@ -99,6 +113,7 @@ def test_cheapest_takes_what_is_accurate_enough_then_what_costs_least() -> None:
     assert cheapest({"rows": rows}, 1e-6) is None
 
 
+@pytest.mark.usefixtures("ledgers")
 def test_command_writes_report_and_figure(tmp_path: Path) -> None:
     assert main(["accuracy", "tumble", "--quick", "--out", str(tmp_path)]) == 0
     (row, *_) = json.loads((tmp_path / REPORT).read_text())["tumble"]["rows"]

@@ -7,14 +7,11 @@ import pytest
 from springgym.accuracy.hard_cases import CASES, Case
 from springgym.cli import main
 
-SPOILT = "restitution 0 … 1"
-"""The case whose twin spoils an array that is another one where kernels are shared."""
-
 EACH = [
     pytest.param(
         case,
         id=f"{case.number} {case.name}",
-        marks=[pytest.mark.slow] * case.slow + [pytest.mark.own_kernels] * (case.name == SPOILT),
+        marks=[pytest.mark.slow] * case.slow,
     )
     for case in CASES
 ]

@@ -88,7 +88,7 @@ def test_transitions_are_those_of_the_episodes(data):
 
 
 def settings(**changes):
-    values = {"total_timesteps": 300, "net_arch": "[32, 32]", "learning_rate": 3e-3, **changes}
+    values = {"total_timesteps": 150, "net_arch": "[32, 32]", "learning_rate": 1e-2, **changes}
     return config.load_config("iql", TASK, [f"{key}={value}" for key, value in values.items()])
 
 

@@ -74,6 +74,7 @@ def run(commands, brief, episodes):
     return done
 
 
+@pytest.mark.usefixtures("small_pictures")
 @pytest.mark.parametrize("brief", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_the_environment_of_the_tutorial_trains_by_its_commands(hover, brief, tmp_path, capsys):
     (commands,) = hover
@@ -89,6 +90,7 @@ def test_the_environment_of_the_tutorial_trains_by_its_commands(hover, brief, tm
         assert all(trained["return_per_step"] > other["return_per_step"] for other in others)
 
 
+@pytest.mark.usefixtures("small_pictures")
 @pytest.mark.parametrize("brief", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_a_task_from_beginning_to_end_is_followed_word_for_word(escort, brief, tmp_path):
     """Commands and code in their order; if brief, training is cut short, and so are evaluations."""

@@ -59,8 +59,9 @@ def copied(tmp_path, monkeypatch):
     return tmp_path / "trained"
 
 
+@pytest.mark.usefixtures("small_pictures")
 def test_a_film_of_one(copied, tmp_path):
-    film = ["--out", str(tmp_path / "rope.gif"), "--set", "max_episode_steps=20"]
+    film = ["--out", str(tmp_path / "rope.gif"), "--set", "max_episode_steps=5"]
     assert watch.main(["SpringRope-v0", *film]) == 0
     assert (tmp_path / "rope.gif").read_bytes().startswith(b"GIF8")
 
@@ -128,7 +129,7 @@ def test_publishing_keeps_the_better_one(copied, tmp_path, capsys):
     shutil.copytree(run, tmp_path / "run")
     card = json.loads((run / "card.json").read_text())
     (tmp_path / "run" / "versions.json").write_text(json.dumps(card["versions"]))
-    command = [str(tmp_path / "run"), "--into", str(copied)]
+    command = [str(tmp_path / "run"), "--into", str(copied), "--audited", "20"]
     assert publish.main(command) == 0
     assert "SpringTop-v0: ppo" in capsys.readouterr().out
     with np.load(copied / "SpringTop-v0" / "agent.npz") as file:
@@ -159,7 +160,7 @@ def test_a_published_agent_is_evaluated_anew(copied):
     assert "trained_probe" not in found
     path.write_text(json.dumps(card | {"probe": 0.5}))
     for _ in range(2):
-        assert publish.main(command) == 0
+        assert publish.main([*command, "--episodes", "10"]) == 0
         found = json.loads(path.read_text())
         assert (found["probe"], found["trained_probe"]) == (pytest.approx(card["probe"], abs=1e-6), 0.5)
 

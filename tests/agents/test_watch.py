@@ -49,6 +49,7 @@ def test_gif_drops_frames_above_25_a_second(right, tmp_path, monkeypatch):
         assert film.info["duration"] == 40
 
 
+@pytest.mark.usefixtures("small_pictures")
 @pytest.mark.parametrize(
     ("env_id", "suffix"),
     [

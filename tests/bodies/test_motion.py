@@ -137,6 +137,20 @@ def test_stretched_shapes_are_the_relative_equilibria():
     assert np.abs(shapes(100.0) - body.positions).max() > 1e-3
 
 
+def test_stretched_shapes_are_found_once_for_bodies_of_the_same_numbers():
+    first, same = (stretched_shapes(top(), (0, 0, 1), 100.0, (13,)) for _ in range(2))
+    assert same.coefficients is first.coefficients
+    assert not first.coefficients.flags.writeable
+    softer = top().with_(stiffness=0.9 * top().stiffness)
+    for given in (
+        (softer, (0, 0, 1), 100.0, (13,)),
+        (top(), (1, 0, 0), 100.0, (13,)),
+        (top(), (0, 0, 1), 90.0, (13,)),
+        (top(), (0, 0, 1), 100.0),
+    ):
+        assert not np.array_equal(stretched_shapes(*given).coefficients, first.coefficients)
+
+
 def test_pins_hold():
     with pytest.raises(ValueError, match=r"body 'cube' is pinned at \[0, 4\] and cannot turn"):
         start(cube(), pinned=(0, 4), omega=(1.0, 0.0, 0.0))

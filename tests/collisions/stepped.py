@@ -61,6 +61,8 @@ class Packing:
 
     shares = False
     """whether the scene is given all kinds of terms"""
+    twin = False
+    """whether its bodies are rigid"""
 
 
 @contextmanager
@@ -80,7 +82,7 @@ def all_kinds_of_terms() -> Iterator[None]:
     actuators, stack = packing._actuators, ragged.stacked
 
     def pack_whole(scene: Scene, twin: bool, options: packing.Options) -> Any:
-        Packing.shares = shares_code(scene, options.method.name, twin)
+        Packing.shares, Packing.twin = shares_code(scene, options.method.name, twin), twin
         asks = options.varying & {"friction", "restitution"}  # which is refused where there is no surface
         alone = twin or asks or not (scene.meetings and Packing.shares)
         return whole_pack(scene if alone else with_all_terms(scene), twin, options)
@@ -100,7 +102,7 @@ def all_kinds_of_terms() -> Iterator[None]:
     def shared(whole: Scene, given: packing.Options) -> Terms:
         if not Packing.shares:
             return share(whole, given)
-        return share(with_gravity(whole), varied(whole, given, True))
+        return share(with_gravity(whole), varied(whole, given, Packing.twin))
 
     def packed(part: Scene, whole: Scene, terms: Terms, twin: bool, given: packing.Options) -> packing.Packed:
         if not Packing.shares:

@@ -42,6 +42,7 @@ from tests.envs.cases import (
 )
 
 
+@pytest.mark.usefixtures("small_pictures")
 @first_case
 def test_checkers(env_id: str, options: dict[str, Any]) -> None:
     """Gymnasium's and SB3's checkers find nothing; pytest turns warnings into errors."""
@@ -162,7 +163,8 @@ def same(first: Any, second: Any, path: str = "") -> None:
                 np.testing.assert_array_equal(a, b, err_msg=path)
         return
     assert first.dtype == second.dtype, path
-    np.testing.assert_array_equal(first, second, err_msg=path)
+    if first.tobytes() != second.tobytes():  # as 0.0 and -0.0; this way takes a tenth of the time
+        np.testing.assert_array_equal(first, second, err_msg=path)
 
 
 def compare_with_sync(env_id: str, autoreset: str, steps: int, copies: int, **options: Any) -> int:

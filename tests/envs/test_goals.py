@@ -34,6 +34,7 @@ def batch(env_id: str, copies: int, autoreset: str = "NextStep", **options: Any)
     return make_vec(env_id, copies, "native", autoreset, **options)
 
 
+@pytest.mark.usefixtures("small_pictures")
 @pytest.mark.parametrize("env_id", WITH_GOALS)
 def test_checkers(env_id: str, capsys: pytest.CaptureFixture[str]) -> None:
     """SB3's sees that it is a ``GoalEnv``, and computes the reward again."""

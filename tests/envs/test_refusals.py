@@ -13,6 +13,7 @@ from gymnasium.envs.registration import load_env_creator
 
 import springgym
 from springgym.bodies import Body, cube, rope
+from springgym.envs import tolerance
 from springgym.envs.base import SpringEnv, SpringVectorEnv, _Common
 from springgym.envs.episodes import MOST_STEPS
 from springgym.envs.observation import Situation
@@ -117,7 +118,12 @@ FREE_OF_LOSS = {"friction": 0, "restitution": 1}
 
 @each_kind
 @pytest.mark.parametrize("suffix", ["Env", pytest.param("VectorEnv", marks=pytest.mark.slow)])
-def test_every_argument_of_every_environment(env_id: str, suffix: str) -> None:
+def test_every_argument_of_every_environment(
+    env_id: str, suffix: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A tolerance is chosen for in short episodes: how well is tested where it is."""
+    monkeypatch.setattr(tolerance, "EPISODES", 1)
+    monkeypatch.setattr(tolerance, "PERIODS", 2)
     kind = type((make(env_id) if suffix == "Env" else make_vec(env_id, 2, "native", "NextStep")).unwrapped)
     names = arguments(kind)
     assert {"render_mode", "step", "randomize", "observation", "action"} <= set(names)

@@ -33,7 +33,15 @@ def plainly(info: dict[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in info.items() if not name.endswith("step_error")}
 
 
-@pytest.mark.parametrize("options", [{}, {"randomize": RANDOM}, {"dtype": "float32"}, {"dynamics": "rigid"}])
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"randomize": RANDOM},
+        pytest.param({"dtype": "float32"}, marks=pytest.mark.slow),
+        {"dynamics": "rigid"},
+    ],
+)
 def test_nothing_else_changes(options: dict[str, Any]) -> None:
     plain, watched = batch(**options), batch(error=True, **options)
     (before, _), (seen, its) = (envs.reset(seed=1) for envs in (plain, watched))

@@ -8,14 +8,20 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from springgym.envs.tolerance import SAFETY
+from springgym.envs import tolerance
+from springgym.envs.tolerance import EPISODES, SAFETY
 
 NATIVE = gym.VectorizeMode.VECTOR_ENTRY_POINT
 
 
+def batch(copies: int = EPISODES, **options: Any) -> Any:
+    """Return a batch of SpringTop-v0. With this many copies, all episodes of a trial are played at once."""
+    return gym.make_vec("SpringTop-v0", num_envs=copies, vectorization_mode=NATIVE, **options)
+
+
 def errors_of(copies: int, periods: int, **options: Any) -> tuple[Any, np.ndarray]:
-    """Return a batch of SpringTop-v0, and errors of its control periods from seeds that were not tried."""
-    envs = gym.make_vec("SpringTop-v0", num_envs=copies, vectorization_mode=NATIVE, error=True, **options)
+    """Return a batch, and errors of its control periods from seeds that were not tried."""
+    envs = batch(copies, error=True, **options)
     envs.reset(seed=1000)
     rng, errors = np.random.default_rng(1000), []
     for _ in range(periods):
@@ -37,17 +43,15 @@ def test_errors_stay_below_it(tolerance: float) -> None:
 
 @pytest.mark.slow
 def test_a_looser_one_costs_less() -> None:
-    loose, usual, strict = (
-        gym.make("SpringTop-v0", tolerance=tolerance).unwrapped.chosen for tolerance in (1e-3, 1e-4, 1e-6)
-    )
+    loose, usual, strict = (batch(tolerance=tolerance).unwrapped.chosen for tolerance in (1e-3, 1e-4, 1e-6))
     assert loose.cost < usual.cost < strict.cost
     assert loose.error > usual.error > strict.error
 
 
-def test_one_copy_and_many_choose_alike() -> None:
+def test_one_copy_and_many_choose_alike(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tolerance, "PERIODS", 5)
     single = gym.make("SpringTop-v0", tolerance=1e-5)
-    batch = gym.make_vec("SpringTop-v0", num_envs=5, vectorization_mode=NATIVE, tolerance=1e-5)
-    assert single.unwrapped.chosen == batch.unwrapped.chosen
+    assert single.unwrapped.chosen == batch(5, tolerance=1e-5).unwrapped.chosen
     single.reset(seed=0)
     *_, info = single.step(single.action_space.sample())
     assert info["error_bound"] == SAFETY * single.unwrapped.chosen.error
@@ -57,7 +61,7 @@ def test_one_copy_and_many_choose_alike() -> None:
 
 def test_it_is_met_at_the_ends_of_ranges() -> None:
     """A lighter and stiffer body needs finer steps."""
-    plain = gym.make("SpringTop-v0", tolerance=1e-5).unwrapped.chosen
+    plain = batch(tolerance=1e-5).unwrapped.chosen
     ranges = {"stiffness": (0.5, 2.0), "masses": (0.5, 2.0)}
     env, errors = errors_of(16, 20, tolerance=1e-5, randomize=ranges)
     assert errors.max() <= 1e-5
@@ -65,7 +69,7 @@ def test_it_is_met_at_the_ends_of_ranges() -> None:
 
 
 def test_a_given_method_is_kept() -> None:
-    env = gym.make("SpringTop-v0", tolerance=1e-6, integrator="verlet").unwrapped
+    env = batch(tolerance=1e-6, integrator="verlet").unwrapped
     assert env.chosen.integrator == env.episodes.simulator.integrator.name == "verlet"
 
 

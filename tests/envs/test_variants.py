@@ -27,6 +27,7 @@ LEAST = {
 """Least success rate of classical control in 16 episodes, for the variants in which it is not one half."""
 
 
+@pytest.mark.usefixtures("small_pictures")
 @each_variant
 def test_checkers(variant: Variant) -> None:
     contract.check_env(make(variant.id, render_mode="rgb_array").unwrapped)

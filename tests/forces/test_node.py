@@ -63,7 +63,7 @@ def test_one_call_is_many_to_the_bit(surfaces: Any) -> None:
 def test_a_copy_placed_amid_the_steps_of_others_is_as_one_alone() -> None:
     """The directions of dampers' sweeps, and where nodes begin, are each copy's own."""
     for before in (3, 4):
-        batch, alone = fallen((floor(),), 20, **ALIKE), fallen((floor(),), 1, **ALIKE)
+        batch, alone = fallen(RAMP, 20, **ALIKE), fallen(RAMP, 1, **ALIKE)
         batch.advance(before)
         batch.place(alone.positions, alone.velocities, [7])
         alone.advance(400)

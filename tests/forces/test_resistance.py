@@ -32,6 +32,12 @@ SAG = {"springs": 2e-3, "rigid": 1e-6}
 the load changes; a rigid ball settles on the floor to rounding."""
 
 
+each_dynamics = pytest.mark.parametrize(
+    "dynamics", [pytest.param("rigid", marks=pytest.mark.slow), "springs"]
+)
+"""What resists the turning of a rigid body takes a kernel of its own."""
+
+
 def run(dynamics: str, duration: float, surface: Surface = LEVEL, **begins: Any) -> tuple[Any, Measures]:
     """Times and measures (T, …) of a ball."""
     scene = placed(BALL, (surface,), HOW, **begins)
@@ -45,7 +51,7 @@ def run(dynamics: str, duration: float, surface: Surface = LEVEL, **begins: Any)
     return 0.01 * np.arange(len(rows)), Measures(*map(np.array, zip(*rows, strict=True)))
 
 
-@pytest.mark.parametrize("dynamics", ["rigid", "springs"])
+@each_dynamics
 def test_ball_rolls_to_a_stop_and_stays(dynamics: str) -> None:
     """The ledger holds all that it had: it is lost to resistance, and enters as friction."""
     speed = 0.3
@@ -64,7 +70,7 @@ def test_ball_rolls_to_a_stop_and_stays(dynamics: str) -> None:
     assert np.ptp(m.balance[1:]) < (1e-12 if dynamics == "rigid" else 1e-4 * energy)
 
 
-@pytest.mark.parametrize("dynamics", ["rigid", "springs"])
+@each_dynamics
 @pytest.mark.parametrize("ratio", [0.95, 2.0])
 def test_slope_holds_a_ball_up_to_the_angle_of_resistance(ratio: float, dynamics: str) -> None:
     angle = math.atan(ratio * RHO / RADIUS)
@@ -82,7 +88,7 @@ def test_slope_holds_a_ball_up_to_the_angle_of_resistance(ratio: float, dynamics
         assert measured == pytest.approx(expected, rel=2 * SAG[dynamics])
 
 
-@pytest.mark.parametrize("dynamics", ["rigid", "springs"])
+@each_dynamics
 def test_spin_about_the_vertical_stops(dynamics: str) -> None:
     spin = 4.0
     stops = rolling.resisted_spin(spin, MOMENT, TAU, RADIUS, G)
@@ -94,7 +100,7 @@ def test_spin_about_the_vertical_stops(dynamics: str) -> None:
     assert np.abs(m.angular_velocity[-1]).max() < 1e-5
 
 
-@pytest.mark.parametrize("dynamics", ["rigid", "springs"])
+@each_dynamics
 def test_the_direction_in_which_it_rolls_does_not_matter(dynamics: str) -> None:
     """A sphere of a few particles is alike in a few directions alone: there is more than rounding."""
     ends = []

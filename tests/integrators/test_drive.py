@@ -12,7 +12,7 @@ from springgym.simulator import Simulator
 ACCELERATION, SPEED, STEP, DURATION = np.array([3.0, -2.0, 0.0]), 1.5, 5e-4, 1.0
 
 
-@pytest.mark.parametrize("name", ["rk4", "tr_bdf2"])
+@pytest.mark.parametrize("name", ["rk4", pytest.param("tr_bdf2", marks=pytest.mark.slow)])
 def test_drive_reaches_its_speed_and_keeps_it(name: str) -> None:
     x = np.array([[0, 0, 0], [0, 0, -0.5], [0, 0, -1.0]])
     rope = Body("rope", x, np.array([0.1, 0.1, 1.0]), np.array([(0, 1), (1, 2)]), 1e4, 1.0, floppy=True)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from springgym.integrators import METHODS, integrator
-from springgym.simulator import Simulator
-from tests.integrators.problems import NEGLIGIBLE, oscillator, simulator
+from springgym.simulator import SimulationDivergedError, Simulator
+from tests.integrators.problems import NEGLIGIBLE, oscillator, simulator, tetrahedron
 
 LARGE = (1e29, 1e29)
 """A tolerance that accepts every step: then an adaptive method takes steps of h."""
@@ -74,3 +74,12 @@ def test_step_beyond_the_limit_is_refused(name: str) -> None:
     says = "chooses its own steps" if integrator(name).controlled else "on this body allows at most"
     with pytest.raises(ValueError, match=f"unstable: {name} {says}"):
         Simulator(scene, integrator=name, step=1.001 * limit)
+
+
+@pytest.mark.parametrize("name", ["dopri5", "implicit_euler"])
+def test_copy_without_a_step_diverges(name: str) -> None:
+    """Neither an adaptive method nor Newton's goes on for ever, or hands back what it could not find."""
+    options = {"tolerance": (0.0, 1e-30)}
+    made = simulator(tetrahedron(name, 1.0), name, 0.01, **options)
+    with pytest.raises(SimulationDivergedError, match="copy 0 diverged"):
+        made.advance(10)

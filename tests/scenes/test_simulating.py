@@ -9,6 +9,7 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
+from functools import cache
 from importlib import resources
 from pathlib import Path
 
@@ -21,7 +22,7 @@ from springgym.cli import main
 from springgym.extras import install, missing
 from springgym.rendering.look import INK
 from springgym.scene import Scene
-from springgym.scenes import load, names
+from springgym.scenes import load, names, plots
 from springgym.scenes.checks import CHECKS, Check
 from springgym.scenes.film import (
     camera,
@@ -418,17 +419,30 @@ def test_plot_of_a_block_that_holds_shows_no_speed():
     assert fast.get_lines()[0].get_ydata()[-1] < 1e-2
 
 
-@pytest.mark.parametrize("name", ["flipping-box", "one particle at rest"])
-@pytest.mark.parametrize("kind", PLOTS)
-def test_every_kind_of_plot_and_a_film_of_any_body(name, kind):
+@cache
+def brief(name):
+    """A recording of a box, or of a single particle."""
+    plan = replace(load("flipping-box"), duration=0.1)
     if name != "flipping-box":
         ball = Body("ball", np.zeros((1, 3)), 1.0, np.zeros((0, 2), int), 1.0, 0.0)
-        plan = replace(load("flipping-box"), scene=Scene(ball, gravity=None), trace=None, duration=0.1)
-    else:
-        plan = replace(load(name), duration=0.1)
-    recording = record(replace(plan, plot=kind))
-    draw(recording).draw_without_rendering()
-    assert len(list(frames(recording, fps=20.0))) == 3
+        plan = replace(plan, scene=Scene(ball, gravity=None), trace=None)
+    return record(plan)
+
+
+each_body = pytest.mark.parametrize("name", ["flipping-box", "one particle at rest"])
+
+
+@each_body
+@pytest.mark.parametrize("kind", PLOTS)
+def test_every_kind_of_plot_of_any_body(name, kind, monkeypatch):
+    monkeypatch.setattr(plots, "FINER", 0.2)
+    recording = brief(name)
+    draw(replace(recording, plan=replace(recording.plan, plot=kind))).draw_without_rendering()
+
+
+@each_body
+def test_a_film_of_any_body(name):
+    assert len(list(frames(brief(name), fps=20.0))) == 3
 
 
 @pytest.mark.slow

@@ -29,8 +29,10 @@ def rigid_reference() -> Callable[..., Reference]:
         def slope(_, y):
             w, r = y[:3], y[3:].reshape(3, 3)
             spin = np.array([[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]])
-            w_dot = (r.T @ torque(r) - np.cross(w, inertia * w)) / inertia
-            return np.concatenate([w_dot, (r @ spin).ravel()])
+            rates = np.empty(12)
+            rates[:3] = (r.T @ torque(r) - spin @ (inertia * w)) / inertia
+            rates[3:] = (r @ spin).ravel()
+            return rates
 
         start = np.concatenate([omega, np.ravel(frame)])
         span = (0.0, times[-1])

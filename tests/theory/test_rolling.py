@@ -13,17 +13,19 @@ SOLID = 0.4
 
 
 def skid_until_it_rolls(velocity, omega, radius=0.03, moment=SOLID, friction=0.2, g=9.81, step=1e-5):
-    """Follow a ball on a table by Euler's method, which is exact while the slip keeps its direction."""
-    v, w = np.array(velocity, float), np.array(omega, float)
+    """Follow a ball on a table by Euler's method, which is exact while the slip keeps its direction.
+
+    Vectors in the plane are complex numbers. A turn by the right angle from x to y, UP × …, multiplies by i.
+    """
+    v, w = complex(*velocity[:2]), complex(*omega[:2])
     for _ in range(200_000):
-        slip = v - radius * np.cross(w, UP)
-        slip[2] = 0.0
-        speed = np.linalg.norm(slip)
+        slip = v + 1j * radius * w
+        speed = abs(slip)
         if speed < 3 * friction * g * step:
-            return v
+            return [v.real, v.imag, 0.0]
         pull = -friction * g * slip / speed
-        v = v + step * pull
-        w = w - step * np.cross(UP, pull) / (moment * radius)
+        v += step * pull
+        w -= step * 1j * pull / (moment * radius)
     raise AssertionError("it still skids")
 
 
@@ -46,18 +48,22 @@ def test_balls_roll_on_after_they_met(restitution, cut):
 @pytest.mark.parametrize("spin", [0.0, 60.0, -80.0])
 @pytest.mark.parametrize("friction", [0.0, 0.2, 2.0])
 def test_wall_gives_the_sum_of_its_small_impulses(spin, friction):
-    """Coulomb's law in each of 10⁴ parts of the normal impulse."""
+    """Coulomb's law in each of 10⁴ parts of the normal impulse.
+
+    Vectors along the wall are complex numbers, n × … multiplies by −i.
+    """
     v, w, n, radius = np.array([1.0, 0.5, -0.2]), np.array([3.0, -7.0, spin]), np.array([-1.0, 0, 0]), 0.03
     found = rolling.off_a_wall(v, w, n, radius, SOLID, friction, 0.8)
     part = 1.8 * 1.0 / 10_000
+    along, turn = complex(v[1], v[2]), complex(w[1], w[2])
     for _ in range(10_000):
-        slip = v - radius * np.cross(w, n)
-        slip = slip - (slip @ n) * n
-        speed = np.linalg.norm(slip)
+        slip = along - 1j * radius * turn
+        speed = abs(slip)
         rub = min(friction * part, speed * SOLID / (1 + SOLID))
-        j = part * n - (rub * slip / speed if speed > 0 else 0.0)
-        v, w = v + j, w - np.cross(n, j) / (SOLID * radius)
-    assert found == pytest.approx(v, abs=1e-9)
+        j = -rub * slip / speed if speed > 0 else 0.0
+        along += j
+        turn += 1j * j / (SOLID * radius)
+    assert found == pytest.approx([v[0] - 10_000 * part, along.real, along.imag], abs=1e-9)
 
 
 def test_ball_on_a_turntable_turns_at_the_rate_of_the_circle():

@@ -41,7 +41,8 @@ def initial(state):
 
 
 def torque(body):
-    return lambda frame: body.mgl * np.cross(frame[:, 2], [0.0, 0.0, -1.0])
+    """Of the weight: axis × (0, 0, −m g l)."""
+    return lambda frame: body.mgl * np.array([-frame[1, 2], frame[0, 2], 0.0])
 
 
 def compare(state, times, rigid_reference, body=PAPER):

@@ -1,5 +1,7 @@
 """The stage without a browser: colours, contacts and where it is seen from."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,12 @@ pytest.importorskip("viser")
 from springgym import view
 from springgym.rendering import look
 from springgym.view.stage import FOV, FROM_ACES, LIT, SHEET, TO_ACES, Stage, toned
+
+
+@cache
+def simulated(scene):
+    """Return a motion of a scene, which is not simulated again."""
+    return view.simulated(scene, {})
 
 
 @pytest.fixture
@@ -43,7 +51,7 @@ def test_colors_are_those_of_the_films(light, linear):
 
 def test_contacts_are_those_of_the_simulator():
     """A block on a slope: the forces carry its weight, at points where it touches."""
-    motion = view.simulated("block-holds", {})
+    motion = simulated("block-holds")
     points, vectors, mutual = motion.touches
     there = np.isfinite(points[-1]).all(axis=1)
     assert there.sum() >= 3
@@ -54,11 +62,11 @@ def test_contacts_are_those_of_the_simulator():
     )
     lowest = np.abs(points[-1, there][:, None] - motion.positions[-1]).max(axis=2).min(axis=1)
     assert lowest.max() < 0.01 * motion.extent
-    assert view.simulated("top", {}).touches is None
+    assert simulated("top").touches is None
 
 
 def test_both_of_two_bodies_feel_a_contact(stage):
-    motion = view.simulated("stack", {})
+    motion = view.simulated("stack", {("duration",): 1.0})
     n = len(motion.times) - 1
     points, vectors, mutual = (of[n] for of in motion.touches)
     there = np.isfinite(points).all(axis=1)
@@ -74,7 +82,7 @@ def test_both_of_two_bodies_feel_a_contact(stage):
 
 
 def test_a_round_body_shows_its_skin_and_others_their_springs(stage):
-    ball, top = view.simulated("ball-rolls", {}), view.simulated("top", {})
+    ball, top = simulated("ball-rolls"), simulated("top")
     assert not ball.glassy
     assert top.glassy
     stage.show(springs=ball.glassy)
@@ -93,7 +101,7 @@ def test_a_round_body_shows_its_skin_and_others_their_springs(stage):
 @pytest.mark.parametrize("aspect", [0.46, 1.0])
 @pytest.mark.parametrize("rotation", [True, False])
 def test_all_is_in_the_free_part_of_the_picture(stage, scene, aspect, rotation):
-    motion = view.simulated(scene, {})
+    motion = simulated(scene)
     stage.show(rotation=rotation)
     camera = stage.camera(motion, aspect)
     assert camera.fov == FOV
@@ -110,7 +118,7 @@ def test_all_is_in_the_free_part_of_the_picture(stage, scene, aspect, rotation):
 
 
 def test_a_torque_runs_around_its_axis(stage):
-    motion = view.simulated("top", {})
+    motion = simulated("top")
     stage.set_up(motion)
     arrow = look.Arrow((0.0, 0.0, 1.0), (0.0, 0.0, 0.3), radius=0.2)
     stage._draw_mark("/arrow", arrow, motion.extent)
