@@ -455,7 +455,7 @@ def table_of_agents() -> list[str]:
             f"{100 * card['success_rate']:.0f} % | {'<br>'.join(lost)} |"
         )
     if any("§" in line for line in lines):
-        text = "This agent was trained for an earlier version of the task, with other physics or another reward."
+        text = "This agent was trained for an earlier version of the task: with other physics or reward."
         lines.append(f"\n§ {text}")
     if any("‡" in line for line in lines):
         lines.append("\n‡ This agent is the best of several seeds in the episodes that the table reports.")
