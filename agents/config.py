@@ -50,7 +50,7 @@ def add_overrides(parser: argparse.ArgumentParser, what: str = "arguments of the
 
 
 def number(low: float, high: float) -> Callable[[str], float]:
-    """Return a type for arguments that are numbers from ``low`` to ``high``."""
+    """Return a function that reads an argument of a command as a number from ``low`` to ``high``."""
 
     def parse(text: str) -> float:
         try:
@@ -65,7 +65,7 @@ def number(low: float, high: float) -> Callable[[str], float]:
 
 
 def whole(low: int, high: int) -> Callable[[str], int]:
-    """Return a type for arguments that are whole numbers from ``low`` to ``high``."""
+    """Return a function that reads an argument of a command as a whole number from ``low`` to ``high``."""
 
     def parse(text: str) -> int:
         try:

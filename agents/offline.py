@@ -144,7 +144,7 @@ def layers(inputs: int, outputs: int, config: IQLConfig) -> nn.Sequential:
 
 
 class Actor(nn.Module):
-    """A policy that draws actions from a normal distribution, whose mean in (−1, 1) the saved agent takes."""
+    """A policy that draws actions from a normal distribution; the saved agent takes its mean, in (−1, 1)."""
 
     def __init__(self, inputs: int, outputs: int, config: IQLConfig) -> None:
         super().__init__()

@@ -149,11 +149,6 @@ class Here(NamedTuple):
         return np.where(phase < 0.5, 0.5, 1.0) * self.step
 
 
-def any_possible(scene: Scene) -> bool:
-    """Return whether anything in a scene can touch something else."""
-    return bool(scene.surfaces or len(scene.meetings))
-
-
 def clear(workspace: Any, rigid: bool) -> None:
     """Set the workspace of rigid bodies to zero: a node writes only where bodies touch."""
     if rigid:
@@ -162,7 +157,7 @@ def clear(workspace: Any, rigid: bool) -> None:
 
 def refusal(scene: Scene, terms: Terms) -> str:
     """Return the reason why the contacts of a scene cannot be reported; empty if they can."""
-    if not any_possible(scene):
+    if not scene.can_touch:
         return ""
     if terms.memory is None:
         return "contacts need a method with nodes: use verlet, and Contact in place of PaperContact"

@@ -400,6 +400,11 @@ class Scene(ReadOnly):
         each = [shape(body) for body in self._different]
         return tuple(each[kind] for kind in self.kinds)
 
+    @property
+    def can_touch(self) -> bool:
+        """Return whether any body can touch a surface or another body."""
+        return bool(self.surfaces or self.meetings)
+
     @cached_property
     def meetings(self) -> Meetings:
         """Return the pairs of bodies that may meet, and how."""

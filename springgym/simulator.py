@@ -714,7 +714,7 @@ class Simulator:
 
     @cached_property
     def _changing(self) -> dict[str, np.ndarray]:
-        """Return the arrays of all that changes, by name: the motion, the actuators and varied parameters."""
+        """Return by name the arrays that change: those of the motion, actuators and varied parameters."""
         found = {"x": self._x, "v": self._v, "time": self.time}
         if self._ledger is not None:
             found["ledger"] = self._ledger
@@ -988,7 +988,7 @@ class Simulator:
         blocks = [array for array in self._changing.values() if array.dtype.names]
         before, found = [array.copy() for array in blocks], []
         try:
-            for block in range(self._x.shape[0]) if contacts.any_possible(self.scene) else ():
+            for block in range(self._x.shape[0]) if self.scene.can_touch else ():
                 contacts.clear(self._workspace[0], self._kind.rigid)
                 self._run(0, block, block + 1, LOOK, settles=False, reads=False)
                 here = contacts.Here(

@@ -152,8 +152,8 @@ def damps_each_step(scene: Scene, integrator: Integrator) -> str:
         return f"{integrator.name} knows no cycles"
     if any(placed.body.floppy for placed in scene.bodies):
         return "dampers act on the motion of a floppy body, not on vibrations alone"
-    touches = scene.surfaces or scene.meetings  # where actuators act in every step
-    if any(placed.drive or placed.forces or (placed.thrust and not touches) for placed in scene.bodies):
+    alone = not scene.can_touch  # with contact, actuators act in every step
+    if any(placed.drive or placed.forces or (placed.thrust and alone) for placed in scene.bodies):
         return "what pushes single particles makes bodies ring"
     if not any(placed.body.damping.any() for placed in scene.bodies):
         return "the scene has no dampers"
@@ -197,7 +197,7 @@ def damping_every(scene: Scene, integrator: Integrator, step: float) -> int:
 
     It is 1 where there is contact: how much it makes bodies ring depends on what happens.
     """
-    if scene.surfaces or scene.meetings or damps_each_step(scene, integrator):
+    if scene.can_touch or damps_each_step(scene, integrator):
         return 1
     of = vibrations(scene)
     return next((n for n in range(LONGEST_CYCLE, 1, -2) if cycles_harmless(of, step, n)), 1)

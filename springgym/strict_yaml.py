@@ -97,7 +97,7 @@ def parse_yaml(text: str, source: str) -> Tree:
 
 @lru_cache(maxsize=64)
 def _parsed(text: str, source: str) -> bytes:
-    """Return the `Tree` of a text, pickled: who gets one may change it. Files are often read again."""
+    """Parse a text into a pickled `Tree`, of which each caller of `parse_yaml` gets a copy of its own."""
     where: dict[tuple[str, ...], str] = {}
     most = len(text) + MOST_REPEATED  # a value that is written takes a character at least
 

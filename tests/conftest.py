@@ -6,7 +6,7 @@ import gc
 import os
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager, nullcontext
-from functools import cache
+from functools import cache, partialmethod
 from typing import Any
 
 import pytest
@@ -84,11 +84,10 @@ def few_kernels() -> Iterator[None]:
 
 @pytest.fixture
 def small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Draw small pictures, where a test asks only that there are some."""
+    """Let renderers draw 64 × 64 pixels, for tests that need a picture of any size."""
     from springgym.rendering.renderer import Renderer
 
-    *_, mode, fps = Renderer.__init__.__defaults__ or ()
-    monkeypatch.setattr(Renderer.__init__, "__defaults__", (None, (64, 64), mode, fps))
+    monkeypatch.setattr(Renderer, "__init__", partialmethod(Renderer.__init__, size=(64, 64)))
 
 
 @pytest.hookimpl(wrapper=True)

@@ -319,7 +319,7 @@ class Player:
         drift = np.abs(m.balance - episodes.balance)
         simulator = episodes.simulator
         scene = simulator.scene
-        rough = bool(scene.surfaces or scene.meetings) or simulator.dtype == np.float32
+        rough = scene.can_touch or simulator.dtype == np.float32
         # what hardly moves quivers, by as much energy as a fall through a small share of its size gives
         size = float(np.ptp(scene.positions, axis=0).max()) or 1.0
         least = QUIVER * sum(placed.body.mass for placed in scene.bodies) * 9.81 * size

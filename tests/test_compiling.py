@@ -304,7 +304,7 @@ def test_a_full_disk_costs_a_compilation_and_leaves_nothing(package: Path, tmp_p
 
 
 def test_types_are_those_that_numba_finds() -> None:
-    """Of arrays that differ in one thing each, and of tuples of them, asked for twice."""
+    """Arrays differ in one property each, tuples in their entries or names; each is asked for twice."""
     packed, aligned = (np.dtype([("a", "f8")], align=align) for align in (False, True))
     assert packed == aligned
     square, fixed = np.zeros((2, 2)), np.zeros(2)

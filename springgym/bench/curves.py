@@ -90,9 +90,8 @@ def ladder(env_id: str, copies: int, **options: Any) -> dict[tuple[str, int], Si
     them; without those that it refuses to be made with."""
     at = batch(env_id, copies, **options).unwrapped.episodes
     usual, scene = at.simulator.integrator, at.task.scene
-    touches = bool(scene.meetings or scene.surfaces)
     found: dict[tuple[str, int], Simulator] = {}
-    for method in (usual.name, *(() if touches else HIGHER)):
+    for method in (usual.name, *(() if scene.can_touch else HIGHER)):
         share = usual.evaluations / integrator(method).evaluations
         for factor in FACTORS:
             steps = max(1, round(factor * share * at.steps))

@@ -46,7 +46,7 @@ def references(task: Task, step: float, copies: int) -> tuple[Simulator, ...]:
     with a tolerance of 1e-13.
     """
     scene = task.scene
-    if scene.meetings or scene.surfaces:
+    if scene.can_touch:
         fine, coarse = (64, 16) if scene.meetings else (1024, 256)
         return tuple(Simulator(scene, copies=copies, step=step / finer) for finer in (fine, coarse))
     exact = Simulator(scene, copies=copies, integrator="dopri5", step=step / 4, tolerance=(1e-13, 1e-16))

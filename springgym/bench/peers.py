@@ -40,20 +40,22 @@ class Peer(NamedTuple):
 CPP = ("rk4", "verlet", "verlet, dampers swept", "verlet, dampers in the force")
 """Methods of the hand-written reference, in its order."""
 
-WAYS = (*product((1, 2, 3, 4, 6, 8), (False, True)),)
-"""The number of vector registers that a block of its copies fills, and whether it divides to find 1/√d."""
+WAYS = tuple(product((1, 2, 3, 4, 6, 8), (False, True)))
+"""Ways in which the reference steps a batch: the number of vector registers that a block of copies fills, and
+whether it divides to find 1/√d. Otherwise it refines an estimate."""
+
+SINGLE = (0, True)
+"""The way in which it steps a single copy, whose x, y and z lie in one register."""
 
 FLAGS = ("-std=c++17", "-O3", "-march=native", "-ffast-math", "-mprefer-vector-width=512", "-fPIC")
 
 
 @cache
 def _reference(
-    compiler: str, precision: str, registers: int, divide: bool, particles: int, springs: int
+    compiler: str, precision: str, way: tuple[int, bool], particles: int, springs: int
 ) -> ctypes.CDLL:
-    """Compile the hand-written reference for blocks of so many of the processor's vector registers.
-
-    It divides to find 1/√d, or refines an estimate.
-    """
+    """Compile the hand-written reference for one of the `WAYS`, or for `SINGLE`."""
+    registers, divide = way
     real = "double" if precision == "float64" else "float"
     sizes = {"REAL": real, "REGISTERS": registers, "DIVIDE": int(divide)}
     sizes |= {"PARTICLES": particles, "SPRINGS": springs}
@@ -75,15 +77,12 @@ def cpp(
     method: str = "rk4",
     ways: Sequence[tuple[int, bool]] = WAYS,
 ) -> Peer | None:
-    """Steps of the hand-written reference by one of `CPP`.
-
-    Of the `WAYS`, it is the fastest; a single copy has x, y and z in one register.
-    """
+    """Return the hand-written reference with one of the methods `CPP`, in the fastest of the ``ways``."""
     compiler = shutil.which("c++") or shutil.which("g++")
     if compiler is None:
         return None
-    tried = ((0, True),) if copies == 1 else ways
-    found = [_cpp(compiler, scene, step, copies, precision, method, *how) for how in tried]
+    tried = (SINGLE,) if copies == 1 else ways
+    found = [_cpp(compiler, scene, step, copies, precision, method, way) for way in tried]
     if len(found) == 1:
         return found[0]
     speeds = [0.0] * len(found)
@@ -102,13 +101,12 @@ def _cpp(
     copies: int,
     precision: str,
     method: str,
-    registers: int,
-    divide: bool,
+    way: tuple[int, bool],
 ) -> Peer:
-    """Measure the reference in blocks of so many registers; 0 stands for a single copy."""
-    body, dtype = scene.body, np.dtype(precision)
+    """Return the reference in one of the `WAYS`, or in `SINGLE`."""
+    body, dtype, (registers, _) = scene.body, np.dtype(precision), way
     particles, springs = len(body.masses), len(body.springs)
-    library = _reference(compiler, precision, registers, divide, particles, springs)
+    library = _reference(compiler, precision, way, particles, springs)
     width = max(1, registers * library.register_bytes() // dtype.itemsize)
     blocks = -(-copies // width)
     state = []

@@ -38,9 +38,9 @@ struct Number {  // of every copy in a block
     }
 OPERATOR(+) OPERATOR(-) OPERATOR(*)
 
-// 1/sqrt(d) to the last bit or two: by division, or from an estimate. That is good for 14 bits, of which a step of
-// fourth order makes all, or one of third order in single precision; with AVX2 for 12 bits, and steps of third and
-// second order.
+// 1/sqrt(d) to the last bit or two, by division or from an estimate. With AVX-512 the estimate has 14 bits, and a
+// step of fourth order refines it; with AVX2 it has 12 bits, and steps of third and of second order do. In single
+// precision a step of third order is enough.
 static inline Register inverse_root(Register d) {
 #if DIVIDE || !defined(__AVX2__)
     for (unsigned c = 0; c < BYTES / sizeof(REAL); c++) d[c] = 1 / std::sqrt(d[c]);

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from springgym.bodies.body import Body, ByValue, rigid_motions
 from springgym.bodies.elasticity import spring_force_and_jacobian
-from springgym.bodies.rotations import skew
+from springgym.bodies.rotations import cross, skew
 from springgym.checks import TINY, array, direction, indices, instance, number
 from springgym.records import read_only
 
@@ -82,7 +82,7 @@ def balanced(
             r = x - (centre if pinned else body.masses @ x / body.mass)
             # as `springgym.bodies.body.inertia`, but summed at once: another order moves starts by rounding
             tensor = np.sum(mass * (r * r)) * np.eye(3) - (mass * r).T @ r
-            torque = _cross(r, weight).sum(axis=0) - _cross(omega, tensor @ omega)
+            torque = cross(r, weight).sum(axis=0) - cross(omega, tensor @ omega)
             alpha = turns @ np.linalg.lstsq(turns.T @ tensor @ turns, turns.T @ torque, rcond=1e-12)[0]
             turning = inwards + skew(alpha)
             force, jacobian = spring_force_and_jacobian(body, x)
@@ -144,20 +144,12 @@ def stretched_shapes(
 def _coefficients(
     of: ByValue, along: tuple[float, ...], fastest: float, pinned: tuple[int, ...]
 ) -> np.ndarray:
-    """Return the coefficients of `StretchedShapes`, read-only."""
+    """Compute the coefficients of `StretchedShapes`, read-only, because later calls get the same array."""
     nodes = 0.5 - 0.5 * np.cos(np.pi * (np.arange(5) + 0.5) / 5)  # ω²/fastest²
     spins = fastest * np.sqrt(nodes)
     shapes = [relative_equilibrium(of.body, spin * np.array(along), pinned) for spin in spins]
     found = np.linalg.solve(np.vander(nodes), np.reshape(shapes, (5, -1)))
     return read_only(found.reshape(5, *of.body.positions.shape))
-
-
-def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return a × b, as `numpy.cross` does, which takes many times as long for few vectors."""
-    found = np.empty(np.broadcast_shapes(a.shape, b.shape))
-    for n, (i, j) in enumerate(((1, 2), (2, 0), (0, 1))):
-        found[..., n] = a[..., i] * b[..., j] - a[..., j] * b[..., i]
-    return found
 
 
 def _skews(vectors: np.ndarray) -> np.ndarray:

@@ -108,7 +108,7 @@ def precession_gap(
 
 @lru_cache(maxsize=32)
 def _gap(of: ByValue, pin: int, pull: float, tilt: float, spin: float, rigid: float) -> float:
-    """Return the `precession_gap` of a top of which the rigid one precesses at a rate [rad/s]."""
+    """Compute the `precession_gap` of a top whose rigid twin precesses at the rate ``rigid`` [rad/s]."""
     body = of.body
     own = axes(body.positions, body.markers)
     up = np.array([-np.sin(tilt), 0.0, np.cos(tilt)])  # in axes whose third is that of the top

@@ -434,14 +434,15 @@ def is_inner(function: object) -> TypeGuard[Any]:
 
 
 _TYPES: dict[tuple[object, ...], tuple[numba.types.Type, object]] = {}
-"""Types of arrays and tuples by what decides them. Beside each stand the types by whose ids it is found."""
+"""Numba's types of arrays and tuples, by keys that determine them. Each entry also holds the types whose ids
+are in its key: while they live, no other type has these ids."""
 
 
 def type_of(value: object) -> numba.types.Type:
     """Return Numba's type of a value.
 
-    It is the same for arrays of the same kind and for tuples of the same types. So each is asked for once:
-    to ask for those of all arrays of a simulator takes longer than to make them.
+    Types of arrays and tuples are kept: to find those of all arrays of a simulator takes longer than to make
+    the arrays.
     """
     parts: list[numba.types.Type] = []
     if type(value) is np.ndarray:

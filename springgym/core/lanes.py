@@ -651,8 +651,8 @@ def store_each(typingctx, array, index, value):
 # --- Rows of a single copy --------------------------------------------------------------------------
 
 FOUR = 4
-"""Number of lanes in which a single copy computes: three hold x, y and z of a row, and nobody reads the last;
-or each holds a number of another row."""
+"""Number of lanes of the vectors of a single copy: they hold x, y and z of one row and leave the last lane
+unused, or hold one number of each of four rows."""
 
 LOCAL = 64
 """Number of rows that `local_rows` holds."""

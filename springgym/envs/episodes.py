@@ -252,8 +252,9 @@ class Episodes:
             return step, 1 if every is None else every
         automatic = min(kind.automatic_step(scene, method), self.task.finest)
         if wanted is not None:
-            touches = scene.surfaces or scene.meetings
-            automatic = min(wanted, automatic if touches else LONGEST * kind.largest_step(scene, method))
+            automatic = min(
+                wanted, automatic if scene.can_touch else LONGEST * kind.largest_step(scene, method)
+            )
         if not period <= MOST_STEPS * automatic:
             raise ValueError(
                 f"{method.name} needs steps of {automatic:.3g} s on this body{ranges}, more than "
@@ -273,7 +274,7 @@ class Episodes:
 
     def _cycles_in(self, of: stability.Vibrations, steps: int, exactly: bool) -> tuple[int, int]:
         """Return the number of steps in a control period, and in a cycle: with contact, the task's."""
-        if not (self.task.scene.surfaces or self.task.scene.meetings):
+        if not self.task.scene.can_touch:
             return stability.cycles_in(of, self.task.period, steps, exactly)
         every = self.task.damping_every
         whole = steps if exactly else steps + -steps % (2 * every)

@@ -158,13 +158,13 @@ def add_spring_forces(
 
 @compiled
 def elastic_pull(k: Number, slack: Number, inverse_length: Number) -> Number:
-    """Return the elastic force of a spring over its length, k (L − L₀)/L [N/m]; ``slack`` is k L₀."""
+    """Return the elastic force of a spring divided by its length, k (L − L₀)/L [N/m]; ``slack`` is k L₀."""
     return k - slack * inverse_length
 
 
 @compiled
 def damped_pull(pull: Number, c: Number, rate: Number, inverse_length: Number) -> tuple[Number, Number]:
-    """Add the force of a damper over its length, c (dL/dt)/L, to a ``pull`` [N/m].
+    """Add the force of a damper divided by its length, c (dL/dt)/L, to a ``pull`` [N/m].
 
     The ``rate`` is L dL/dt [m²/s].
 

@@ -702,7 +702,7 @@ def push_by_surfaces(own: Bodies, span: Span, first: bool, last: bool, exchange:
 
 @compiled
 def roll_by_surfaces(own: Bodies, span: Span, first: bool, exchange: Exchange, rounds: Rounds | None) -> None:
-    """Push a body by surfaces at its round features, unless no velocity has changed since their last turn."""
+    """Let surfaces push a body at its round features, if a velocity has changed since they did so last."""
     if rounds is not None:
         rolling, changed = own.space.rolling, first
         for i in range(own.x.shape[0]):

@@ -109,7 +109,7 @@ METHODS = {
 
 def default(scene: Scene) -> str:
     """Return the method for a scene that names none: that of fourth order, unless contact rules it out."""
-    return "verlet" if scene.surfaces or scene.meetings else "suzuki"
+    return "verlet" if scene.can_touch else "suzuki"
 
 
 def integrator(name: str) -> Integrator:
@@ -166,7 +166,7 @@ def automatic_step(scene: Scene, method: Integrator, period: float | None = None
     """
     check_rigid(scene, method)
     rate = highest_rate(scene)
-    longest = LONGEST_TOUCHING if scene.surfaces or scene.meetings else LONGEST
+    longest = LONGEST_TOUCHING if scene.can_touch else LONGEST
     fastest = float(np.linalg.norm(scene.velocities, axis=1).max())
     if scene.meetings and fastest > 0:
         longest = min(longest, CLOSER * float(scene.meetings.reach.min()) / fastest)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from springgym.contact.totals import PairReadings
-from springgym.contacts import Contacts, any_possible
+from springgym.contacts import Contacts
 from springgym.integrators.record import Integrator
 from springgym.measures import SIZE, Measures, view
 from springgym.scenes.plan import Plan
@@ -158,7 +158,7 @@ def record(
 
 def contacts_of(simulator: Simulator) -> Contacts | None:
     """Return the contacts of a simulator now, or None if there are none to tell, see `Simulator.contacts`."""
-    if not any_possible(simulator.scene):
+    if not simulator.scene.can_touch:
         return None
     try:
         return simulator.contacts()

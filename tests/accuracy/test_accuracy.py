@@ -31,7 +31,7 @@ from springgym.simulator import Simulator
 
 @pytest.fixture
 def ledgers(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Give simulators a ledger, which changes no bit: so they share kernels with other tests."""
+    """Let simulators keep a ledger, so that they share kernels with other tests: the motion is the same."""
 
     def made(*given: Any, ledger: bool, **options: Any) -> Simulator:
         assert not ledger

@@ -62,7 +62,7 @@ class Packing:
     shares = False
     """whether the scene is given all kinds of terms"""
     twin = False
-    """whether its bodies are rigid"""
+    """whether the bodies of the scene are rigid"""
 
 
 @contextmanager

@@ -121,7 +121,7 @@ FREE_OF_LOSS = {"friction": 0, "restitution": 1}
 def test_every_argument_of_every_environment(
     env_id: str, suffix: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A tolerance is chosen for in short episodes: how well is tested where it is."""
+    """The method for a tolerance is chosen in short episodes; `test_tolerance.py` tests how well it is."""
     monkeypatch.setattr(tolerance, "EPISODES", 1)
     monkeypatch.setattr(tolerance, "PERIODS", 2)
     kind = type((make(env_id) if suffix == "Env" else make_vec(env_id, 2, "native", "NextStep")).unwrapped)

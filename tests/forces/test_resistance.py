@@ -35,7 +35,7 @@ the load changes; a rigid ball settles on the floor to rounding."""
 each_dynamics = pytest.mark.parametrize(
     "dynamics", [pytest.param("rigid", marks=pytest.mark.slow), "springs"]
 )
-"""What resists the turning of a rigid body takes a kernel of its own."""
+"""Rigid bodies with resistance take a kernel of their own, which slow tests alone compile."""
 
 
 def run(dynamics: str, duration: float, surface: Surface = LEVEL, **begins: Any) -> tuple[Any, Measures]:

@@ -97,7 +97,7 @@ CUBES = Scene(
     gravity=None,
     collisions=Contact(friction=0.4, restitution=0.5),
 )
-"""Soft cubes, of which one strikes the other, that turns."""
+"""A soft cube that turns, and another that flies against it."""
 
 
 def struck(copies: int = 1, every: int = EVERY, finer: int = 1) -> Simulator:
@@ -156,7 +156,7 @@ def test_ledger_of_colliding_bodies_closes(amid: int) -> None:
 
 
 def test_colliding_bodies_move_as_with_dampers_in_every_step() -> None:
-    """As well in cycles of two, and towards the same motion in longer ones."""
+    """In cycles of two steps the error is no more than doubled; in longer ones it falls with the step."""
     ends = {}
     for every, finer in ((1, 1), (2, 1), (EVERY, 1), (EVERY, 8), (1, 64)):
         made = struck(every=every, finer=finer)

@@ -78,7 +78,7 @@ def test_step_beyond_the_limit_is_refused(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["dopri5", "implicit_euler"])
 def test_copy_without_a_step_diverges(name: str) -> None:
-    """Neither an adaptive method nor Newton's goes on for ever, or hands back what it could not find."""
+    """A method that cannot meet its tolerance raises an error; it does not go on, or return a wrong state."""
     options = {"tolerance": (0.0, 1e-30)}
     made = simulator(tetrahedron(name, 1.0), name, 0.01, **options)
     with pytest.raises(SimulationDivergedError, match="copy 0 diverged"):

@@ -575,7 +575,7 @@ def test_sleeping_threshold_from_both_sides():
 
 @pytest.fixture(scope="module")
 def stiffer(tmp_path_factory):
-    """Return a function that records a scene undamped, with springs as many times as stiff."""
+    """Return a function that records a scene without damping, its stiffness multiplied by a factor."""
 
     @cache
     def found(name, factor):

@@ -421,7 +421,7 @@ def test_plot_of_a_block_that_holds_shows_no_speed():
 
 @cache
 def brief(name):
-    """A recording of a box, or of a single particle."""
+    """Return a short recording of a box or of a single particle."""
     plan = replace(load("flipping-box"), duration=0.1)
     if name != "flipping-box":
         ball = Body("ball", np.zeros((1, 3)), 1.0, np.zeros((0, 2), int), 1.0, 0.0)

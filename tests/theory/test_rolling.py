@@ -13,7 +13,9 @@ SOLID = 0.4
 
 
 def skid_until_it_rolls(velocity, omega, radius=0.03, moment=SOLID, friction=0.2, g=9.81, step=1e-5):
-    """Follow a ball on a table by Euler's method, which is exact while the slip keeps its direction.
+    """Return the velocity at which a ball that skids on a table begins to roll, by Euler's method.
+
+    The method is exact while the slip keeps its direction.
 
     Vectors in the plane are complex numbers. A turn by the right angle from x to y, UP × …, multiplies by i.
     """
@@ -50,7 +52,7 @@ def test_balls_roll_on_after_they_met(restitution, cut):
 def test_wall_gives_the_sum_of_its_small_impulses(spin, friction):
     """Coulomb's law in each of 10⁴ parts of the normal impulse.
 
-    Vectors along the wall are complex numbers, n × … multiplies by −i.
+    Vectors along the wall are complex numbers, and n × … multiplies them by −i.
     """
     v, w, n, radius = np.array([1.0, 0.5, -0.2]), np.array([3.0, -7.0, spin]), np.array([-1.0, 0, 0]), 0.03
     found = rolling.off_a_wall(v, w, n, radius, SOLID, friction, 0.8)

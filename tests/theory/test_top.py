@@ -41,7 +41,7 @@ def initial(state):
 
 
 def torque(body):
-    """Of the weight: axis × (0, 0, −m g l)."""
+    """Return a function of the frame: the torque of the weight, axis × (0, 0, −m g l)."""
     return lambda frame: body.mgl * np.array([-frame[1, 2], frame[0, 2], 0.0])
 
 

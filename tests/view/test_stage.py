@@ -14,7 +14,7 @@ from springgym.view.stage import FOV, FROM_ACES, LIT, SHEET, TO_ACES, Stage, ton
 
 @cache
 def simulated(scene):
-    """Return a motion of a scene, which is not simulated again."""
+    """Return the motion of a scene, which is simulated once for all tests."""
     return view.simulated(scene, {})
 
 
