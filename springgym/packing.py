@@ -290,7 +290,7 @@ def workspaces(
 def search_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> tuple[Lists, ContactRows]:
     """Return what a thread finds contacts in, and the list of those that it finds."""
     most = most_contacts(scene.meetings, scene.shapes)[1]
-    spheres = new_spheres(scene.starts, [of.radius if of.turns else 0.0 for of in scene.shapes], dtype)
+    spheres = new_spheres(scene.starts, scene.shapes, dtype)
     contacts = new_contacts(pairs, most, dtype)._replace(spheres=spheres)
     return new_lists(pairs, len(scene.positions), dtype), contacts
 

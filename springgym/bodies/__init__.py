@@ -8,7 +8,7 @@ from springgym.bodies.gyroscope import gyroscope
 from springgym.bodies.irregular import from_mesh, from_points, union
 from springgym.bodies.motion import InitialState, rigid_velocities, start
 from springgym.bodies.network import vibrations
-from springgym.bodies.rolling import disk, ellipsoid, rolling_ball
+from springgym.bodies.rolling import capsule, disk, ellipsoid, rolling_ball
 from springgym.bodies.rope import rope
 from springgym.bodies.rotations import rotation
 from springgym.bodies.round import Round, ellipsoid_of, rim, sphere
@@ -21,6 +21,7 @@ __all__ = [
     "Round",
     "ball",
     "box",
+    "capsule",
     "cube",
     "disk",
     "ellipsoid",

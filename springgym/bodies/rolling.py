@@ -1,8 +1,12 @@
-"""Bodies that roll: a ball, an ellipsoid, a disk. Each has six particles with the inertia of a solid.
+"""Bodies that roll: a ball, an ellipsoid, a disk, a capsule. Each has six particles with a solid's inertia.
 
 The particles lie at ± the columns of S = √(3 C) about the centre of mass, and each has a sixth of the mass M.
 Their second moments Σ m X Xᵀ = M C are those of a solid whose inertia is M (tr C 1 − C). A spring joins every
 two. The body meets surfaces with one round feature, see `springgym.bodies.round`.
+
+Two particles of a capsule lie at the ends of its axis, at ± l/2. The other four lie at (± b, 0, h) and
+(0, ± b, −h), with b² = 3 Cₓₓ and h² = 3/2 C_zz − l²/8, so that the second moments are those of the solid. It
+meets surfaces with the spheres about both ends.
 """
 
 from __future__ import annotations
@@ -13,7 +17,7 @@ from itertools import combinations
 import numpy as np
 
 from springgym.bodies.body import Body
-from springgym.bodies.round import Round, ellipsoid_of, rim, sphere
+from springgym.bodies.round import LARGEST, SMALLEST, Round, ellipsoid_of, rim, sphere
 from springgym.checks import TINY, array, number
 
 SOLID = 0.4
@@ -129,6 +133,56 @@ def disk(
     across = mass * (radius**2 / 4 + thickness**2 / 12)
     inertia = np.diag([across, across, mass * radius**2 / 2])
     return _carrier("disk", mass, inertia, np.zeros(3), rim(radius), stiffness, damping)
+
+
+def capsule(
+    radius: float = 0.05,
+    length: float = 0.2,
+    mass: float = 1.0,
+    stiffness: float = 1e5,
+    damping: float = 10.0,
+) -> Body:
+    """Make a solid capsule about the z axis: a cylinder with half a ball at each end.
+
+    It rolls on surfaces, which it meets with the balls, and on other bodies, which meet all of it.
+
+    Parameters
+    ----------
+    radius
+        r [m].
+    length
+        l [m] of the cylinder, at least r/100. With both halves of a ball the capsule is l + 2 r long.
+    mass
+        m [kg].
+    stiffness, damping
+        k [N/m], c [kg/s] of every spring.
+
+    Raises
+    ------
+    ValueError
+        If a value is not positive, or the cylinder is too short.
+    """
+    radius = number("radius", radius, SMALLEST, LARGEST)
+    length = number("length", length, low=radius / 100)
+    mass = number("mass", mass, low=TINY)
+    share = 1 / (1 + 4 * radius / (3 * length))  # of the mass, in the cylinder
+    across = share * radius**2 / 4 + (1 - share) * radius**2 / 5
+    beyond = length**2 / 4 + 3 / 8 * length * radius + radius**2 / 5
+    along = share * length**2 / 12 + (1 - share) * beyond
+    side, height, end = np.sqrt(3 * across), np.sqrt(1.5 * along - length**2 / 8), length / 2
+    ends = [(0.0, 0.0, end), (0.0, 0.0, -end)]
+    between = [(side, 0.0, height), (-side, 0.0, height), (0.0, side, -height), (0.0, -side, -height)]
+    return Body(
+        name="capsule",
+        positions=np.array(ends + between),
+        masses=np.full(6, mass / 6),
+        springs=np.array(list(combinations(range(6), 2))),
+        stiffness=stiffness,  # type: ignore[arg-type]
+        damping=damping,  # type: ignore[arg-type]
+        markers=(1, 0, 2),
+        parts={"ends": (0, 1)},
+        rounds=tuple(sphere(radius, place) for place in ends),
+    )
 
 
 def _carrier(

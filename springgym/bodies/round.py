@@ -41,7 +41,8 @@ FLAT = 1e-9
 class Round(ReadOnly):
     """An ellipsoid that particles of a body carry, and with which the body meets surfaces.
 
-    Other bodies meet a single sphere about the centre of mass that all particles carry, and no other feature.
+    Other bodies meet a single sphere about the centre of mass, or a capsule: two spheres of one radius about
+    two particles, and all between them. All particles carry these. Other bodies meet no other feature.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The features of a body that others meet: corners, faces and sharp edges, or balls, spheres and rods."""
+"""The features of a body that others meet: corners, faces and sharp edges, or balls, spheres, capsules and rods."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from springgym.bodies import Body, Round, surface
 
 ABOUT = 1e-9
-"""Share of its extent by which a sphere may be off the centre of mass, or off a sphere."""
+"""Share of its extent by which a sphere may be off its place, or off a sphere."""
 
 THIN = 4
 """A body is at least so many Δ thick: what is deeper in it than half of that is nearer to the wrong side."""
@@ -33,6 +33,8 @@ class Shape(NamedTuple):
     turns: bool = False
     """whether the body is a sphere that turns, whose first particle contacts see at its centre of mass, see
     `as_met`"""
+    skin: bool = False
+    """whether friction acts at its skin, and so turns it: a sphere or a capsule"""
 
 
 @lru_cache(maxsize=1024)
@@ -41,20 +43,51 @@ def shape(body: Body) -> Shape:
     if len(body.triangles):
         lines = surface.all_edges(body.triangles)
         return Shape(np.unique(body.triangles), body.triangles, body.edges, 0.0, lines)
+    none = np.zeros((0, 2), int)
     if body.rounds:
-        none = np.zeros((0, 2), int)
-        return Shape(np.zeros(1, int), body.triangles, none, _radius_about_centre(body), none, turns=True)
+        ends = _ends_of_capsule(body)
+        if len(ends):
+            rod = ends[None]
+            return Shape(ends, body.triangles, rod, body.rounds[0].extent, rod, skin=True)
+        radius = _radius_about_centre(body)
+        return Shape(np.zeros(1, int), body.triangles, none, radius, none, turns=True, skin=True)
     return Shape(np.arange(len(body.masses)), body.triangles, body.springs, body.radius, body.springs)
 
 
 def _radius_about_centre(body: Body) -> float:
     """Return the radius [m] of a body's only feature, a sphere about its centre of mass; 0 of any other."""
     feature: Round = body.rounds[0]
-    square = feature.matrix[0, 0]
     about = np.abs(feature.centre - body.centre).max() <= ABOUT * feature.extent
-    ball = np.abs(feature.matrix - square * np.eye(3)).max() <= ABOUT * square
-    carried = len(feature.carriers(len(body.masses))) == len(body.masses)
-    return feature.extent if len(body.rounds) == 1 and about and ball and carried else 0.0
+    whole = _is_ball(feature) and _carried(feature, body)
+    return feature.extent if len(body.rounds) == 1 and about and whole else 0.0
+
+
+def _ends_of_capsule(body: Body) -> np.ndarray:
+    """Return the two particles (2,) at the ends of a capsule's axis; none (0,) of what is no capsule.
+
+    Its features are two spheres of one radius about these particles, which all particles carry.
+    """
+    ends = np.zeros(0, int)
+    if len(body.rounds) == 2:
+        extent = body.rounds[0].extent
+        apart = [np.abs(body.positions - feature.centre).max(axis=1) for feature in body.rounds]
+        nearest = np.array([one.argmin() for one in apart])
+        met = all(one.min() <= ABOUT * extent for one in apart) and nearest[0] != nearest[1]
+        whole = all(_is_ball(feature) and _carried(feature, body) for feature in body.rounds)
+        if met and whole and abs(body.rounds[1].extent - extent) <= ABOUT * extent:
+            ends = nearest
+    return ends
+
+
+def _is_ball(feature: Round) -> bool:
+    """Tell whether a feature is a sphere."""
+    square = feature.matrix[0, 0]
+    return bool(np.abs(feature.matrix - square * np.eye(3)).max() <= ABOUT * square)
+
+
+def _carried(feature: Round, body: Body) -> bool:
+    """Tell whether all particles of a body carry a feature."""
+    return len(feature.carriers(len(body.masses))) == len(body.masses)
 
 
 def as_met(
@@ -92,16 +125,17 @@ def check_shape(name: str, body: Body, reach: float, held: bool = False) -> None
 def _unfit(body: Body, reach: float, held: bool) -> str | None:
     """Return why a body cannot collide with a reach Δ; None if it can."""
     given = shape(body)
+    if given.skin and held:
+        return "it is a sphere or a capsule, and only some of its particles are pinned; pin all or none"
     if given.turns:
-        if held:
-            return "it is a sphere that turns, and only some of its particles are pinned; pin all or none"
         if given.radius == 0:
             return (
-                "of round features, others meet a single sphere about the centre of mass, which all "
-                "particles carry, as `rolling_ball` makes it"
+                "of round features, others meet a single sphere about the centre of mass, as `rolling_ball` "
+                "makes it, or two of one radius about two particles, as `capsule` does; all particles carry "
+                "them"
             )
     elif not len(given.triangles):
-        if body.radius == 0:
+        if given.radius == 0:
             return "it has neither triangles nor a radius, so that there is nothing to meet"
     elif not body.closed:
         return "its triangles do not enclose it, and an open sheet has no inside to be kept out of"

@@ -15,7 +15,8 @@ Along a unit vector ŝ an impulse changes it by K = W + Σ (gᵢ · ŝ)²/mᵢ. 
 only; two balls are points here, and no impulse across the line of their centres keeps the angular momentum.
 
 A sphere that turns is met at its skin, and the face has what is left of D: d is the gap then, and the sphere
-turns (`springgym.contact.spheres`). Two of them have one point where they touch, and D leaves nothing over.
+turns (`springgym.contact.spheres`). Two of them have one point where they touch, and D leaves nothing over;
+neither does it between a capsule and a point or a rod.
 
 Rigid bodies are pushed at one point (`springgym.contact.solids`), where j leaves no torque.
 """
@@ -28,9 +29,9 @@ from springgym.contact.cone import within_cone
 from springgym.contact.rows import add_loss
 from springgym.contact.solids import among_going, between, inverse_mass_of_both, push_both
 from springgym.contact.spheres import (
-    both_turn,
+    at_one_point,
     inverse_mass_by_turning,
-    radii,
+    skins,
     slip_by_turning,
     turn_by_friction,
 )
@@ -68,10 +69,10 @@ SWEEPS, TURNS = 2, 3
 def lay_out(k: int, problem: Problem, friction: Numbers, spheres: Spheres | None) -> None:
     """Find G and H of contact k."""
     contacts, x = problem.contacts, problem.x
-    if friction is not None and spheres is not None and contacts.members[k] == 2:
+    if friction is not None and at_one_point(k, problem, spheres):
         for side in range(2):
             set_row(contacts.tilt, 2 * k + side, 0.0 * row(contacts.normal, k))
-    if friction is not None and contacts.members[k] > 2:
+    elif friction is not None and contacts.members[k] > 2:
         n = row(contacts.normal, k)
         none = 0.0 * n[0]
         apart = 0.0 * n
@@ -79,7 +80,7 @@ def lay_out(k: int, problem: Problem, friction: Numbers, spheres: Spheres | None
             apart = plus_scaled(apart, load(contacts.weight, 4 * k + j), row_of(x, k, j, contacts))
         d = dot(apart, n)
         if spheres is not None:
-            d = d - radii(k, problem, spheres)
+            d = d - skins(k, problem, spheres)
         first = row_of(x, k, 1, contacts)
         if contacts.members[k] == 4:
             crossed = crosses(k, contacts)
@@ -152,9 +153,9 @@ def pressed(k: int, problem: Problem, solids: Solids | None, spheres: Spheres | 
     push = load(contacts.impulse, k)
     if solids is not None:
         return push
+    if at_one_point(k, problem, spheres):
+        return push
     if contacts.members[k] == 2:
-        if spheres is not None:
-            return (1.0 if both_turn(k, problem, spheres) else 0.0) * push
         return 0.0 * push
     return load(contacts.grips, k) * push
 
@@ -178,7 +179,7 @@ def slip_of_particles(v: Rows, k: int, problem: Problem, spheres: Spheres | None
         slip = plus_scaled(slip, load(contacts.weight, 4 * k + j), row_of(v, k, j, contacts))
     if spheres is not None:
         slip = slip + slip_by_turning(v, k, problem, spheres)
-        if contacts.members[k] == 2:
+        if contacts.members[k] == 2 or at_one_point(k, problem, spheres):
             return slip - dot(slip, n) * n
     if contacts.members[k] == 3:
         along = row(contacts.tilt, 2 * k + 1)

@@ -11,8 +11,8 @@ So momentum and angular momentum are kept to rounding. Along a unit vector s the
 W j, W = Σ 1/M + (r × s) · I⁻¹ (r × s). Of a body that cannot move, or not turn, 1/M or I⁻¹ is 0.
 
 The place is halfway between the two points of the contact. Of a ball, which has no inertia and is not turned,
-it is the centre: that is on the same normal. Of a sphere that turns it is where friction acts on springs'
-spheres, too: at the arm −ρ n from its centre (`springgym.contact.spheres`).
+it is the centre: that is on the same normal. Of a sphere that turns, or a capsule, it is where friction acts
+on those of springs, too: at the arm −ρ n from its centre or axis (`springgym.contact.spheres`).
 
 Impulses are found in turns until a copy's own agree, whatever other copies of its block need.
 """
@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
-from springgym.contact.spheres import body_of, lever
+from springgym.contact.spheres import body_of, is_capsule, lever, own_weight
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Rows, Vector
 from springgym.core.lanes import load, maximum, select, sqrt, store
@@ -83,22 +83,35 @@ def set_arms(k: int, problem: Problem, solids: Solids) -> Number:
     n = choose(first, n, -1.0 * n)
     set_row(contacts.normal, k, n)
     if not (solids.balls[a] or solids.balls[b]):
-        place = on_sphere(place, n, k, problem, contacts.spheres)
+        place = on_skin(place, n, k, problem, contacts.spheres)
     set_row(solids.arm, 2 * k, place - row(solids.point, a))
     set_row(solids.arm, 2 * k + 1, place - row(solids.point, b))
     return inverse_mass_of_both(n, k, problem, solids)
 
 
 @compiled
-def on_sphere(place: Vector, n: Vector, k: int, problem: Problem, spheres: Spheres | None) -> Vector:
-    """Return where contact k touches one of its bodies, if that is a sphere; else a place."""
+def on_skin(place: Vector, n: Vector, k: int, problem: Problem, spheres: Spheres | None) -> Vector:
+    """Return where contact k touches one of its bodies, if that is a sphere or a capsule; else a place."""
     if spheres is not None:
         for side in range(2):
             body = body_of(1 - side, k, problem)
-            if spheres.radius[body] > 0.0:
+            if spheres.skin[body] > 0.0:
                 along = lever(body, k, problem, spheres) * n
-                centre = row(problem.x, spheres.start[body])
-                place = centre + along if side == 0 else centre - along
+                axis = on_axis(body, k, problem, spheres)
+                place = axis + along if side == 0 else axis - along
+    return place
+
+
+@compiled
+def on_axis(body: int, k: int, problem: Problem, spheres: Spheres) -> Vector:
+    """Return the centre of a sphere, or the point of a capsule's axis that contact k concerns [m]."""
+    place = row(problem.x, spheres.start[body])
+    if is_capsule(body, spheres):
+        contacts, place = problem.contacts, 0.0 * place
+        for m in range(contacts.members[k]):
+            weight = own_weight(body, k, m, problem, spheres)
+            i = load(contacts.particle, 4 * k + m)
+            place = plus_scaled(place, maximum(weight, -1.0 * weight), row_each(problem.x, i))
     return place
 
 

@@ -1,25 +1,28 @@
-"""How contacts move spheres that turn: bodies whose only feature is a sphere about their middle.
+"""How contacts move spheres and capsules, which friction turns.
 
-A contact sees such a body from its centre of mass c, as a ball that turns, with v and ω and the inertia I of
-its particles as they lie at the node,
+Friction acts at the skin of such a body, at the arm r = −ρ n from a sphere's centre, or from a capsule's
+axis, with the unit normal n from the other body. The inertia I is that of the body's particles as they lie at
+the node; their angular velocity and what the torque of an impulse j changes are
 
-    v = Σ mᵢ vᵢ/M,    ω = I⁻¹ Σ mᵢ (xᵢ − c) × vᵢ.
+    ω = I⁻¹ Σ mᵢ (xᵢ − c) × vᵢ,    δω = I⁻¹ (r × j),    δvᵢ = δω × (xᵢ − c).
 
-Of an impulse j at the arm r from c the particles take what a rigid body would:
-
-    δv = j/M,    δω = I⁻¹ (r × j),    δvᵢ = δv + δω × (xᵢ − c).
-
-So momentum and angular momentum are kept to rounding, and no spring is stretched. Pushes go through c. The
-arm of friction is r = −ρ n, with the unit normal n from the other body: with (n × s) for r × s, a unit
+This keeps momentum and angular momentum to rounding, and stretches no spring. With (n × s) for r × s, a unit
 impulse along s changes the slip ρ n × ω by ρ² (n × s) · I⁻¹ (n × s).
 
-At a face or a rod ρ is the sphere's radius: what is left of the gap is up to the face, see
-`springgym.contact.friction`. Between two spheres each takes its share of the gap, so that both touch in one
-point.
+A contact sees a sphere from its centre of mass c: v = Σ mᵢ vᵢ/M, pushes go through c, and all of an impulse
+is distributed as on a rigid body, δvᵢ = j/M + δω × (xᵢ − c). While impulses between bodies are found, a
+sphere's first particle stands for all of it, with the mass M at c; in arrays of velocities, the row behind
+has ω.
 
-Of rigid bodies, `springgym.contact.solids` takes the arm alone from here. Of springs, while impulses between
-bodies are found, a sphere's first particle stands for all of it, with the mass M at c; in arrays of
-velocities, the row behind has ω.
+A capsule is pushed at the two particles at the ends of its axis, like a rod. They take the impulse j of
+friction, too, and all of its particles its torque. As both may turn the body, K has the product of the two
+parts, 2 δω · Σ wᵢ (xᵢ − c) × s over the ends.
+
+At a face or an edge ρ is the radius: what is left of the gap is up to the face, see
+`springgym.contact.friction`. Between two such bodies each takes its share of the gap, so that both touch in
+one point. Between a capsule and a single point or a rope, the capsule takes all of it, and the rope's radius.
+
+Of rigid bodies, `springgym.contact.solids` takes the arm alone from here.
 """
 
 from __future__ import annotations
@@ -35,7 +38,7 @@ from numpy.typing import DTypeLike
 from springgym.core.blocks import aligned_zeros
 from springgym.core.compiling import OPTIONS, compiled
 from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
-from springgym.core.lanes import load, select, store
+from springgym.core.lanes import load, maximum, select, store
 from springgym.core.vectors import (
     angular_momentum,
     choose,
@@ -47,10 +50,12 @@ from springgym.core.vectors import (
     multiplied,
     plus_scaled,
     row,
+    row_each,
     set_row,
 )
 
 if TYPE_CHECKING:
+    from springgym.collisions import Shape
     from springgym.contact.rows import Problem
 
 
@@ -61,42 +66,54 @@ Seen: TypeAlias = tuple[Rows, Rows, Numbers]
 
 
 class Spheres(NamedTuple):
-    """The spheres among bodies that collide, and all particles as contacts see them."""
+    """The spheres and capsules among bodies that collide, and all particles as contacts see them."""
 
     start: np.ndarray
     """(bodies + 1,) where the particles of each body begin among all, and the end"""
     radius: np.ndarray
     """(bodies,) [m]; 0 of what is no sphere"""
+    skin: np.ndarray
+    """(bodies,) the radius of spheres and capsules [m]; 0 of others"""
+    thick: np.ndarray
+    """(bodies,) the radius of all that is round, ropes and balls that do not turn among them [m]; else 0"""
     x: Rows
     """(N, 3) positions of the particles at the node [m]; in the first row of a sphere, its centre of mass"""
     before: Rows
     """(N, 3) velocities of the particles before the node [m/s]; in the first two rows of a sphere, v and ω"""
     inverse_mass: Numbers
     """(N,) inverse masses [1/kg]; in the first row of a sphere, 1/M"""
+    mass: Numbers
+    """(N,) masses of the particles of spheres and capsules [kg]"""
+    centre: Rows
+    """(bodies, 3) centres of mass of spheres and capsules [m]"""
     turn: Rows
-    """(2 bodies, 3) the inverse inertia I⁻¹ of each sphere, in two rows: xx, yy, zz, and xy, xz, yz
-    [1/(kg·m²)]; 0 if it is pinned"""
+    """(2 bodies, 3) the inverse inertia I⁻¹ of each sphere and capsule, in two rows: xx, yy, zz, and xy, xz,
+    yz [1/(kg·m²)]; 0 if it is pinned"""
     kept: Rows
     """(N, 3) velocities of the particles of spheres, saved while their rows hold v and ω [m/s]"""
     began: Rows
     """(2 bodies, 3) v [m/s] and ω [rad/s] of each sphere that follow from the kept velocities"""
 
 
-def new_spheres(start: np.ndarray, radii: Sequence[float], dtype: DTypeLike) -> Spheres | None:
-    """Return room for the spheres among bodies of ``radii``, 0 of what is none; None without spheres."""
-    if not any(radii):
+def new_spheres(start: np.ndarray, shapes: Sequence[Shape], dtype: DTypeLike) -> Spheres | None:
+    """Return a workspace for the spheres and capsules among bodies of ``shapes``; None without any."""
+    if not any(shape.skin for shape in shapes):
         return None
-    bodies, particles = len(radii), int(start[-1])
+    bodies, particles = len(shapes), int(start[-1])
 
     def lanes(*shape: int) -> np.ndarray:
         return aligned_zeros(shape, dtype)
 
     return Spheres(
         start=np.array(start),
-        radius=np.array(radii),
+        radius=np.array([shape.radius if shape.turns else 0.0 for shape in shapes]),
+        skin=np.array([shape.radius if shape.skin else 0.0 for shape in shapes]),
+        thick=np.array([shape.radius for shape in shapes]),
         x=lanes(particles, 3),
         before=lanes(particles, 3),
         inverse_mass=lanes(particles),
+        mass=lanes(particles),
+        centre=lanes(bodies, 3),
         turn=lanes(2 * bodies, 3),
         kept=lanes(particles, 3),
         began=lanes(2 * bodies, 3),
@@ -126,47 +143,50 @@ def _as_seen(
 
 @compiled
 def look(x: Rows, v: Rows, mass: Numbers, inverse_mass: Numbers, spheres: Spheres) -> Seen:
-    """Find how contacts see all particles, where some bodies are spheres."""
+    """Find how contacts see all particles, where some bodies are spheres or capsules."""
     for i in range(x.shape[0]):
         set_row(spheres.x, i, row(x, i))
         set_row(spheres.before, i, row(v, i))
         store(spheres.inverse_mass, i, load(inverse_mass, i))
-    for body in range(spheres.radius.size):
-        if spheres.radius[body] > 0.0:
+    for body in range(spheres.skin.size):
+        if spheres.skin[body] > 0.0:
             first, behind = spheres.start[body], spheres.start[body + 1]
             own, places = mass[first:behind], x[first:behind]
             whole, centre = 0.0 * load(spheres.inverse_mass, first), mass_centre(places, own)
             for i in range(first, behind):
                 whole = whole + load(mass, i)
+                store(spheres.mass, i, load(mass, i))
             free = load(spheres.inverse_mass, first) > 0.0
-            set_row(spheres.x, first, centre)
-            store(spheres.inverse_mass, first, select(free, 1.0 / whole, 0.0))
+            set_row(spheres.centre, body, centre)
             diagonal, across = inverse_symmetric(inertia(places, own, centre))
             set_row(spheres.turn, 2 * body, choose(free, diagonal, 0.0 * diagonal))
             set_row(spheres.turn, 2 * body + 1, choose(free, across, 0.0 * across))
-            set_row(spheres.before, first, mass_centre(v[first:behind], own))
-            set_row(spheres.before, first + 1, turning(body, x, v, mass, spheres))
+            if spheres.radius[body] > 0.0:
+                set_row(spheres.x, first, centre)
+                store(spheres.inverse_mass, first, select(free, 1.0 / whole, 0.0))
+                set_row(spheres.before, first, mass_centre(v[first:behind], own))
+                set_row(spheres.before, first + 1, turning(body, x, v, spheres))
     return spheres.x, spheres.before, spheres.inverse_mass
 
 
 @compiled
-def turning(body: int, x: Rows, v: Rows, mass: Numbers, spheres: Spheres) -> Vector:
-    """Return ω of a sphere [rad/s]."""
+def turning(body: int, x: Rows, v: Rows, spheres: Spheres) -> Vector:
+    """Return ω of a sphere or capsule [rad/s], by the velocities of its particles."""
     first, behind = spheres.start[body], spheres.start[body + 1]
-    centre = row(spheres.x, first)
-    moment = angular_momentum(x[first:behind], v[first:behind], mass[first:behind], centre)
-    return multiplied(row(spheres.turn, 2 * body), row(spheres.turn, 2 * body + 1), moment)
+    own, centre = spheres.mass[first:behind], row(spheres.centre, body)
+    moment = angular_momentum(x[first:behind], v[first:behind], own, centre)
+    return turned(body, moment, spheres)
 
 
 @compiled
-def put_together(x: Rows, v: Rows, mass: Numbers, rows: int, spheres: Spheres | None) -> None:
+def put_together(x: Rows, v: Rows, rows: int, spheres: Spheres | None) -> None:
     """Let the first two rows of each sphere have v and ω in place of its particles' velocities."""
     if spheres is not None and rows > 0:
         for body in range(spheres.radius.size):
             if spheres.radius[body] > 0.0:
                 first, behind = spheres.start[body], spheres.start[body + 1]
-                mean = mass_centre(v[first:behind], mass[first:behind])
-                spin = turning(body, x, v, mass, spheres)
+                mean = mass_centre(v[first:behind], spheres.mass[first:behind])
+                spin = turning(body, x, v, spheres)
                 for i in range(first, behind):
                     set_row(spheres.kept, i, row(v, i))
                 set_row(spheres.began, 2 * body, mean)
@@ -182,7 +202,7 @@ def take_apart(x: Rows, v: Rows, rows: int, spheres: Spheres | None) -> None:
         for body in range(spheres.radius.size):
             if spheres.radius[body] > 0.0:
                 first = spheres.start[body]
-                centre = row(spheres.x, first)
+                centre = row(spheres.centre, body)
                 faster = row(v, first) - row(spheres.began, 2 * body)
                 spun = row(v, first + 1) - row(spheres.began, 2 * body + 1)
                 for i in range(first, spheres.start[body + 1]):
@@ -202,13 +222,16 @@ def share_first(rows: Rows, spheres: Spheres | None) -> None:
 
 @compiled
 def share_touched(touched: Numbers, spheres: Spheres | None) -> None:
-    """Let all particles of each sphere be in a contact where its first one is."""
+    """Let all particles of each sphere or capsule be in a contact where one of them is."""
     if spheres is not None:
-        for body in range(spheres.radius.size):
-            if spheres.radius[body] > 0.0:
-                first = spheres.start[body]
-                for i in range(first + 1, spheres.start[body + 1]):
-                    store(touched, i, load(touched, first))
+        for body in range(spheres.skin.size):
+            if spheres.skin[body] > 0.0:
+                first, behind = spheres.start[body], spheres.start[body + 1]
+                any_touched = load(touched, first)
+                for i in range(first + 1, behind):
+                    any_touched = maximum(any_touched, load(touched, i))
+                for i in range(first, behind):
+                    store(touched, i, any_touched)
 
 
 # --- Friction -------------------------------------------------------------------------------------------
@@ -222,51 +245,97 @@ def body_of(side: int, k: int, problem: Problem) -> int:
 
 
 @compiled
-def both_turn(k: int, problem: Problem, spheres: Spheres) -> bool:
-    """Tell whether both bodies of contact k are spheres."""
-    return spheres.radius[body_of(0, k, problem)] > 0.0 and spheres.radius[body_of(1, k, problem)] > 0.0
+def is_capsule(body: int, spheres: Spheres) -> bool:
+    """Tell whether a body is a capsule."""
+    return spheres.skin[body] > spheres.radius[body]
 
 
 @compiled
-def radii(k: int, problem: Problem, spheres: Spheres) -> float:
-    """Return the radii of the spheres of contact k, together [m]."""
-    return spheres.radius[body_of(0, k, problem)] + spheres.radius[body_of(1, k, problem)]
+def both_turn(k: int, problem: Problem, spheres: Spheres) -> bool:
+    """Tell whether both bodies of contact k are spheres or capsules."""
+    return spheres.skin[body_of(0, k, problem)] > 0.0 and spheres.skin[body_of(1, k, problem)] > 0.0
+
+
+@compiled
+def at_one_point(k: int, problem: Problem, spheres: Spheres | None) -> bool:
+    """Tell whether friction acts on both bodies of contact k at one point, so that it leaves no torque."""
+    if spheres is None:
+        return False
+    capsule = is_capsule(body_of(0, k, problem), spheres) or is_capsule(body_of(1, k, problem), spheres)
+    return (capsule and problem.contacts.members[k] == 3) or both_turn(k, problem, spheres)
+
+
+@compiled
+def skins(k: int, problem: Problem, spheres: Spheres) -> float:
+    """Return the radii of the spheres and capsules of contact k, together [m]."""
+    return spheres.skin[body_of(0, k, problem)] + spheres.skin[body_of(1, k, problem)]
 
 
 @compiled
 def lever(body: int, k: int, problem: Problem, spheres: Spheres) -> Number:
-    """Return ρ of a sphere in contact k [m]; 0 of what is no sphere."""
-    gap, radius = load(problem.contacts.gap, k), spheres.radius[body]
+    """Return ρ of a sphere or capsule in contact k [m]; 0 of other bodies."""
+    between, skin = load(problem.contacts.gap, k), spheres.skin[body]
     share = 0.0
-    if problem.contacts.members[k] == 2:
-        share = radius / radii(k, problem, spheres)
-    return radius + share * gap
+    if at_one_point(k, problem, spheres):
+        whole = skins(k, problem, spheres)
+        thick = spheres.thick[body_of(0, k, problem)] + spheres.thick[body_of(1, k, problem)]
+        between = between + (thick - whole)
+        share = skin / whole
+    return skin + share * between
+
+
+@compiled
+def spin_of(body: int, v: Rows, problem: Problem, spheres: Spheres) -> Vector:
+    """Return ω of a sphere or capsule [rad/s], by velocities as contacts see them."""
+    if is_capsule(body, spheres):
+        return turning(body, problem.x, v, spheres)
+    return row(v, spheres.start[body] + 1)
 
 
 @compiled
 def slip_by_turning(v: Rows, k: int, problem: Problem, spheres: Spheres) -> Vector:
-    """Return what the turning of spheres adds to the slip of contact k [m/s]."""
+    """Return what the turning of spheres and capsules adds to the slip of contact k [m/s]."""
     n = row(problem.contacts.normal, k)
     slip = 0.0 * n
     for side in range(2):
         body = body_of(side, k, problem)
-        if spheres.radius[body] > 0.0:
-            spin = row(v, spheres.start[body] + 1)
+        if spheres.skin[body] > 0.0:
+            spin = spin_of(body, v, problem, spheres)
             slip = plus_scaled(slip, lever(body, k, problem, spheres), cross(n, spin))
     return slip
 
 
 @compiled
 def inverse_mass_by_turning(along: Vector, k: int, problem: Problem, spheres: Spheres) -> Number:
-    """Return what the turning of spheres adds to K of contact k along a unit vector [1/kg]."""
+    """Return what the turning of spheres and capsules adds to K of contact k along a unit vector [1/kg]."""
     across = cross(row(problem.contacts.normal, k), along)
     total = 0.0 * across[0]
     for side in range(2):
         body = body_of(side, k, problem)
-        if spheres.radius[body] > 0.0:
-            rho = lever(body, k, problem, spheres)
-            total = total + rho * rho * dot(across, turned(body, across, spheres))
+        if spheres.skin[body] > 0.0:
+            rho, spun = lever(body, k, problem, spheres), turned(body, across, spheres)
+            total = total + rho * rho * dot(across, spun)
+            if is_capsule(body, spheres):
+                total = total - 2.0 * rho * dot(spun, moment_of_ends(body, along, k, problem, spheres))
     return total
+
+
+@compiled
+def moment_of_ends(body: int, along: Vector, k: int, problem: Problem, spheres: Spheres) -> Vector:
+    """Return Σ wᵢ (xᵢ − c) × s over the ends of a capsule in contact k [m]."""
+    contacts, total = problem.contacts, 0.0 * along
+    for m in range(contacts.members[k]):
+        arm = row_each(problem.x, load(contacts.particle, 4 * k + m)) - row(spheres.centre, body)
+        total = total + cross(own_weight(body, k, m, problem, spheres) * arm, along)
+    return total
+
+
+@compiled
+def own_weight(body: int, k: int, m: int, problem: Problem, spheres: Spheres) -> Number:
+    """Return the weight of member ``m`` of contact k if it is a particle of a body; else 0."""
+    first, behind = 1.0 * spheres.start[body], 1.0 * spheres.start[body + 1]
+    i, weight = load(problem.contacts.particle, 4 * k + m), load(problem.contacts.weight, 4 * k + m)
+    return select(i >= first, select(i < behind, weight, 0.0), 0.0)
 
 
 @compiled
@@ -277,11 +346,18 @@ def turned(body: int, moment: Vector, spheres: Spheres) -> Vector:
 
 @compiled
 def turn_by_friction(v: Rows, k: int, j: Vector, acts: Mask, problem: Problem, spheres: Spheres) -> None:
-    """Turn the spheres of contact k by an impulse across its normal, in some lanes."""
+    """Turn the spheres and capsules of contact k by an impulse across its normal, in some lanes."""
     moment = cross(row(problem.contacts.normal, k), j)
     for side in range(2):
         body = body_of(side, k, problem)
-        if spheres.radius[body] > 0.0:
-            i = spheres.start[body] + 1
-            spin, rho = row(v, i), lever(body, k, problem, spheres)
-            set_row(v, i, choose(acts, plus_scaled(spin, -1.0 * rho, turned(body, moment, spheres)), spin))
+        if spheres.skin[body] > 0.0:
+            rho, spun = lever(body, k, problem, spheres), turned(body, moment, spheres)
+            if is_capsule(body, spheres):
+                spun = choose(acts, -1.0 * rho * spun, 0.0 * spun)
+                for i in range(spheres.start[body], spheres.start[body + 1]):
+                    arm = row(problem.x, i) - row(spheres.centre, body)
+                    set_row(v, i, row(v, i) + cross(spun, arm))
+            else:
+                i = spheres.start[body] + 1
+                spin = row(v, i)
+                set_row(v, i, choose(acts, plus_scaled(spin, -1.0 * rho, spun), spin))

@@ -598,10 +598,10 @@ def note_busy(n: int, any_busy: bool, exchange: Exchange | None) -> None:
 def meet_each_other(bodies: Bodies, node: Node, problem: Problem | None, exchange: Exchange | None) -> None:
     """Let bodies that collide, and surfaces with them, give their impulses, and let what is busy go on."""
     if problem is not None:
-        x, mass, spheres = bodies.x.values, bodies.terms.particles.mass.values, problem.contacts.spheres
+        x, spheres = bodies.x.values, problem.contacts.spheres
         velocity, changing = exchange.velocity.values, bodies.terms.collisions.changing
         find_impulses(bodies, problem, exchange)
-        put_together(x, velocity, mass, problem.rows, spheres)
+        put_together(x, velocity, problem.rows, spheres)
         add_totals(velocity, problem, changing)
         if problem.rows > 0:
             record_losses(bodies.ledger, problem)
@@ -634,7 +634,7 @@ def pass_busy(own: Bodies, node: Node, exchange: Exchange) -> None:
 def find_impulses(bodies: Bodies, problem: Problem, exchange: Exchange) -> None:
     """Find what surfaces and bodies give at a node that is reached with velocities v₋."""
     pairs, velocity, terms = problem.pairs, exchange.velocity.values, bodies.terms
-    x, spheres, mass = bodies.x.values, problem.contacts.spheres, terms.particles.mass.values
+    x, spheres = bodies.x.values, problem.contacts.spheres
     first = True
     for turn in range(TURNS + 1):  # in one loop, as each call is compiled where it stands
         if surfaces_take(turn, problem.rows, terms.surfaces, pairs.friction):
@@ -643,7 +643,7 @@ def find_impulses(bodies: Bodies, problem: Problem, exchange: Exchange) -> None:
                     own = of_body(bodies, n)
                     push_by_surfaces(own, problem.span, first, turn == TURNS, own.space.exchange)
             first = False
-        put_together(x, velocity, mass, problem.rows, spheres)
+        put_together(x, velocity, problem.rows, spheres)
         if turn < 2:
             sweep(velocity, turn == 1, problem)
         if turn == 1:

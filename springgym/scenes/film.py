@@ -15,6 +15,7 @@ import numpy as np
 from springgym.bodies import Body
 from springgym.bodies.round import points_of
 from springgym.checks import instance, whole_array
+from springgym.collisions import shape
 from springgym.measures import Measures
 from springgym.rendering import Camera, Look, Marks, Renderer, Scenery, save_video, two_tone
 from springgym.rendering.look import AMBER, BLUE, GREEN, INK, IVORY, ORANGE, STEEL, TEAL, Color, together
@@ -35,6 +36,13 @@ BALLS = (BLUE, ORANGE, TEAL, AMBER, GREEN)
 """Colours of round bodies in turn."""
 ROWS, COLUMNS = 10, 24
 """Facets of what is round, from pole to pole and around."""
+
+POLAR = np.pi * np.arange(1, ROWS) / ROWS
+BALL = np.sin(POLAR), np.cos(POLAR)
+COIN = np.array([0.9999, 1.0, 1.0, 0.9999]), np.array([1.0, 0.99, -0.99, -1.0])
+PILL = np.insert(np.sin(POLAR), [4, 5], 1.0), np.insert(np.cos(POLAR), [4, 5], [1e-9, -1e-9])
+"""Radii and heights of the rings of a ball, of a coin that is to be pressed flat, and of a capsule, whose
+halves are to be moved apart."""
 FLAT = 1e-4
 """Share of the largest squared semi-axis below which the least is that of a disk."""
 THIN = 0.02
@@ -294,19 +302,25 @@ def _round(body: Body, size: float, color: Color) -> dict[str, Any]:
 def _rolling(body: Body, size: float, color: Color) -> dict[str, Any]:
     """Draw round features in octants of two colours, one of them odd, which show how the body turns."""
     skins, triangles, colors, first = [], [], [], len(body.masses)
-    for feature in body.rounds:
+    met = shape(body)
+    capsule = met.skin and not met.turns
+    for feature in body.rounds[:1] if capsule else body.rounds:
         squares, axes = np.linalg.eigh(feature.matrix)
-        light = feature.centre - body.masses @ body.positions / body.masses.sum()
+        half = body.rounds[1].centre - feature.centre if capsule else np.zeros(3)
+        half, centre = -0.5 * half, feature.centre + 0.5 * half
+        light = centre - body.masses @ body.positions / body.masses.sum()
         off = float(np.linalg.norm(light)) / feature.extent
         capped = UNEVEN < off < 1 and np.ptp(squares) < FLAT * squares[2]
-        if capped:  # any axes are those of a sphere
-            axes, _ = np.linalg.qr(np.column_stack([light, axes]))
-            axes[:, 0] = light / np.linalg.norm(light)
+        if capped or capsule:  # any axes are those of a sphere
+            along = half if capsule else light
+            axes, _ = np.linalg.qr(np.column_stack([along, axes]))
+            axes[:, 0] = along / np.linalg.norm(along)
         semi = np.maximum(np.sqrt(np.maximum(squares, 0.0)), THIN * feature.extent)
-        points, faces, sector = _globe(upright=squares[0] < FLAT * squares[2])
-        axes[:, 1 if capped else 0] *= np.sign(np.linalg.det(axes))
+        profile = PILL if capsule else (COIN if squares[0] < FLAT * squares[2] else BALL)
+        points, faces, sector = _globe(*profile)
+        axes[:, 1 if capped or capsule else 0] *= np.sign(np.linalg.det(axes))
         # a flat one is a coin: its first axis is that of the globe
-        skin = feature.centre + (points[:, [2, 0, 1]] * semi) @ axes.T
+        skin = centre + (points[:, [2, 0, 1]] * semi) @ axes.T + np.sign(points[:, 2:]) * half
         skins.append(points_of(body.masses, body.positions, feature, skin))
         triangles.append(faces + first)
         table = np.array([color, IVORY, color, IVORY, IVORY, color, AMBER, color], np.uint8)
@@ -321,13 +335,11 @@ def _rolling(body: Body, size: float, color: Color) -> dict[str, Any]:
     }
 
 
-def _globe(upright: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return points (V, 3) of a unit sphere, its triangles (T, 3), and the octant (T,) of each, 0 to 7.
+def _globe(sines: np.ndarray, heights: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return points (V, 3) of a body of revolution, its triangles (T, 3), and the octant (T,) of each, 0 to 7.
 
-    If it is to be pressed flat, its rows lie ``upright`` at the rim, so that what is left is a coin.
+    Its rings have the radii ``sines`` and lie at ``heights``, between the poles at ± 1.
     """
-    sines = np.array([0.9999, 1.0, 1.0, 0.9999]) if upright else np.sin(np.pi * np.arange(1, ROWS) / ROWS)
-    heights = np.array([1.0, 0.99, -0.99, -1.0]) if upright else np.cos(np.pi * np.arange(1, ROWS) / ROWS)
     angles = 2 * np.pi * np.arange(COLUMNS) / COLUMNS
     rings = [
         np.stack([s * np.cos(angles), s * np.sin(angles), np.full(COLUMNS, z)], axis=1)

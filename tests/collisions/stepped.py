@@ -11,6 +11,7 @@ import numpy as np
 
 from springgym import packing, simulator
 from springgym.checks import HUGE
+from springgym.collisions import Shape
 from springgym.contact.pairs import Pairs
 from springgym.contact.round import Rolling, packed_rounds
 from springgym.contact.spheres import Spheres
@@ -120,11 +121,11 @@ def all_kinds_of_terms() -> Iterator[None]:
             terms=found.terms._replace(surfaces=surfaces, rounds=rounds, dampers=dampers), twin=rigid
         )
 
-    def spheres(start: np.ndarray, radii: Sequence[float], dtype: Any) -> Spheres:
+    def spheres(start: np.ndarray, shapes: Sequence[Shape], dtype: Any) -> Spheres | None:
         if not Packing.shares:
-            return make_spheres(start, radii, dtype)
-        found: Any = make_spheres(start, np.ones(len(radii)).tolist(), dtype)
-        return found._replace(radius=np.array(radii))
+            return make_spheres(start, shapes, dtype)
+        found: Any = make_spheres(start, [shape._replace(skin=True) for shape in shapes], dtype)
+        return found._replace(skin=np.array([shape.radius if shape.skin else 0.0 for shape in shapes]))
 
     def space(scene: Scene, pairs: Pairs | None, dtype: Any) -> Space:
         found = make_space(scene, pairs, dtype)
