@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, DTypeLike
 from springgym import rigid
 from springgym.bodies.elasticity import spring_forces
 from springgym.checks import HUGE, TINY
-from springgym.contact.cone import law_of, resistance_of
+from springgym.contact.cone import Resistance, law_of, resistance_of
 from springgym.contact.lists import Lists, new_lists
 from springgym.contact.overlap import Outlines, outlines
 from springgym.contact.pairs import Pairs, longest_edge, most_contacts, packed_shapes, parallel
@@ -39,6 +39,7 @@ from springgym.rigid.rolling import ROOM
 from springgym.rigid.surfaces import ARRAYS
 from springgym.scene import DriveActuator, Scene
 from springgym.surfaces import Contact, PaperContact, Surface, by_kind, coupled, loss_of, packed_kind, scales
+from springgym.surfaces.contact import RESISTANCES
 
 
 class Parameter(NamedTuple):
@@ -160,11 +161,18 @@ def _shared(scene: Scene, options: Options) -> Terms:
         surfaces=surfaces_of(surfaces),
         friction=friction,
         friction_law=law_of([contact]) if friction is not None and isinstance(contact, Contact) else None,
-        resistance=resistance_of(contact) if isinstance(contact, Contact) else None,
+        resistance=_resistance(contact),
         loss=loss,
         paper_law=law,
         own=tuple(own) or None,
     )
+
+
+def _resistance(contact: Contact | PaperContact) -> Resistance | None:
+    """Return what resists the turning of round features on surfaces; None if nothing does."""
+    if isinstance(contact, PaperContact):
+        return None
+    return resistance_of(*(np.array([getattr(contact, name)]) for name in RESISTANCES))
 
 
 def surfaces_of(surfaces: tuple[Surface, ...]) -> Surfaces:
@@ -264,6 +272,9 @@ def pack_pairs(scene: Scene, options: Options) -> Pairs:
         strength=np.array(met.strength),
         friction=options.parameter({"friction"} & varying, frictions) if rubs else None,
         friction_law=law_of([met.contacts[n] for n in met.how]) if rubs else None,
+        resistance=resistance_of(
+            *(np.where(scene.resisted, met.of_contacts(name), 0.0) for name in RESISTANCES)
+        ),
         loss=options.parameter({"restitution"} & varying, loss_of(restitutions)) if loses else None,
         shapes=packed_shapes(scene.shapes, scene.starts[:-1].tolist()),
         most=most_contacts(met, scene.shapes)[0],
@@ -290,7 +301,11 @@ def workspaces(
 def search_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> tuple[Lists, ContactRows]:
     """Return what a thread finds contacts in, and the list of those that it finds."""
     most = most_contacts(scene.meetings, scene.shapes)[1]
-    spheres = new_spheres(scene.starts, scene.shapes, dtype)
+    resisted = np.zeros(len(scene.bodies), bool)
+    if pairs.resistance is not None:
+        for of in (pairs.first, pairs.second):
+            resisted[of[scene.resisted]] = True
+    spheres = new_spheres(scene.starts, scene.shapes, resisted, dtype)
     contacts = new_contacts(pairs, most, dtype)._replace(spheres=spheres)
     return new_lists(pairs, len(scene.positions), dtype), contacts
 

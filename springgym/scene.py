@@ -419,6 +419,13 @@ class Scene(ReadOnly):
         ]
         return meetings(self.collisions, self.contact, named)
 
+    @cached_property
+    def resisted(self) -> np.ndarray:
+        """Return in which pairs of bodies that may meet rolling or spinning is resisted, (pairs,)."""
+        skin = np.array([shape.skin for shape in self.shapes], bool)
+        met = self.meetings
+        return met.of_contacts("resists").astype(bool) & (skin[met.first] | skin[met.second])
+
     def _placed(self) -> tuple[Placed, ...]:
         if not isinstance(self.bodies, Sequence):
             raise TypeError(f"bodies is {shown(self.bodies)}; it must be a tuple of Placed")
@@ -479,11 +486,13 @@ class Scene(ReadOnly):
     def _check_resistance(self) -> None:
         """Refuse a rolling or torsional resistance that would have no effect."""
         if isinstance(self.contact, Contact) and self.contact.resists:
-            lacks = "no body has one" if self.surfaces else "the scene has no surfaces"
-            if not self.surfaces or not any(body.rounds for body in self._different):
+            rolls = bool(self.surfaces) and any(body.rounds for body in self._different)
+            if not rolls and not self.resisted.any():
+                lacks = "no body has one" if self.surfaces else "the scene has no surfaces"
                 given = ", ".join(f"{name} {getattr(self.contact, name):g}" for name in RESISTANCES)
                 raise ValueError(
-                    f"the contact has {given}, which acts where round features meet surfaces; {lacks}"
+                    f"the contact has {given}, which acts where round features meet surfaces, or spheres and "
+                    f"capsules other bodies; {lacks}, and no sphere or capsule meets another body"
                 )
 
     def _check_heights(self, positions: np.ndarray, copies: np.ndarray | None = None) -> None:
@@ -604,11 +613,11 @@ class Scene(ReadOnly):
         if len(self.bodies) == 1:
             return (self,)
         edged = without_resistance(self.contact)
+        rolls = [bool(self.surfaces and placed.body.rounds) for placed in self.bodies]
+        contacts = [self.contact if round_ else edged for round_ in rolls]
         return tuple(
-            self.with_(
-                bodies=(placed,), collisions=None, contact=self.contact if placed.body.rounds else edged
-            )
-            for placed in self.bodies
+            self.with_(bodies=(placed,), collisions=None, contact=contact)
+            for placed, contact in zip(self.bodies, contacts, strict=True)
         )
 
     @cached_property

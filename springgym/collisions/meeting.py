@@ -199,12 +199,8 @@ def _meetings(
                 f"{type(ways[way]).__name__}; give collisions a Contact, or say collisions=None"
             )
         if ways[way].resists:
-            pair = int(np.argmax(how == way))
-            raise ValueError(
-                f"{_called(first[pair], second[pair], bodies)} would collide by a contact with "
-                "rolling_resistance or torsional_resistance, which act on surfaces alone; give collisions a "
-                "Contact without them"
-            )
+            for pair in np.flatnonzero(how == way).tolist():
+                _check_resisted(ways[way], bodies[first[pair]], bodies[second[pair]])
     contacts = tuple(ways[way] for way in used)
     how = np.searchsorted(used, how)
 
@@ -241,6 +237,26 @@ def _meetings(
             "contact from; give the contact of the pair a strength and a reach"
         )
     return Meetings(first, second, contacts, how, strength, reach)
+
+
+def _check_resisted(contact: Contact, *both: Named) -> None:
+    """Refuse a contact that would resist the turning of bodies which cannot be turned by a couple."""
+    if not any(shape(named.body).skin for named in both):
+        return
+    reason = "" if contact.friction > 0 else "the contact has no friction, by which bodies roll"
+    for named in both:
+        if named.body.floppy:
+            reason = f"{named.name!r} is floppy, and a couple cannot turn it"
+        elif len(named.body.masses) < 4:
+            reason = f"{named.name!r} has too few particles to be turned by a couple"
+        elif named.held:
+            reason = f"only some particles of {named.name!r} are pinned; pin all or none"
+    if reason:
+        first, second = (named.name for named in both)
+        raise ValueError(
+            f"bodies {first!r} and {second!r} would collide by a contact with rolling_resistance or "
+            f"torsional_resistance, but {reason}; give the pair a Contact without them"
+        )
 
 
 def _stiffness(body: Body) -> float:

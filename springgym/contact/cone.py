@@ -17,7 +17,8 @@ stays.
 
 A law is this file and its numbers in `springgym.surfaces.Contact`: its named tuple, `law_of` and `weakened`.
 
-Where a round feature meets a surface, a couple q may resist its turning, too (`springgym.contact.round`): by
+Where a round feature meets a surface (`springgym.contact.round`), or a sphere or a capsule another body
+(`springgym.contact.turning`), a couple q may resist its turning, too: by
 up to ρ J what turns it about tangents, by up to τ J what turns it about the normal. ρ and τ are lengths: what
 yields carries its load by ρ ahead of its middle, and a patch of radius a, under an even pressure, takes the
 moment (2/3) μ a J to turn about its normal.
@@ -53,7 +54,7 @@ class Stribeck(NamedTuple):
 
 
 class Resistance(NamedTuple):
-    """Coefficients of rolling and torsional resistance of round features on surfaces, each (1,)."""
+    """Coefficients of rolling and torsional resistance, of surfaces (1,) or of pairs of bodies (pairs,)."""
 
     rolling: np.ndarray
     """ρ [m]"""
@@ -61,11 +62,9 @@ class Resistance(NamedTuple):
     """τ [m]"""
 
 
-def resistance_of(contact: Contact) -> Resistance | None:
-    """Return the coefficients of resistance of a contact; None if both are zero."""
-    if not contact.resists:
-        return None
-    return Resistance(np.array([contact.rolling_resistance]), np.array([contact.torsional_resistance]))
+def resistance_of(rolling: np.ndarray, torsional: np.ndarray) -> Resistance | None:
+    """Return coefficients of resistance as compiled functions take them; None if all are zero."""
+    return Resistance(rolling, torsional) if rolling.any() or torsional.any() else None
 
 
 def law_of(contacts: Sequence[Contact]) -> Stribeck | None:

@@ -36,6 +36,7 @@ from springgym.contact.spheres import (
     turn_by_friction,
 )
 from springgym.contact.totals import FRICTION, add_to
+from springgym.contact.turning import PASSES, energy_of_turning, resists, stop_turning, without_turning
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
 from springgym.core.lanes import any_lane, load, load_each, maximum, select, sqrt, store
@@ -119,8 +120,8 @@ def crosses(k: int, contacts: ContactRows) -> Mask:
 
 @compiled
 def rub(v: Rows, turn: int, problem: Problem, friction: Numbers) -> None:
-    """Hold back what slips, in two turns; in the third enter the loss, −j times the mean of the slips before
-    and after."""
+    """Hold back what slips, and what turns if that is resisted, in two turns; in the third enter the loss, −j
+    times the mean of the slips before and after."""
     if friction is not None:
         contacts, pairs = problem.contacts, problem.pairs
         for m in range(problem.rows):
@@ -133,17 +134,48 @@ def rub(v: Rows, turn: int, problem: Problem, friction: Numbers) -> None:
                 acts = maximum(limit, dot(given, given)) > 0.0  # what was given may have to be taken back
             acts = among_going(acts, contacts.solids)
             if any_lane(acts):
-                slip = slip_of(v, k, problem, contacts.solids)
                 if turn < SWEEPS:
-                    before = slip_before(k, problem, pairs.friction_law)
-                    j = held_back(slip, before, k, given, limit, problem)
-                    push_across(v, k, j - given, acts, problem, contacts.solids)
-                    set_row(contacts.friction, k, choose(acts, j, given))
+                    if resists(k, problem, pairs.resistance):
+                        hold_both(v, k, limit, acts, problem)
+                    else:
+                        stop_slip(v, k, limit, acts, problem)
                 else:
+                    slip = slip_of(v, k, problem, contacts.solids)
                     slip = slip + slip_of(problem.before, k, problem, contacts.solids)
-                    lost = select(acts, -0.5 * dot(given, slip), 0.0)
+                    lost = -0.5 * dot(given, slip) + energy_of_turning(v, k, problem, pairs.resistance)
+                    lost = select(acts, lost, 0.0)
                     add_loss(contacts, p, 1, lost)
                     add_to(problem.totals, p, FRICTION, lost)
+
+
+@compiled
+def stop_slip(v: Rows, k: int, limit: Number, acts: Mask, problem: Problem) -> None:
+    """Let friction stop what slips in contact k, in some lanes, or give as much as the push there allows."""
+    contacts = problem.contacts
+    given, slip = row(contacts.friction, k), slip_of(v, k, problem, contacts.solids)
+    before = slip_before(k, problem, problem.pairs.friction_law)
+    j = held_back(slip, before, k, given, limit, problem)
+    push_across(v, k, j - given, acts, problem, contacts.solids)
+    set_row(contacts.friction, k, choose(acts, j, given))
+
+
+@compiled
+def hold_both(v: Rows, k: int, limit: Number, acts: Mask, problem: Problem) -> None:
+    """Let friction and couple stop what slips and turns in contact k, or give as much as the push allows."""
+    contacts, resistance = problem.contacts, problem.pairs.resistance
+    given, couple = row(contacts.friction, k), row(contacts.couple, k)
+    fresh = select(acts, dot(given, given) + dot(couple, couple), 1.0) <= 0.0
+    if any_lane(fresh):
+        slip = slip_of(v, k, problem, contacts.solids)
+        along = 1.0 / (sqrt(dot(slip, slip)) + TINY) * slip
+        inverse = inverse_mass_along(along, k, problem, contacts.solids)
+        slip, inverse = without_turning(slip, inverse, v, k, problem)
+        j = within_cone(-1.0 / (inverse + TINY) * slip, limit, inverse, slip, None, 0)
+        push_across(v, k, j, fresh, problem, contacts.solids)
+        set_row(contacts.friction, k, choose(fresh, j, given))
+    for _ in range(PASSES):
+        stop_turning(v, k, acts, problem, resistance)
+        stop_slip(v, k, limit, acts, problem)
 
 
 @compiled

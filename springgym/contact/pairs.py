@@ -9,7 +9,7 @@ import numpy as np
 
 from springgym.bodies import Body
 from springgym.collisions import Meetings, Shape
-from springgym.contact.cone import Stribeck
+from springgym.contact.cone import Resistance, Stribeck
 
 MOST_CONTACTS = 64
 """Contacts of a copy, for each of its bodies: beyond, they are counted and left out."""
@@ -59,6 +59,8 @@ class Pairs(NamedTuple):
     """μ [1]; None if no pair rubs"""
     friction_law: Stribeck | None
     """what the law of friction takes beside it; None if it is Coulomb's"""
+    resistance: Resistance | None
+    """coefficients of rolling and torsional resistance; None if no pair has any"""
     loss: np.ndarray | None
     """β of restitution [1]; None if no pair loses any energy by it"""
     shapes: Shapes

@@ -65,6 +65,8 @@ class ContactRows(NamedTuple):
     """(rows,) the impulse J along the normal [N·s]"""
     friction: np.ndarray
     """(rows, 3) the impulse of friction [N·s]"""
+    couple: np.ndarray
+    """(rows, 3) the angular impulse of the couple on the first body of the pair [N·m·s]"""
     taper: np.ndarray
     """(rows, 3) the impulse of the gradient of Φ [N·s]"""
     tilt: np.ndarray
@@ -108,6 +110,7 @@ def new_contacts(pairs: Pairs, rows: int, dtype: DTypeLike) -> ContactRows:
     width = np.dtype(dtype)["lanes"].shape[0]
     rows = min(rows, pairs.most * width) + 1
     rubbing = 1 if pairs.friction is None else rows
+    turning = 1 if pairs.resistance is None else rows
     count = len(pairs.first)
 
     def lanes(*shape: int) -> np.ndarray:
@@ -129,6 +132,7 @@ def new_contacts(pairs: Pairs, rows: int, dtype: DTypeLike) -> ContactRows:
         inverse_mass=lanes(rows),
         impulse=lanes(rows),
         friction=lanes(rows, 3),
+        couple=lanes(turning, 3),
         taper=lanes(rows, 3),
         tilt=lanes(2 * rubbing, 3),
         grips=lanes(rubbing),

@@ -69,12 +69,7 @@ def set_arms(k: int, problem: Problem, solids: Solids) -> Number:
     pairs, contacts = problem.pairs, problem.contacts
     p = contacts.pair[k]
     a, b = pairs.first[p], pairs.second[p]
-    n = row(contacts.normal, k)
-    place = 0.0 * n
-    for j in range(contacts.members[k]):
-        weight = load(contacts.weight, 4 * k + j)
-        half = 0.5 * maximum(weight, -1.0 * weight)
-        place = plus_scaled(place, half, row_each(problem.x, load(contacts.particle, 4 * k + j)))
+    n, place = row(contacts.normal, k), midpoint(k, problem)
     if solids.balls[a]:
         place = row(problem.x, solids.start[a])
     elif solids.balls[b]:
@@ -87,6 +82,17 @@ def set_arms(k: int, problem: Problem, solids: Solids) -> Number:
     set_row(solids.arm, 2 * k, place - row(solids.point, a))
     set_row(solids.arm, 2 * k + 1, place - row(solids.point, b))
     return inverse_mass_of_both(n, k, problem, solids)
+
+
+@compiled
+def midpoint(k: int, problem: Problem) -> Vector:
+    """Return the place halfway between the two points of contact k [m]."""
+    contacts, place = problem.contacts, 0.0 * row(problem.contacts.normal, k)
+    for j in range(contacts.members[k]):
+        weight = load(contacts.weight, 4 * k + j)
+        half = 0.5 * maximum(weight, -1.0 * weight)
+        place = plus_scaled(place, half, row_each(problem.x, load(contacts.particle, 4 * k + j)))
+    return place
 
 
 @compiled

@@ -48,6 +48,7 @@ from springgym.contact.totals import (
     add_to,
     entry_of,
 )
+from springgym.contact.turning import begin_couple
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
 from springgym.core.lanes import any_lane, load, load_each, maximum, minimum, select, sqrt, store, store_each
@@ -99,6 +100,7 @@ def prepare(problem: Problem, touched: Numbers) -> None:
         store(contacts.impulse, k, 0.0)
         set_row(contacts.friction, k, vec(0.0, 0.0, 0.0))
         set_row(contacts.taper, k, vec(0.0, 0.0, 0.0))
+        begin_couple(k, contacts, problem.pairs.resistance)
         p = contacts.pair[k]
         missed = load(contacts.gap, k) - problem.span.lead * u < LOW * problem.pairs.reach[p]
         add_to(problem.totals, p, MISSES, select(missed, 1.0 + 0.0 * u, 0.0))

@@ -82,21 +82,28 @@ class Spheres(NamedTuple):
     """(N, 3) velocities of the particles before the node [m/s]; in the first two rows of a sphere, v and ω"""
     inverse_mass: Numbers
     """(N,) inverse masses [1/kg]; in the first row of a sphere, 1/M"""
+    turns: np.ndarray
+    """(bodies,) whether contacts turn a body as a whole: spheres, capsules, and what resists their turning"""
     mass: Numbers
-    """(N,) masses of the particles of spheres and capsules [kg]"""
+    """(N,) masses of the particles of bodies that turn [kg]"""
     centre: Rows
-    """(bodies, 3) centres of mass of spheres and capsules [m]"""
+    """(bodies, 3) centres of mass of bodies that turn [m]"""
     turn: Rows
-    """(2 bodies, 3) the inverse inertia I⁻¹ of each sphere and capsule, in two rows: xx, yy, zz, and xy, xz,
-    yz [1/(kg·m²)]; 0 if it is pinned"""
+    """(2 bodies, 3) the inverse inertia I⁻¹ of each body that turns, in two rows: xx, yy, zz, and xy, xz, yz
+    [1/(kg·m²)]; 0 if it is pinned"""
     kept: Rows
     """(N, 3) velocities of the particles of spheres, saved while their rows hold v and ω [m/s]"""
     began: Rows
     """(2 bodies, 3) v [m/s] and ω [rad/s] of each sphere that follow from the kept velocities"""
 
 
-def new_spheres(start: np.ndarray, shapes: Sequence[Shape], dtype: DTypeLike) -> Spheres | None:
-    """Return a workspace for the spheres and capsules among bodies of ``shapes``; None without any."""
+def new_spheres(
+    start: np.ndarray, shapes: Sequence[Shape], resisted: np.ndarray, dtype: DTypeLike
+) -> Spheres | None:
+    """Return a workspace for the spheres and capsules among bodies of ``shapes``; None without any.
+
+    ``resisted`` (bodies,) tells of which bodies the turning is resisted by others, or resists theirs.
+    """
     if not any(shape.skin for shape in shapes):
         return None
     bodies, particles = len(shapes), int(start[-1])
@@ -109,6 +116,7 @@ def new_spheres(start: np.ndarray, shapes: Sequence[Shape], dtype: DTypeLike) ->
         radius=np.array([shape.radius if shape.turns else 0.0 for shape in shapes]),
         skin=np.array([shape.radius if shape.skin else 0.0 for shape in shapes]),
         thick=np.array([shape.radius for shape in shapes]),
+        turns=np.array([shape.skin for shape in shapes]) | resisted,
         x=lanes(particles, 3),
         before=lanes(particles, 3),
         inverse_mass=lanes(particles),
@@ -148,8 +156,8 @@ def look(x: Rows, v: Rows, mass: Numbers, inverse_mass: Numbers, spheres: Sphere
         set_row(spheres.x, i, row(x, i))
         set_row(spheres.before, i, row(v, i))
         store(spheres.inverse_mass, i, load(inverse_mass, i))
-    for body in range(spheres.skin.size):
-        if spheres.skin[body] > 0.0:
+    for body in range(spheres.turns.size):
+        if spheres.turns[body]:
             first, behind = spheres.start[body], spheres.start[body + 1]
             own, places = mass[first:behind], x[first:behind]
             whole, centre = 0.0 * load(spheres.inverse_mass, first), mass_centre(places, own)
@@ -171,7 +179,7 @@ def look(x: Rows, v: Rows, mass: Numbers, inverse_mass: Numbers, spheres: Sphere
 
 @compiled
 def turning(body: int, x: Rows, v: Rows, spheres: Spheres) -> Vector:
-    """Return ω of a sphere or capsule [rad/s], by the velocities of its particles."""
+    """Return ω of a body that turns [rad/s], by the velocities of its particles."""
     first, behind = spheres.start[body], spheres.start[body + 1]
     own, centre = spheres.mass[first:behind], row(spheres.centre, body)
     moment = angular_momentum(x[first:behind], v[first:behind], own, centre)
@@ -222,10 +230,10 @@ def share_first(rows: Rows, spheres: Spheres | None) -> None:
 
 @compiled
 def share_touched(touched: Numbers, spheres: Spheres | None) -> None:
-    """Let all particles of each sphere or capsule be in a contact where one of them is."""
+    """Let all particles of each body that turns be in a contact where one of them is."""
     if spheres is not None:
-        for body in range(spheres.skin.size):
-            if spheres.skin[body] > 0.0:
+        for body in range(spheres.turns.size):
+            if spheres.turns[body]:
                 first, behind = spheres.start[body], spheres.start[body + 1]
                 any_touched = load(touched, first)
                 for i in range(first + 1, behind):
@@ -286,10 +294,10 @@ def lever(body: int, k: int, problem: Problem, spheres: Spheres) -> Number:
 
 @compiled
 def spin_of(body: int, v: Rows, problem: Problem, spheres: Spheres) -> Vector:
-    """Return ω of a sphere or capsule [rad/s], by velocities as contacts see them."""
-    if is_capsule(body, spheres):
-        return turning(body, problem.x, v, spheres)
-    return row(v, spheres.start[body] + 1)
+    """Return ω of a body that turns [rad/s], by velocities as contacts see them."""
+    if spheres.radius[body] > 0.0:
+        return row(v, spheres.start[body] + 1)
+    return turning(body, problem.x, v, spheres)
 
 
 @compiled
@@ -351,13 +359,20 @@ def turn_by_friction(v: Rows, k: int, j: Vector, acts: Mask, problem: Problem, s
     for side in range(2):
         body = body_of(side, k, problem)
         if spheres.skin[body] > 0.0:
-            rho, spun = lever(body, k, problem, spheres), turned(body, moment, spheres)
-            if is_capsule(body, spheres):
-                spun = choose(acts, -1.0 * rho * spun, 0.0 * spun)
-                for i in range(spheres.start[body], spheres.start[body + 1]):
-                    arm = row(problem.x, i) - row(spheres.centre, body)
-                    set_row(v, i, row(v, i) + cross(spun, arm))
-            else:
-                i = spheres.start[body] + 1
-                spin = row(v, i)
-                set_row(v, i, choose(acts, plus_scaled(spin, -1.0 * rho, spun), spin))
+            spun = turned(body, moment, spheres)
+            turn_body(v, body, -lever(body, k, problem, spheres), spun, acts, problem, spheres)
+
+
+@compiled
+def turn_body(
+    v: Rows, body: int, scale: Number, faster: Vector, acts: Mask, problem: Problem, spheres: Spheres
+) -> None:
+    """Let a body turn about its centre of mass by ``scale`` times ``faster`` [rad/s] more, in some lanes."""
+    first, behind = spheres.start[body], spheres.start[body + 1]
+    if spheres.radius[body] > 0.0:
+        spin = row(v, first + 1)
+        set_row(v, first + 1, choose(acts, plus_scaled(spin, scale, faster), spin))
+    else:
+        for i in range(first, behind):
+            before, arm = row(v, i), row(problem.x, i) - row(spheres.centre, body)
+            set_row(v, i, choose(acts, plus_scaled(before, scale, cross(faster, arm)), before))

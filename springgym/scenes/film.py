@@ -336,9 +336,10 @@ def _rolling(body: Body, size: float, color: Color) -> dict[str, Any]:
 
 
 def _globe(sines: np.ndarray, heights: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return points (V, 3) of a body of revolution, its triangles (T, 3), and the octant (T,) of each, 0 to 7.
+    """Return points (V, 3) of a body of revolution, its triangles (T, 3), and the octant (T,) of each.
 
-    Its rings have the radii ``sines`` and lie at ``heights``, between the poles at ± 1.
+    Octants are numbered from 0 to 7. Its rings have the radii ``sines`` and lie at ``heights``, between the
+    poles at ± 1.
     """
     angles = 2 * np.pi * np.arange(COLUMNS) / COLUMNS
     rings = [

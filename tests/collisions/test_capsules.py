@@ -109,7 +109,9 @@ def test_capsule_rolls_down_a_tilted_block(angle: float, friction: float) -> Non
 
 def test_friction_of_a_capsule_on_a_free_block_is_coulombs() -> None:
     """It slides over the block along its axis as long as it touches it."""
-    thrown = body_at(CAPSULE, (0, 0, 0.25 + RADIUS + 0.004), velocity=(3.0, 0, -0.5), turn=(0, math.pi / 2, 0))
+    thrown = body_at(
+        CAPSULE, (0, 0, 0.25 + RADIUS + 0.004), velocity=(3.0, 0, -0.5), turn=(0, math.pi / 2, 0)
+    )
     simulator = run(scene(thrown, body_at(BLOCK, (0, 0, 0))), 0.05, step=1e-4)
     v, _ = motion(simulator)
     given = v[0] - (3.0, 0, -0.5)
@@ -210,7 +212,7 @@ def test_contacts_are_told_at_the_skin() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("of", ["ball", "block", "capsule", "parallel"])
 def test_springs_approach_their_twin_as_they_grow_stiff(of: str) -> None:
-    """After an impact, velocities differ from those of the twin of a stiff scene by less the stiffer springs are."""
+    """After an impact, velocities differ from those of the twin by less, the stiffer the springs are."""
 
     def after(stiffness: float, dynamics: str) -> np.ndarray:
         simulator = run(thrown(of, stiffness), 0.1, step=2e-6, dynamics=dynamics)

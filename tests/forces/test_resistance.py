@@ -146,11 +146,6 @@ def test_what_makes_no_sense_is_refused(name: str) -> None:
     for body in (cube(), ball()):
         with pytest.raises(ValueError, match="no body has one"):
             Scene(body, body.positions + np.array([0, 0, 2.0]), surfaces=(floor(),), contact=how)
-    bodies = tuple(Placed(BALL, BALL.positions + np.array([x, 0, 1.0])) for x in (0.0, 1.0))
-    with pytest.raises(ValueError, match=r"'.*0' and '.*1' would collide by a contact with rolling_resist"):
-        Scene(bodies=bodies, surfaces=(floor(),), contact=how).meetings  # noqa: B018
-    passes = Scene(bodies=bodies, surfaces=(floor(),), contact=how, collisions=replace(how, **{name: 0.0}))
-    assert len(passes.meetings) == 1
 
 
 def test_options_are_kept_and_tell_scenes_apart() -> None:
