@@ -121,11 +121,15 @@ def all_kinds_of_terms() -> Iterator[None]:
             terms=found.terms._replace(surfaces=surfaces, rounds=rounds, dampers=dampers), twin=rigid
         )
 
-    def spheres(start: np.ndarray, shapes: Sequence[Shape], dtype: Any) -> Spheres | None:
+    def spheres(
+        start: np.ndarray, shapes: Sequence[Shape], resisted: np.ndarray, dtype: Any
+    ) -> Spheres | None:
         if not Packing.shares:
-            return make_spheres(start, shapes, dtype)
-        found: Any = make_spheres(start, [shape._replace(skin=True) for shape in shapes], dtype)
-        return found._replace(skin=np.array([shape.radius if shape.skin else 0.0 for shape in shapes]))
+            return make_spheres(start, shapes, resisted, dtype)
+        found: Any = make_spheres(start, [shape._replace(skin=True) for shape in shapes], resisted, dtype)
+        skin = np.array([shape.skin for shape in shapes])
+        radius = np.array([shape.radius for shape in shapes])
+        return found._replace(skin=np.where(skin, radius, 0.0), turns=skin | resisted)
 
     def space(scene: Scene, pairs: Pairs | None, dtype: Any) -> Space:
         found = make_space(scene, pairs, dtype)

@@ -97,18 +97,18 @@ def test_spin_about_the_normal_stops(dynamics: str) -> None:
 def test_momenta_are_kept_and_turning_is_lost(of: str, dynamics: str) -> None:
     """A spinning ball strikes a body off its middle: what the couple takes, the ledger has."""
     others = {
-        "block": body_at(BLOCK, (0.36, 0.05, 0.02), turn=(0.1, 0.2, 0.3), omega=(1.0, 2.0, 3.0)),
+        "block": body_at(BLOCK, (0.40, 0.05, 0.02), turn=(0.1, 0.2, 0.3), omega=(1.0, 2.0, 3.0)),
         "ball": body_at(rolling_ball(0.2, 3.0), (0.31, 0.05, 0.02), omega=(3.0, -2.0, 1.0)),
         "capsule": body_at(capsule(0.1, 0.3), (0.21, 0.05, 0.02), omega=(3.0, -2.0, 1.0)),
     }
     ended = []
-    for scale in (0.0, 1.0):
+    for scale in (1e-9, 1.0):
         contact = Contact(
             0.5, 0.5, 1e-3, 4e-3, rolling_resistance=scale * RHO, torsional_resistance=scale * TAU
         )
         thrown = body_at(BALL, (0, 0, 0), velocity=(1.0, 0, 0), omega=(20.0, 10.0, -10.0))
         far = body_at(BLOCK, (0, 100.0, 0))
-        whole = Scene(bodies=(thrown, others[of], far), contact=contact)
+        whole = Scene(bodies=(thrown, others[of], far), contact=contact, gravity=(0, 0, 0))
         simulator = Simulator(whole, dynamics=dynamics, step=2e-5)
         before, energy = momenta(simulator), simulator.measure().balance[0]
         simulator.advance(5000)
