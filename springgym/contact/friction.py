@@ -36,7 +36,7 @@ from springgym.contact.spheres import (
     turn_by_friction,
 )
 from springgym.contact.totals import FRICTION, add_to
-from springgym.contact.turning import PASSES, energy_of_turning, resists, stop_turning, without_turning
+from springgym.contact.turning import PASSES, energy_of_turning, stop_turning, without_turning
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
 from springgym.core.lanes import any_lane, load, load_each, maximum, select, sqrt, store
@@ -53,7 +53,7 @@ from springgym.core.vectors import (
 )
 
 if TYPE_CHECKING:
-    from springgym.contact.cone import Stribeck
+    from springgym.contact.cone import Resistance, Stribeck
     from springgym.contact.rows import ContactRows, Problem
     from springgym.contact.solids import Solids
     from springgym.contact.spheres import Spheres
@@ -135,10 +135,7 @@ def rub(v: Rows, turn: int, problem: Problem, friction: Numbers) -> None:
             acts = among_going(acts, contacts.solids)
             if any_lane(acts):
                 if turn < SWEEPS:
-                    if resists(k, problem, pairs.resistance):
-                        hold_both(v, k, limit, acts, problem)
-                    else:
-                        stop_slip(v, k, limit, acts, problem)
+                    hold(v, k, limit, acts, problem, pairs.resistance)
                 else:
                     slip = slip_of(v, k, problem, contacts.solids)
                     slip = slip + slip_of(problem.before, k, problem, contacts.solids)
@@ -160,9 +157,25 @@ def stop_slip(v: Rows, k: int, limit: Number, acts: Mask, problem: Problem) -> N
 
 
 @compiled
-def hold_both(v: Rows, k: int, limit: Number, acts: Mask, problem: Problem) -> None:
-    """Let friction and couple stop what slips and turns in contact k, or give as much as the push allows."""
-    contacts, resistance = problem.contacts, problem.pairs.resistance
+def hold(v: Rows, k: int, limit: Number, acts: Mask, problem: Problem, resistance: Resistance | None) -> None:
+    """Let friction, and a couple if there is one, stop what slips and turns in contact k, in some lanes."""
+    if resistance is not None:
+        p = problem.contacts.pair[k]
+        if resistance.rolling[p] + resistance.torsional[p] > 0.0:
+            stop_centre(v, k, limit, acts, problem)
+            for _ in range(PASSES):
+                stop_turning(v, k, acts, problem, resistance)
+                stop_slip(v, k, limit, acts, problem)
+        else:
+            stop_slip(v, k, limit, acts, problem)
+    else:
+        stop_slip(v, k, limit, acts, problem)
+
+
+@compiled
+def stop_centre(v: Rows, k: int, limit: Number, acts: Mask, problem: Problem) -> None:
+    """Give contact k the friction that would stop its slip if a couple stopped all turning, at first."""
+    contacts = problem.contacts
     given, couple = row(contacts.friction, k), row(contacts.couple, k)
     fresh = select(acts, dot(given, given) + dot(couple, couple), 1.0) <= 0.0
     if any_lane(fresh):
@@ -173,9 +186,6 @@ def hold_both(v: Rows, k: int, limit: Number, acts: Mask, problem: Problem) -> N
         j = within_cone(-1.0 / (inverse + TINY) * slip, limit, inverse, slip, None, 0)
         push_across(v, k, j, fresh, problem, contacts.solids)
         set_row(contacts.friction, k, choose(fresh, j, given))
-    for _ in range(PASSES):
-        stop_turning(v, k, acts, problem, resistance)
-        stop_slip(v, k, limit, acts, problem)
 
 
 @compiled

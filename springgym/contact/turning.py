@@ -44,15 +44,6 @@ def begin_couple(k: int, contacts: ContactRows, resistance: Resistance | None) -
         set_row(contacts.couple, k, 0.0 * row(contacts.normal, k))
 
 
-@compiled
-def resists(k: int, problem: Problem, resistance: Resistance | None) -> bool:
-    """Tell whether turning is resisted in contact k."""
-    if resistance is None:
-        return False
-    p = problem.contacts.pair[k]
-    return resistance.rolling[p] + resistance.torsional[p] > 0.0
-
-
 # --- How bodies turn --------------------------------------------------------------------------------------
 
 
