@@ -9,6 +9,8 @@ import pytest
 
 from springgym.bodies import capsule, cube, rolling_ball, rope, sphere
 from springgym.collisions import shape
+from springgym.contact.rows import ROWS
+from springgym.core.blocks import numbers
 from springgym.scene import Placed, Scene
 from springgym.surfaces import Contact
 from springgym.theory import rolling
@@ -120,6 +122,33 @@ def test_crossed_capsules_turn_each_other(dynamics: str) -> None:
     j = RADIUS * spin / (2.0 + RADIUS**2 / inertia + RADIUS**2 / stiff.inertia()[0, 0])
     np.testing.assert_allclose(v[:2, 0], [j, -j], rtol=1e-2)
     np.testing.assert_allclose(spin - w[0, 1], RADIUS * j / inertia, rtol=2e-2)
+
+
+def test_friction_stops_the_slip_of_the_skin_at_once() -> None:
+    """A tilted capsule strikes with an end, so that the impulse at its axis turns it, too."""
+    above = 0.25 + RADIUS + LENGTH / 2 * math.cos(0.6) + 0.004
+    begins = {"velocity": (0.02, 0.03, -0.3), "omega": (0.1, 0.2, 0.3), "turn": (0.6, 0, 0)}
+    tilted, block = body_at(CAPSULE, (0, 0, above), **begins), body_at(BLOCK, (0, 0, 0), pinned=True)
+    contact = Contact(friction=5.0, restitution=0.5, strength=2e-3, reach=5e-3)
+    simulator = full(scene(tilted, block, contact=contact), copies=2, step=1e-4)
+    m, sticks = CAPSULE.masses[:, None], 0
+    for _ in range(20):
+        simulator.advance(5)
+        simulator.contacts()  # computes the last node again
+        exchange = simulator._workspace[0].exchange
+        contacts = exchange.contacts
+        if contacts.length[ROWS] == 1 and numbers(contacts.impulse)[0, 0] > 0:
+            v = numbers(exchange.velocity.values)[: len(m), :, 0]  # after the node
+            arms = simulator.positions[0, : len(m)] - (m * simulator.positions[0, : len(m)]).sum(0)
+            second = (m * arms).T @ arms
+            spin = np.linalg.solve(np.trace(second) * np.eye(3) - second, (m * np.cross(arms, v)).sum(0))
+            weights, particles = (numbers(of)[:4, 0] for of in (contacts.weight, contacts.particle))
+            own = particles < len(m)
+            axis = np.abs(weights[own]) @ v[particles[own].astype(int)]
+            slip = (axis + np.cross(spin, (0, 0, -RADIUS)))[:2]
+            assert np.abs(slip).max() < 1e-5
+            sticks += 1
+    assert sticks > 10
 
 
 # --- What is kept ---------------------------------------------------------------------------------------
