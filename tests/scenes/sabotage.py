@@ -144,7 +144,7 @@ _TABLE: tuple[tuple[str, str, Change], ...] = (
     ("bouncing-ball-lossy", "restitution", {"contact.reach": 0.2}),
     ("cube-drop irregular-fall", "rest_height", {"contact.restitution": 1, "body.damping": 0}),
     ("sliding-block", "stopping", {"start.omega": [0, 0, 6]}),
-    ("block-holds", "slope", {"start.velocity": [3, 0, 0]}),
+    ("block-holds", "slope", {"start.velocity": [-3, 0, 0]}),
     ("block-slides", "slope", {"start.omega": [0, 0, 6]}),
     # what rolls: spun the wrong way, too soft, too slow to turn over, on ice, too slow to lie so, thrown
     ("ball-rolls", "rolling", {"start.omega": [0, 40, 0]}),
