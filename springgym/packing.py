@@ -389,7 +389,7 @@ def solids_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> Company:
         before=lanes(2 * count, 3),
         free=lanes(2 * count, 3),
         velocity=lanes(2 * count, 3),
-        known=lanes(2 * count, 3),
+        by_surfaces=lanes(2 * count, 3),
         by_bodies=lanes(2 * count, 3),
         shift=lanes(2 * count, 3),
         changed=lanes(1),

@@ -108,8 +108,8 @@ class Company(NamedTuple):
     """the motion after the node, but for contact"""
     velocity: np.ndarray
     """the motion after the node, with the impulses found so far"""
-    known: np.ndarray
-    """this motion when surfaces had their last turn"""
+    by_surfaces: np.ndarray
+    """change of motion that surfaces gave in their last turn"""
     by_bodies: np.ndarray
     """change of motion that bodies gave each other until that turn"""
     shift: np.ndarray
@@ -465,7 +465,7 @@ def reach(body: int, all_bodies: Phase, node: Node, first: bool, space: Company,
         soon = velocity if part == 0 else spin
         set_row(space.free, 2 * body + part, soon)
         set_row(space.velocity, 2 * body + part, soon)
-        set_row(space.known, 2 * body + part, soon)
+        set_row(space.by_surfaces, 2 * body + part, nothing)
         set_row(space.by_bodies, 2 * body + part, nothing)
         set_row(rows, GIVEN + part, nothing)
     ahead = near_surfaces(reached.begin, solid, terms.surfaces)
@@ -477,11 +477,9 @@ def push_by_surfaces(body: int, span: Span, space: Company, twin: Twin) -> None:
     """Let surfaces give a body what follows from all else, bodies' pushes among it."""
     going = load(space.changed, 0) > 0.5
     for n in range(2 * body, 2 * body + 2):
-        given = row(space.by_bodies, n) + (row(space.velocity, n) - row(space.known, n))
+        given = (row(space.velocity, n) - row(space.free, n)) - row(space.by_surfaces, n)
         set_row(space.by_bodies, n, choose(going, given, row(space.by_bodies, n)))
     ask_surfaces(body, span, going, space, twin, twin[2].surfaces)
-    for n in range(2 * body, 2 * body + 2):
-        set_row(space.known, n, row(space.velocity, n))
 
 
 @compiled
@@ -513,9 +511,11 @@ def ask_surfaces(
             keep_given(body, given, going, space)
         for part in range(2):
             n = 2 * body + part
-            by_surfaces = combine(node.axes, row(rows, GIVEN + part))
-            now = (row(space.free, n) + row(space.by_bodies, n)) + by_surfaces
+            before, by_surfaces = row(space.by_surfaces, n), combine(node.axes, row(rows, GIVEN + part))
+            # surfaces that are out of reach change no bit
+            now = row(space.velocity, n) + (by_surfaces - before)
             set_row(space.velocity, n, choose(going, now, row(space.velocity, n)))
+            set_row(space.by_surfaces, n, choose(going, by_surfaces, before))
 
 
 @compiled
