@@ -39,7 +39,7 @@ MOST_BODIES = 1000
 """Most bodies of a scene."""
 
 MOST_TOLD = 20
-"""Most pairs of bodies that the `repr` of a scene names."""
+"""Most bodies, and most pairs of them, that the `repr` of a scene names."""
 
 
 @dataclass(frozen=True)
@@ -736,6 +736,13 @@ class Scene(ReadOnly):
             return f"{len(self.meetings)} pairs"
         return ", ".join(f"{met.first}–{met.second}" for met in self.meetings)
 
+    def _kinds(self) -> str:
+        """Tell the bodies one by one or, if they are many, how many there are of each kind."""
+        if len(self.bodies) <= MOST_TOLD:
+            return " | ".join(map(repr, self.bodies))
+        counts = Counter(repr(replace(placed, name=placed.body.name)) for placed in self.bodies)
+        return " | ".join(f"{count} × {kind}" for kind, count in counts.items())
+
     def __repr__(self) -> str:
         parts = {
             "gravity": "" if self.gravity is None else f"{self.gravity} m/s²",
@@ -747,4 +754,4 @@ class Scene(ReadOnly):
         if self.faithful_speed < math.inf:
             parts["rebounds"] = f"as asked up to {self.faithful_speed:.3g} m/s"
         rest = "".join(f"; {name} {value}" for name, value in parts.items() if value)
-        return f"Scene({' | '.join(map(repr, self.bodies))}{rest})"
+        return f"Scene({self._kinds()}{rest})"

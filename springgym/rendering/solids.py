@@ -217,22 +217,23 @@ def one_by_one(
     """
     count = int(solids.max()) + 1
     own = [np.flatnonzero(solids == n) for n in range(count)]
-    points = [corners[of].reshape(-1, 3) for of in own]
+    points = [np.unique(corners[of].reshape(-1, 3), axis=0) for of in own]
     far = np.array([middle[of].mean() for of in own])
     low = np.array([pixels[of].min(axis=(0, 1)) for of in own])
     high = np.array([pixels[of].max(axis=(0, 1)) for of in own])
+    meets = (low[:, None] <= high).all(axis=2)
     behind = np.zeros((count, count), bool)  # [n, m]: n is painted before m
-    for n in range(count):
-        for m in range(n):
-            if (low[n] <= high[m]).all() and (low[m] <= high[n]).all():
-                back = is_behind(n, m, own, points, corners, normal, eye)
-                behind[n, m] = far[n] >= far[m] if back is None else back
-                behind[m, n] = not behind[n, m]
-    left, depth, key = list(range(count)), middle.copy(), np.inf
-    while left:
-        free = [n for n in left if not behind[left, n].any()] or left
-        n = max(free, key=lambda n: far[n])
-        left.remove(n)
+    for n, m in np.argwhere(np.tril(meets & meets.T, -1)).tolist():
+        back = is_behind(n, m, own, points, corners, normal, eye)
+        behind[n, m] = far[n] >= far[m] if back is None else back
+        behind[m, n] = not behind[n, m]
+    before = behind.sum(axis=0)  # how many are left that are painted before each
+    left, depth, key = np.ones(count, bool), middle.copy(), np.inf
+    for _ in range(count):
+        free = left & (before == 0)
+        n = int(np.argmax(np.where(free if free.any() else left, far, -np.inf)))
+        left[n] = False
+        before -= behind[n]
         key = min(far[n], key - 1e-6 * abs(key)) if np.isfinite(key) else far[n]
         depth[own[n]] = key + 1e-9 * (middle[own[n]] - far[n])
     return depth
@@ -252,7 +253,8 @@ def is_behind(
     for one, other in ((n, m), (m, n)):
         on = corners[own[one], 0]
         size = float(np.ptp(points[one], axis=0).max())
-        apart = ((points[other][None] - on[:, None]) * normal[own[one], None]).sum(axis=2).min(axis=1)
+        along = normal[own[one]]
+        apart = (along @ points[other].T).min(axis=1) - (on * along).sum(axis=1)
         face = int(np.argmax(apart))
         share = float(apart[face]) / size + 0.02  # what touches may be a little in the other's plane
         if share > best:

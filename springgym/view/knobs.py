@@ -9,6 +9,9 @@ from typing import Any, NamedTuple
 
 from springgym.scenes.reading import KINDS, document
 
+MOST_BODIES = 40
+"""Bodies of a scene of more than these have no sliders of their own: nobody finds one among a thousand."""
+
 
 class Knob(NamedTuple):
     """A slider on a number of a scene file."""
@@ -110,7 +113,9 @@ def knobs(scene: str) -> list[Knob]:
 
 def _found(text: Mapping[str, Any]) -> Iterator[Knob]:
     bodies = text.get("bodies")
-    for name, body in bodies.items() if isinstance(bodies, Mapping) else ():
+    if not isinstance(bodies, Mapping) or len(bodies) > MOST_BODIES:
+        bodies = {}
+    for name, body in bodies.items():
         yield from _of_body(body, ("bodies", name)) if isinstance(body, Mapping) else ()
     yield from _of_body(text, ())
     if text.get("surfaces"):

@@ -224,6 +224,17 @@ def test_bodies_without_a_name_of_their_own_are_numbered() -> None:
         Scene(bodies=(replace(apart[0], name="cube0"), *apart[1:]))
 
 
+def test_many_bodies_are_told_by_their_kinds() -> None:
+    cubes = [Placed(cube(), cube().positions + 3.0 * n, name=f"c{n}") for n in range(20)]
+    few = repr(Scene(bodies=tuple(cubes), collisions=None))
+    assert "c7: Body('cube'" in few
+    assert "×" not in few
+    many = repr(Scene(bodies=(*cubes, Placed(TOP, TOP.positions - 9.0, pinned=(TIP,))), collisions=None))
+    assert many.startswith("Scene(20 × Body('cube'")
+    assert " | 1 × Body('top'" in many
+    assert f"pinned {TIP}" in many
+
+
 def test_one_body_is_the_short_form() -> None:
     placed = Placed(TOP, pinned=(TIP,), wrench=WrenchActuator())
     short, long = Scene(TOP, pinned=(TIP,), wrench=WrenchActuator()), Scene(bodies=(placed,))

@@ -2,14 +2,15 @@ import os
 import pickle
 import subprocess
 import sys
+from itertools import combinations
 
 import numpy as np
 import pytest
 from gymnasium.error import DependencyNotInstalled
 
 from springgym.bodies import box
-from springgym.rendering import Arrow, Camera, Look, Marks, Renderer, Scenery, two_tone
-from springgym.rendering.canvas import lamp, shade
+from springgym.rendering import Arrow, Camera, Look, Marks, Renderer, Scenery, solids, two_tone
+from springgym.rendering.canvas import Canvas, lamp, shade
 from springgym.rendering.renderer import CHORDS, _curve
 from springgym.surfaces import Bowl, Pipe, waves
 
@@ -51,6 +52,7 @@ def tetrahedron():
 def test_works_without_a_display():
     code = """
 import sys
+from itertools import combinations
 import numpy as np
 from springgym.rendering import Camera, Look, Renderer
 renderer = Renderer(Look(radii=[0.3]), Camera((0, -4, 0), (0, 0, 0)))
@@ -526,3 +528,27 @@ def test_what_lies_on_a_large_face_is_seen_whole():
             low, high = np.array([0.0, -0.15, -0.12]), np.array([0.0, -0.15, 0.12])  # of its side
             seen = [strongest(pixel(picture, np.add(place, spot), camera)) for spot in (low, high)]
             assert seen == ([0, 0] if place[2] > 0 else [2, 2]), place
+
+
+def test_a_crowd_is_painted_from_the_back():
+    """Sixty-four cubes apart in a grid: what lies behind a face of another is painted before it."""
+    faces = [(0, 1, 2, 3), (4, 7, 6, 5), (4, 5, 1, 0), (7, 3, 2, 6), (5, 6, 2, 1), (4, 0, 3, 7)]
+    triangles = np.array([t for a, b, c, d in faces for t in ((a, b, c), (a, c, d))])
+    cube = np.array([(i, j, k) for k in (1, -1) for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))], float)
+    places = np.stack(np.meshgrid(*[np.arange(4.0)] * 3), axis=-1).reshape(-1, 3)
+    places = np.random.default_rng(1).permutation(places)
+    corners = np.concatenate([0.4 * cube[triangles] + place for place in places])
+    canvas = Canvas((240, 240), Camera(eye=(9.0, -7.0, 6.0), target=(1.5, 1.5, 1.5), fov=0.8))
+    eye, normal = np.asarray(canvas.camera.eye), solids.normals(corners)[0]
+    of = np.repeat(np.arange(len(places)), len(triangles))
+    painted = solids.depths(canvas, corners, normal, of).reshape(len(places), -1).mean(axis=1)
+    own = [np.flatnonzero(of == n) for n in range(len(places))]
+    points = [corners[mine].reshape(-1, 3) for mine in own]
+    pixels = canvas.image(corners)[0].reshape(len(places), -1, 2)
+    low, high = pixels.min(axis=1), pixels.max(axis=1)
+    parted = 0
+    for n, m in combinations(range(len(places)), 2):
+        if (low[n] <= high[m]).all() and (low[m] <= high[n]).all():
+            parted += 1
+            assert solids.is_behind(n, m, own, points, corners, normal, eye) == (painted[n] > painted[m])
+    assert parted > 300

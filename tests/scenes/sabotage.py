@@ -194,6 +194,7 @@ _TABLE: tuple[tuple[str, str, Change], ...] = (
     ("billiard-cushion", "counted", {"bodies.plain.start.velocity": [6, 0.5, 0]}),
     ("turntable", "counted", {"bodies.ball.start.velocity": [0, 0.4, -3]}),
     ("pile", "counted", {"bodies.c35.start.velocity": [0, 0, -10]}),
+    ("pile-300", "counted", {"bodies.c300.start.velocity": [0, 0, -10], "duration": 0.2}),
     (
         "billiard-break billiard-follow",
         "energy",
@@ -211,6 +212,7 @@ _TABLE: tuple[tuple[str, str, Change], ...] = (
     ),
     ("pile", "pile", {"contact.restitution": 1, "contact.friction": 0, "duration": 2}),
     ("pile", "energy", {"step": 5e-4}),
+    ("pile-300", "energy", {"step": 5e-4, "duration": 0.5}),
     ("slab-holds", "slab", {"bodies.block.start.velocity": [-2, 0, -0.85]}),
     ("slab-slides", "slab", {"bodies.block.start.omega": [0, 0, 4]}),
     (

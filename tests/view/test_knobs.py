@@ -11,7 +11,7 @@ from springgym.view.knobs import knobs
 pytest.importorskip("viser")
 
 
-LARGE = ("pile", "billiard-break", "dominoes")
+LARGE = ("pile", "pile-300", "billiard-break", "dominoes")
 """Scenes of so many bodies that reading them for each slider takes seconds."""
 
 
@@ -40,6 +40,15 @@ def test_sliders_show_what_the_file_leaves_to_defaults():
     assert "friction" not in top  # it stands on a pin
     assert by_name("sliding-block")["friction"].value == 0.3
     assert by_name("block-holds")["angle"].value == 0.4
+
+
+def test_bodies_of_a_crowd_have_no_sliders_of_their_own():
+    assert any(knob.body for knob in knobs("pile"))
+    assert [knob.path for knob in knobs("pile-300")] == [
+        ("contact", "friction"),
+        ("contact", "restitution"),
+        ("gravity",),
+    ]
 
 
 def test_a_slider_changes_the_scene():
