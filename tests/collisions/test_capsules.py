@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from springgym.bodies import capsule, cube, rolling_ball, rope, sphere
+from springgym.bodies import ball, capsule, cube, rolling_ball, rope, sphere
 from springgym.collisions import shape
 from springgym.contact.rows import ROWS
 from springgym.core.blocks import numbers
@@ -122,6 +122,19 @@ def test_crossed_capsules_turn_each_other(dynamics: str) -> None:
     j = RADIUS * spin / (2.0 + RADIUS**2 / inertia + RADIUS**2 / stiff.inertia()[0, 0])
     np.testing.assert_allclose(v[:2, 0], [j, -j], rtol=1e-2)
     np.testing.assert_allclose(spin - w[0, 1], RADIUS * j / inertia, rtol=2e-2)
+
+
+def test_capsule_that_spins_throws_a_ball_that_does_not_turn() -> None:
+    """Friction acts at the centre of the ball, a distance 2 r from the axis: K = 2/m + (2 r)²/I."""
+    spin, speed, stiff = 5.0, 0.5, capsule(RADIUS, LENGTH, 1.0, stiffness=1e8, damping=0.0)
+    contact = Contact(friction=9.0, restitution=1.0, strength=2e-4, reach=0.002)
+    above = (0, 0, 2 * RADIUS + 0.0021)
+    first = body_at(stiff, above, velocity=(0, 0, -speed), turn=ACROSS, omega=(0, spin, 0))
+    struck = body_at(ball(RADIUS, 1.0), (0, 0, 0))
+    simulator = run(scene(first, struck, contact=contact), 0.04, step=1e-5)
+    v = [simulator.measure(n).centre_velocity[0, 0] for n in range(2)]
+    j = 2 * RADIUS * spin / (2.0 + 4 / share_about_axis(RADIUS, LENGTH))
+    np.testing.assert_allclose(v, [j, -j], rtol=2e-2)
 
 
 def test_friction_stops_the_slip_of_the_skin_at_once() -> None:
