@@ -6,10 +6,9 @@ it stops ω − (ω · n) n, which is rolling, as far as its part across n is at
 spinning, as far as its part along n is at most τ J (`springgym.contact.cone`).
 
 Friction and couple are found from each other, in passes. They begin with the friction that stops the slip if
-the couple stops all turning: as the couple gives way by −ω/g, with g = d · (I₁⁻¹ + I₂⁻¹) d along the
-direction d of ω, this changes what an impulse along s changes the slip by from K to
-
-    K − (change of the slip by the couple that stops the turning by s).
+the couple stops all rolling. The couple −ω/g does so, with g = d · (I₁⁻¹ + I₂⁻¹) d along the direction d of
+ω. Beside it, an impulse of 1 along s changes the slip by K and by what the couple that stops the rolling by s
+changes it.
 
 The particles of a body get (I⁻¹ q) × (xᵢ − c), as in `springgym.contact.spheres`: no spring is strained.
 """
