@@ -14,7 +14,7 @@ from springgym.checks import HUGE, TINY
 from springgym.contact.cone import Resistance, law_of, resistance_of
 from springgym.contact.lists import Lists, new_lists
 from springgym.contact.overlap import Outlines, outlines
-from springgym.contact.pairs import Pairs, longest_edge, most_contacts, packed_shapes, parallel
+from springgym.contact.pairs import Pairs, longest_edge, most_contacts, packed_shapes, parallel, sweeps_for
 from springgym.contact.round import Rolling, packed_rounds
 from springgym.contact.rows import ContactRows, new_contacts
 from springgym.contact.solids import Solids
@@ -278,6 +278,7 @@ def pack_pairs(scene: Scene, options: Options) -> Pairs:
         loss=options.parameter({"restitution"} & varying, loss_of(restitutions)) if loses else None,
         shapes=packed_shapes(scene.shapes, scene.starts[:-1].tolist()),
         most=most_contacts(met, scene.shapes)[0],
+        sweeps=sweeps_for(len(scene.bodies)),
     )
 
 

@@ -62,9 +62,6 @@ if TYPE_CHECKING:
 SHALLOW = 0.05
 """Where n is nearer to a face's plane than this sine, or along a rod, no friction acts: d/A has no bound."""
 
-SWEEPS, TURNS = 2, 3
-"""Turns of `rub` that hold back what slips, and all."""
-
 
 @compiled
 def lay_out(k: int, problem: Problem, friction: Numbers, spheres: Spheres | None) -> None:
@@ -120,21 +117,21 @@ def crosses(k: int, contacts: ContactRows) -> Mask:
 
 @compiled
 def rub(v: Rows, turn: int, problem: Problem, friction: Numbers) -> None:
-    """Hold back what slips, and what turns if that is resisted, in two turns; in the third enter the loss, −j
-    times the mean of the slips before and after."""
+    """Hold back what slips, and what turns if that is resisted, in some sweeps, to and fro; in the turn after
+    these enter the loss, −j times the mean of the slips before and after."""
     if friction is not None:
         contacts, pairs = problem.contacts, problem.pairs
         for m in range(problem.rows):
-            k = problem.rows - 1 - m if turn == 1 else m
+            k = problem.rows - 1 - m if turn % 2 == 1 else m
             p = contacts.pair[k]
             limit = load(friction, p) * pressed(k, problem, contacts.solids, contacts.spheres)
             given = row(contacts.friction, k)
             acts = limit > 0.0
-            if turn < SWEEPS:
+            if turn < pairs.sweeps:
                 acts = maximum(limit, dot(given, given)) > 0.0  # what was given may have to be taken back
             acts = among_going(acts, contacts.solids)
             if any_lane(acts):
-                if turn < SWEEPS:
+                if turn < pairs.sweeps:
                     hold(v, k, limit, acts, problem, pairs.resistance)
                 else:
                     slip = slip_of(v, k, problem, contacts.solids)

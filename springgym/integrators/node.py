@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from springgym.contact.friction import SWEEPS, TURNS, rub
+from springgym.contact.friction import rub
 from springgym.contact.law import Span
 from springgym.contact.lists import Lists
 from springgym.contact.points import Given, impulses, lifted, near, nothing_given
@@ -635,17 +635,17 @@ def find_impulses(bodies: Bodies, problem: Problem, exchange: Exchange) -> None:
     """Find what surfaces and bodies give at a node that is reached with velocities v₋."""
     pairs, velocity, terms = problem.pairs, exchange.velocity.values, bodies.terms
     x, spheres = bodies.x.values, problem.contacts.spheres
-    first = True
-    for turn in range(TURNS + 1):  # in one loop, as each call is compiled where it stands
-        if surfaces_take(turn, problem.rows, terms.surfaces, pairs.friction):
+    first, last = True, pairs.sweeps + 1
+    for turn in range(last + 1):  # in one loop, as each call is compiled where it stands
+        if surfaces_take(last - turn, problem.rows, terms.surfaces, pairs.friction):
             for n in range(bodies_of(bodies.x)):
                 if exchange.any_busy[n]:
                     own = of_body(bodies, n)
-                    push_by_surfaces(own, problem.span, first, turn == TURNS, own.space.exchange)
+                    push_by_surfaces(own, problem.span, first, turn == last, own.space.exchange)
             first = False
         put_together(x, velocity, problem.rows, spheres)
-        if turn < 2:
-            sweep(velocity, turn == 1, problem)
+        if turn < pairs.sweeps:
+            sweep(velocity, turn % 2 == 1, problem)
         if turn == 1:
             taper(velocity, problem, pairs.shapes.edges)
         if turn > 0:
@@ -654,14 +654,16 @@ def find_impulses(bodies: Bodies, problem: Problem, exchange: Exchange) -> None:
 
 
 @compiled
-def surfaces_take(turn: int, count: int, surfaces: Surfaces | None, friction: Numbers) -> bool:
-    """Tell whether surfaces take a turn: the last one always, as it sums up, others if something changed."""
-    last = turn == TURNS
+def surfaces_take(left: int, count: int, surfaces: Surfaces | None, friction: Numbers) -> bool:
+    """Tell whether surfaces take a turn: the last one always, as it sums up, others if something changed.
+
+    ``left`` is the number of turns after this one.
+    """
     if surfaces is None:
-        return last
-    if friction is None and turn == SWEEPS:
+        return left == 0
+    if friction is None and left == 1:
         return False
-    return last or count > 0
+    return left == 0 or count > 0
 
 
 @compiled

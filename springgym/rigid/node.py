@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from springgym.contact.friction import SWEEPS, rub
+from springgym.contact.friction import rub
 from springgym.contact.lists import Lists
 from springgym.contact.points import lifted
 from springgym.contact.round import Rounds, lifted_feature, rolls
@@ -567,7 +567,7 @@ def find_impulses(problem: Problem, space: Company, twins: Twin) -> None:
         turn += 1
     if problem.rows > 0:
         store(turns, GOING, one)
-        rub(velocity, SWEEPS, problem, pairs.friction)
+        rub(velocity, pairs.sweeps, problem, pairs.friction)
 
 
 @compiled
