@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from springgym.contact.friction import TURNS, rub
+from springgym.contact.friction import rub
 from springgym.contact.law import Span
 from springgym.contact.pairs import Pairs
 from springgym.contact.rows import Problem
@@ -82,14 +82,14 @@ def one_step(
     rows = find(x, w, seen, pairs, lists, contacts)
     problem = Problem(span, rows, x, w, inverse_mass, pairs, contacts, collisions.totals)
     prepare(problem, touched)
-    for turn in range(1 if lacks == SINGLE else 2):
-        sweep(v, turn == 1, problem)
+    for turn in range(1 if lacks == SINGLE else pairs.sweeps):
+        sweep(v, turn % 2 == 1, problem)
     if lacks != UNTAPERED:
         taper(v, problem, pairs.shapes.edges)
     if lacks == PLAIN:
         rub_plainly(v, pairs.friction, problem)
     else:
-        for turn in range(TURNS):
+        for turn in range(pairs.sweeps + 1):
             rub(v, turn, problem, pairs.friction)
     list_changing(contacts, collisions.changing)
     add_totals(v, problem, collisions.changing)
