@@ -303,9 +303,8 @@ def search_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> tuple[List
     """Return what a thread finds contacts in, and the list of those that it finds."""
     most = most_contacts(scene.meetings, scene.shapes)[1]
     resisted = np.zeros(len(scene.bodies), bool)
-    if pairs.resistance is not None:
-        for of in (pairs.first, pairs.second):
-            resisted[of[scene.resisted]] = True
+    for of in (pairs.first, pairs.second):
+        resisted[of[scene.resisted]] = True
     spheres = new_spheres(scene.starts, scene.shapes, resisted, dtype)
     contacts = new_contacts(pairs, most, dtype)._replace(spheres=spheres)
     return new_lists(pairs, len(scene.positions), dtype), contacts

@@ -199,8 +199,7 @@ def _meetings(
                 f"{type(ways[way]).__name__}; give collisions a Contact, or say collisions=None"
             )
         if ways[way].resists:
-            for pair in np.flatnonzero(how == way).tolist():
-                _check_resisted(ways[way], bodies[first[pair]], bodies[second[pair]])
+            _check_resisted(ways[way], first[how == way], second[how == way], bodies)
     contacts = tuple(ways[way] for way in used)
     how = np.searchsorted(used, how)
 
@@ -239,24 +238,32 @@ def _meetings(
     return Meetings(first, second, contacts, how, strength, reach)
 
 
-def _check_resisted(contact: Contact, *both: Named) -> None:
+def _check_resisted(contact: Contact, first: np.ndarray, second: np.ndarray, bodies: Sequence[Named]) -> None:
     """Refuse a contact that would resist the turning of bodies which cannot be turned by a couple."""
-    if not any(shape(named.body).skin for named in both):
-        return
-    reason = "" if contact.friction > 0 else "the contact has no friction, by which bodies roll"
-    for named in both:
-        if named.body.floppy:
-            reason = f"{named.name!r} is floppy, and a couple cannot turn it"
-        elif len(named.body.masses) < 4:
-            reason = f"{named.name!r} has too few particles to be turned by a couple"
-        elif named.held:
-            reason = f"only some particles of {named.name!r} are pinned; pin all or none"
-    if reason:
-        first, second = (named.name for named in both)
+    reasons = [_not_turned(named) for named in bodies]
+    skin = np.array([shape(named.body).skin for named in bodies], bool)
+    unfit = np.array([bool(reason) for reason in reasons]) | (not contact.friction > 0)
+    wrong = (skin[first] | skin[second]) & (unfit[first] | unfit[second])
+    if wrong.any():
+        pair = int(np.argmax(wrong))
+        both = first[pair], second[pair]
+        reason = "the contact has no friction, by which bodies roll"
+        reason = next((reasons[n] for n in both if reasons[n]), reason)
         raise ValueError(
-            f"bodies {first!r} and {second!r} would collide by a contact with rolling_resistance or "
+            f"{_called(*both, bodies)} would collide by a contact with rolling_resistance or "
             f"torsional_resistance, but {reason}; give the pair a Contact without them"
         )
+
+
+def _not_turned(named: Named) -> str:
+    """Return why a couple cannot turn a body; empty if it can."""
+    if named.body.floppy:
+        return f"{named.name!r} is floppy, and a couple cannot turn it"
+    if len(named.body.masses) < 4:
+        return f"{named.name!r} has too few particles to be turned by a couple"
+    if named.held:
+        return f"only some particles of {named.name!r} are pinned; pin all or none"
+    return ""
 
 
 def _stiffness(body: Body) -> float:

@@ -26,6 +26,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from springgym.contact.cone import within_cone
+from springgym.contact.round import PASSES
 from springgym.contact.rows import add_loss
 from springgym.contact.solids import among_going, between, inverse_mass_of_both, push_both
 from springgym.contact.spheres import (
@@ -36,7 +37,7 @@ from springgym.contact.spheres import (
     turn_by_friction,
 )
 from springgym.contact.totals import FRICTION, add_to
-from springgym.contact.turning import PASSES, energy_of_turning, stop_turning, without_turning
+from springgym.contact.turning import energy_of_turning, stop_turning, without_turning
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
 from springgym.core.lanes import any_lane, load, load_each, maximum, select, sqrt, store
@@ -117,8 +118,10 @@ def crosses(k: int, contacts: ContactRows) -> Mask:
 
 @compiled
 def rub(v: Rows, turn: int, problem: Problem, friction: Numbers) -> None:
-    """Hold back what slips, and what turns if that is resisted, in some sweeps, to and fro; in the turn after
-    these enter the loss, −j times the mean of the slips before and after."""
+    """Apply friction, and couples where turning is resisted; after all sweeps, enter what they lost.
+
+    Sweeps go to and fro. Friction loses −j times the mean of the slips before and after.
+    """
     if friction is not None:
         contacts, pairs = problem.contacts, problem.pairs
         for m in range(problem.rows):
@@ -171,7 +174,7 @@ def hold(v: Rows, k: int, limit: Number, acts: Mask, problem: Problem, resistanc
 
 @compiled
 def stop_centre(v: Rows, k: int, limit: Number, acts: Mask, problem: Problem) -> None:
-    """Give contact k the friction that would stop its slip if a couple stopped all turning, at first."""
+    """Give contact k, if it has no friction yet, what would stop its slip if a couple stopped its rolling."""
     contacts = problem.contacts
     given, couple = row(contacts.friction, k), row(contacts.couple, k)
     fresh = select(acts, dot(given, given) + dot(couple, couple), 1.0) <= 0.0

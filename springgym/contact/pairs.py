@@ -66,7 +66,7 @@ class Pairs(NamedTuple):
     friction_law: Stribeck | None
     """what the law of friction takes beside it; None if it is Coulomb's"""
     resistance: Resistance | None
-    """coefficients of rolling and torsional resistance; None if no pair has any"""
+    """the coefficients of rolling and torsional resistance of each pair; None if all are zero"""
     loss: np.ndarray | None
     """β of restitution [1]; None if no pair loses any energy by it"""
     shapes: Shapes

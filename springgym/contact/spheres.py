@@ -230,7 +230,7 @@ def share_first(rows: Rows, spheres: Spheres | None) -> None:
 
 @compiled
 def share_touched(touched: Numbers, spheres: Spheres | None) -> None:
-    """Let all particles of each body that turns be in a contact where one of them is."""
+    """Mark all particles of each body that turns as touched in the copies where one of them is."""
     if spheres is not None:
         for body in range(spheres.turns.size):
             if spheres.turns[body]:
@@ -367,7 +367,7 @@ def turn_by_friction(v: Rows, k: int, j: Vector, acts: Mask, problem: Problem, s
 def turn_body(
     v: Rows, body: int, scale: Number, faster: Vector, acts: Mask, problem: Problem, spheres: Spheres
 ) -> None:
-    """Let a body turn about its centre of mass by ``scale`` times ``faster`` [rad/s] more, in some lanes."""
+    """Add ``scale`` times ``faster`` [rad/s] to a body's rotation about its centre of mass, in some lanes."""
     first, behind = spheres.start[body], spheres.start[body + 1]
     if spheres.radius[body] > 0.0:
         spin = row(v, first + 1)

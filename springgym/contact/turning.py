@@ -18,6 +18,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from springgym.contact.cone import within_cone
+from springgym.contact.round import LEAST
 from springgym.contact.solids import Solids, count_change, midpoint, on_skin, push_body, turning_of
 from springgym.contact.spheres import Spheres, body_of, spin_of, turn_body, turned
 from springgym.core.compiling import compiled
@@ -28,12 +29,6 @@ from springgym.core.vectors import TINY, choose, cross, dot, row, set_row
 if TYPE_CHECKING:
     from springgym.contact.cone import Resistance
     from springgym.contact.rows import ContactRows, Problem
-
-PASSES = 2
-"""Number of passes in which couple and friction of a contact are found from each other."""
-
-LEAST = 0.01
-"""Least share of K by which friction is taken to change the slip of bodies that do not turn."""
 
 
 @compiled
@@ -86,7 +81,10 @@ def turning_of_both(moment: Vector, k: int, problem: Problem) -> Vector:
 
 @compiled
 def facing(k: int, problem: Problem, solids: Solids | None, spheres: Spheres | None) -> Number:
-    """Return 1 where slip, friction and normal of contact k are of the first body, −1 where of the second."""
+    """Return 1 where the slip of contact k is that of the first body, −1 where it is the second's.
+
+    Friction and normal have the same sign.
+    """
     one = 1.0 + 0.0 * load(problem.contacts.gap, k)
     if solids is None and spheres is not None:
         starts = 1.0 * spheres.start[body_of(1, k, problem)]
@@ -160,7 +158,7 @@ def couple_against(rate: Vector, k: int, problem: Problem) -> tuple[Vector, Numb
 
 @compiled
 def stop_turning(v: Rows, k: int, acts: Mask, problem: Problem, resistance: Resistance | None) -> None:
-    """Apply the couples that stop rolling, and then spinning, in contact k, as far as the push allows."""
+    """Apply the couples that stop rolling and then spinning in contact k, as far as its push allows."""
     if resistance is not None:
         contacts = problem.contacts
         p, n, push = contacts.pair[k], row(contacts.normal, k), load(contacts.impulse, k)

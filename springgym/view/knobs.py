@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from springgym.scenes.reading import KINDS, document
 
 MOST_BODIES = 40
-"""Bodies of a scene of more than these have no sliders of their own: nobody finds one among a thousand."""
+"""The most bodies of a scene for which the viewer has sliders: nobody finds one among a thousand."""
 
 
 class Knob(NamedTuple):

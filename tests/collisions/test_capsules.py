@@ -16,7 +16,7 @@ from springgym.surfaces import Contact
 from springgym.theory import rolling
 from springgym.theory.contact import rest_height
 from tests.collisions.stepped import full
-from tests.collisions.test_spheres import BLOCK, G, body_at, momenta, motion, run, scene
+from tests.collisions.test_spheres import BLOCK, G, body_at, check_copies, momenta, motion, run, scene
 
 RADIUS, LENGTH = 0.1, 0.3
 CAPSULE = capsule(RADIUS, LENGTH, 1.0, damping=0.0)
@@ -95,7 +95,7 @@ def test_capsule_rolls_down_a_tilted_block(angle: float, friction: float) -> Non
 
 
 def test_friction_of_a_capsule_on_a_free_block_is_coulombs() -> None:
-    """It slides over the block along its axis as long as it touches it."""
+    """A capsule slides over a free block along its own axis as long as both touch."""
     thrown = body_at(
         CAPSULE, (0, 0, 0.25 + RADIUS + 0.004), velocity=(3.0, 0, -0.5), turn=(0, math.pi / 2, 0)
     )
@@ -200,22 +200,11 @@ def test_momenta_and_energy_are_kept(of: str) -> None:
 @pytest.mark.parametrize("alone", [2, pytest.param(1, marks=pytest.mark.slow)])
 def test_copies_are_those_of_their_own(alone: int) -> None:
     """To the bit, whatever others in the block meet; in a block of one copy, too."""
-    of = thrown("block")
-    places = np.repeat(of.positions[None], 7, axis=0)
-    places[:, of.slices[0], 1] += np.linspace(-0.1, 0.5, 7)[:, None]
-    batch = full(of, copies=7, step=2e-4)
-    batch.place(places, np.repeat(of.velocities[None], 7, axis=0))
-    batch.advance(1000)
-    for copy in (0, 3, 6):
-        one = full(of, copies=alone, step=2e-4)
-        one.place(places[copy], of.velocities)
-        one.advance(1000)
-        assert one.positions[0].tobytes() == batch.positions[copy].tobytes()
-        assert one.velocities[0].tobytes() == batch.velocities[copy].tobytes()
+    check_copies(thrown("block"), alone)
 
 
 def test_contacts_are_told_at_the_skin() -> None:
-    """A capsule that lies on a block touches it below both ends, with half its weight each."""
+    """A capsule that lies on a block touches it below both ends; each contact bears half of its weight."""
     contact = Contact(friction=0.5, restitution=0.0, strength=2e-4, reach=2e-3)
     gap = rest_height(G / 2, 2e-4, 2e-3)
     lies = body_at(capsule(RADIUS, LENGTH, 1.0), (0, 0, 0.25 + RADIUS + gap), turn=ACROSS)

@@ -175,13 +175,10 @@ def test_momenta_and_energy_are_kept(of: str) -> None:
     assert simulator.measure().balance[0] == pytest.approx(energy, rel=3e-3)  # Verlet's, of what rings
 
 
-@pytest.mark.parametrize("alone", [2, pytest.param(1, marks=pytest.mark.slow)])
-def test_copies_are_those_of_their_own(alone: int) -> None:
-    """To the bit, whatever others in the block meet; in a block of one copy, too."""
-    of = thrown("block")
-    shift = np.linspace(-0.1, 0.5, 7)
+def check_copies(of: Scene, alone: int) -> None:
+    """Compare the bits of copies that begin differently with those of copies in blocks of ``alone``."""
     places = np.repeat(of.positions[None], 7, axis=0)
-    places[:, of.slices[0], 1] += shift[:, None]
+    places[:, of.slices[0], 1] += np.linspace(-0.1, 0.5, 7)[:, None]
     batch = full(of, copies=7, step=2e-4)
     batch.place(places, np.repeat(of.velocities[None], 7, axis=0))
     batch.advance(400)
@@ -192,6 +189,12 @@ def test_copies_are_those_of_their_own(alone: int) -> None:
         one.advance(1000)
         assert one.positions[0].tobytes() == batch.positions[copy].tobytes()
         assert one.velocities[0].tobytes() == batch.velocities[copy].tobytes()
+
+
+@pytest.mark.parametrize("alone", [2, pytest.param(1, marks=pytest.mark.slow)])
+def test_copies_are_those_of_their_own(alone: int) -> None:
+    """To the bit, whatever others in the block meet; in a block of one copy, too."""
+    check_copies(thrown("block"), alone)
 
 
 def test_too_fast_is_told() -> None:

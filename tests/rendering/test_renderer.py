@@ -52,7 +52,6 @@ def tetrahedron():
 def test_works_without_a_display():
     code = """
 import sys
-from itertools import combinations
 import numpy as np
 from springgym.rendering import Camera, Look, Renderer
 renderer = Renderer(Look(radii=[0.3]), Camera((0, -4, 0), (0, 0, 0)))
