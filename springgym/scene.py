@@ -485,14 +485,23 @@ class Scene(ReadOnly):
 
     def _check_resistance(self) -> None:
         """Refuse a rolling or torsional resistance that would have no effect."""
-        if isinstance(self.contact, Contact) and self.contact.resists:
-            rolls = bool(self.surfaces) and any(body.rounds for body in self._different)
-            if not rolls and not self.resisted.any():
+        met = self.meetings
+        acting = {met.contacts[n] for n in np.unique(met.how[self.resisted])}
+        rolls = bool(self.surfaces) and any(body.rounds for body in self._different)
+        for contact in dict.fromkeys((self.contact, *met.contacts)):
+            if not isinstance(contact, Contact) or not contact.resists or contact in acting:
+                continue
+            given = ", ".join(f"{name} {getattr(contact, name):g}" for name in RESISTANCES)
+            if contact != self.contact:
+                raise ValueError(
+                    f"a contact in collisions has {given}, which acts on spheres and capsules; none meets "
+                    "another body by it"
+                )
+            if not rolls:
                 lacks = "no body has one" if self.surfaces else "the scene has no surfaces"
-                given = ", ".join(f"{name} {getattr(self.contact, name):g}" for name in RESISTANCES)
                 raise ValueError(
                     f"the contact has {given}, which acts where round features meet surfaces, or spheres and "
-                    f"capsules other bodies; {lacks}, and no sphere or capsule meets another body"
+                    f"capsules other bodies; {lacks}, and no sphere or capsule meets another body by it"
                 )
 
     def _check_heights(self, positions: np.ndarray, copies: np.ndarray | None = None) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from springgym import Simulator
 from springgym.bodies import Body, ball, capsule, rolling_ball, rope
 from springgym.collisions import Pair
 from springgym.scene import Placed, Scene
-from springgym.surfaces import Contact
+from springgym.surfaces import Contact, floor
 from springgym.theory import rolling
 from springgym.theory.contact import rest_height
 from tests.collisions.test_spheres import BLOCK, G, body_at, momenta, motion
@@ -160,6 +161,17 @@ def test_resistance_without_effect_is_refused() -> None:
         Scene(bodies=blocks, contact=HOW)
     with pytest.raises(ValueError, match="no sphere or capsule meets another body"):
         Scene(bodies=(body_at(BALL, (0, 0, 0)), body_at(BALL, (1, 0, 0))), contact=HOW, collisions=None)
+    for collisions in (HOW, (Pair(0, 1, HOW),)):
+        with pytest.raises(
+            ValueError, match=r"a contact in collisions has rolling_resistance 0\.01, .*; none"
+        ):
+            Scene(bodies=blocks, collisions=collisions)
+    on_floor = {"surfaces": (floor(-1.0),), "contact": replace(HOW, friction=0.4)}
+    three = (*blocks, body_at(BALL, (2, 0, 0)))
+    with pytest.raises(ValueError, match="a contact in collisions has"):
+        Scene(bodies=three, collisions=(Pair(0, 1, HOW), Pair(1, 2, Contact(0.5))), **on_floor)
+    shared = Scene(bodies=three, collisions=(Pair(0, 1, HOW), Pair(1, 2, replace(HOW))), **on_floor)
+    assert shared.resisted.tolist() == [False, True]
 
 
 def test_only_pairs_of_what_is_round_resist() -> None:
