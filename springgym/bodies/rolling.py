@@ -151,7 +151,7 @@ def capsule(
     radius
         r [m].
     length
-        l [m] of the cylinder, at least r/100. With both halves of a ball the capsule is l + 2 r long.
+        l [m] of the cylinder, from r/100 to 1000 r. With both halves of a ball the capsule is l + 2 r long.
     mass
         m [kg].
     stiffness, damping
@@ -160,10 +160,10 @@ def capsule(
     Raises
     ------
     ValueError
-        If a value is not positive, or the cylinder is too short.
+        If a value is not positive, or the cylinder is too short or too long.
     """
     radius = number("radius", radius, SMALLEST, LARGEST)
-    length = number("length", length, low=radius / 100)
+    length = number("length", length, radius / 100, 1000 * radius)
     mass = number("mass", mass, low=TINY)
     share = 1 / (1 + 4 * radius / (3 * length))  # of the mass, in the cylinder
     across = share * radius**2 / 4 + (1 - share) * radius**2 / 5

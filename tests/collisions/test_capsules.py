@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -47,9 +48,10 @@ def test_inertia_is_that_of_a_solid(radius: float, length: float) -> None:
     assert about == pytest.approx(share_about_axis(radius, length) * radius**2, rel=1e-6)
 
 
-def test_a_cylinder_that_is_too_short_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"length is 0.0009; it must be a number from 0.001"):
-        capsule(0.1, 9e-4)
+@pytest.mark.parametrize("length", [9e-4, 101.0, 1e20])
+def test_a_cylinder_that_is_too_short_or_too_long_is_refused(length: float) -> None:
+    with pytest.raises(ValueError, match=rf"length is {re.escape(str(length))}; .* from 0.001 to 100"):
+        capsule(0.1, length)
 
 
 def test_others_meet_two_equal_balls_about_particles_as_a_capsule() -> None:
