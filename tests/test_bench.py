@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -90,6 +91,29 @@ def test_unknown_section(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(["bench", "--only", "smell"])
     assert "invalid choice: 'smell'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        (["--figure", "x.txt"], "--figure x.txt: the name must end in .svg or .png or .pdf"),
+        (["--figure", "HERE/x.svg"], "--figure .*x.svg: it is a folder; it must be a file"),
+        (["--out", "HERE"], "--out .*: it is a folder; it must be a file"),
+        (["--out", "HERE/file/x.json"], "file"),
+    ],
+)
+def test_a_file_that_cannot_be_written_is_told_before_the_work(
+    given: list[str],
+    says: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(bench, "measure", lambda *_: pytest.fail("it measures"))
+    (tmp_path / "file").touch()
+    (tmp_path / "x.svg").mkdir()
+    assert main(["bench", *(word.replace("HERE", str(tmp_path)) for word in given)]) == 2
+    assert re.search(says, capsys.readouterr().err)
 
 
 def report(section: str, *rows: dict[str, Any]) -> dict[str, Any]:

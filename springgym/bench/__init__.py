@@ -31,6 +31,9 @@ NAMES = (
 )
 """Names of the sections, available without importing them."""
 
+FIGURES = (".svg", ".png", ".pdf")
+"""Endings of files that the figure can be drawn to."""
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
@@ -44,7 +47,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rounds", type=int, default=21, help="rounds for each median (default: 21)")
     parser.add_argument("--quick", action="store_true", help="3 rounds")
     parser.add_argument("--out", type=Path, help="write the results to this JSON file, see docs/speed.md")
-    parser.add_argument("--figure", type=Path, help="draw peers and sizes to this file (needs matplotlib)")
+    parser.add_argument(
+        "--figure", type=Path, help="draw peers and sizes to this file, .svg, .png or .pdf (needs matplotlib)"
+    )
 
 
 def measure(name: str, rounds: int) -> dict[str, Any]:
@@ -67,6 +72,7 @@ def run(args: argparse.Namespace) -> int:
 
     if args.rounds < 1:
         raise ValueError(f"--rounds {args.rounds}: it must be at least 1")
+    _check_files(args)
     report: dict[str, Any] = {"conditions": conditions()}
     print(json.dumps(report["conditions"]))
     for name in args.only or NAMES:
@@ -76,7 +82,6 @@ def run(args: argparse.Namespace) -> int:
     for what, ratio in report["ratios"].items():
         print(f"  {what:76}{ratio:8.3g}")
     if args.out:
-        args.out.parent.mkdir(parents=True, exist_ok=True)
         with whole_file(args.out) as path:
             path.write_text(json.dumps(report, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     if args.figure:
@@ -84,3 +89,15 @@ def run(args: argparse.Namespace) -> int:
 
         draw(report, args.figure)
     return 0
+
+
+def _check_files(args: argparse.Namespace) -> None:
+    """Make the folders of files, and refuse what cannot be written, before the work is done."""
+    if args.figure is not None and args.figure.suffix.lower() not in FIGURES:
+        raise ValueError(f"--figure {args.figure}: the name must end in {' or '.join(FIGURES)}")
+    for option in ("out", "figure"):
+        path: Path | None = getattr(args, option)
+        if path is not None and path.is_dir():
+            raise ValueError(f"--{option} {path}: it is a folder; it must be a file")
+        if path is not None:
+            path.parent.mkdir(parents=True, exist_ok=True)
