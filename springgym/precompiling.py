@@ -10,9 +10,11 @@ import argparse
 import logging
 import multiprocessing
 import os
+import sys
 import time
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +33,9 @@ LEVELS = ("host", "x86-64-v3", "x86-64-v4", "skylake-avx512")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of ``springgym compile``."""
-    parser.add_argument("ids", nargs="*", metavar="ID", help="environments to compile (default: all)")
+    parser.add_argument(
+        "ids", nargs="*", metavar="ID", help="environments to compile, module:ID for your own (default: all)"
+    )
     parser.add_argument(
         "--cpu",
         choices=LEVELS,
@@ -58,16 +62,15 @@ def run(args: argparse.Namespace) -> int:
     if args.jobs < 1:
         raise ValueError(f"--jobs is {args.jobs}; it must be at least 1")
     ids = args.ids or [row.id for row in ENVIRONMENTS]
-    for name in ids:
-        try:
-            gym.spec(name)
-        except gym.error.Error as error:
-            raise ValueError(str(error)) from None
+    if os.getcwd() not in sys.path:
+        sys.path.append(os.getcwd())  # last, so that module:ID finds an environment there
+    tasks = [(name, kind, args.dtype) for name in ids for kind in _kinds(name, args.only)]
     settings = {"SPRINGGYM_CPU": args.cpu}
     if args.to is not None:
+        if args.to.exists() and not args.to.is_dir():
+            raise ValueError(f"--to {args.to}: it is not a folder")
         args.to.mkdir(parents=True, exist_ok=True)
         settings["SPRINGGYM_CACHE_DIR"] = str(args.to.absolute())
-    tasks = [(name, kind, args.dtype) for name in ids for kind in KINDS if args.only in (None, kind)]
     spawned = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(min(args.jobs, len(tasks)), spawned, _begin, (settings,)) as pool:
         for (name, kind, _), seconds in zip(tasks, pool.map(compile_one, tasks), strict=True):
@@ -80,6 +83,31 @@ def run(args: argparse.Namespace) -> int:
     if told:
         print(f"Programs find them with {told} in their environment")
     return 0
+
+
+def _kinds(name: str, only: str | None) -> list[str]:
+    """Return the kinds to compile for an environment: both by default, if it has a batch.
+
+    Raises
+    ------
+    ValueError
+        If there is no such environment, or it has no batch and no other kind is asked for.
+    """
+    module, _, env_id = name.rpartition(":")
+    try:
+        if module:
+            import_module(module)
+        spec = gym.spec(env_id)
+    except (gym.error.Error, ImportError) as error:
+        raise ValueError(f"{name}: {error}") from None
+    kinds = [kind for kind in KINDS if only in (None, kind)]
+    if spec.vector_entry_point is None and "batch" in kinds:
+        kinds.remove("batch")
+    if not kinds:
+        raise ValueError(
+            f"{name} is registered without a batch (vector_entry_point), so --only must be single"
+        )
+    return kinds
 
 
 def _begin(settings: dict[str, str]) -> None:
@@ -103,9 +131,11 @@ def compile_one(task: Sequence[str]) -> float:
     Raises
     ------
     ValueError
-        If this processor is not of the level, or the environment takes no such precision.
+        If this processor is not of the level, the environment takes no such precision, or it is not one of
+        springgym.
     """
     from springgym.core import compiling
+    from springgym.envs.base import SpringEnv, SpringVectorEnv
 
     name, kind, dtype = task
     asked = os.environ["SPRINGGYM_CPU"]
@@ -116,11 +146,16 @@ def compile_one(task: Sequence[str]) -> float:
     _folder()
     began = time.perf_counter()
     options: dict[str, Any] = {"max_episode_steps": 1}
-    if kind == "single":
-        env: Any = gym.make(name, **options)
-    else:
-        options["dtype"] = dtype
-        env = gym.make_vec(name, num_envs=2, vectorization_mode="vector_entry_point", **options)
+    try:
+        if kind == "single":
+            env: Any = gym.make(name, **options)
+        else:
+            options |= {} if dtype == DTYPES[0] else {"dtype": dtype}
+            env = gym.make_vec(name, num_envs=2, vectorization_mode="vector_entry_point", **options)
+    except TypeError as error:
+        raise ValueError(f"{name}, {KINDS[kind]}: {error}") from error
+    if not isinstance(env.unwrapped, (SpringEnv, SpringVectorEnv)):
+        raise ValueError(f"{name} is no environment of springgym, and compiles nothing")
     env.reset(seed=0)
     for _ in range(2):  # a batch begins anew in the second
         env.step(env.action_space.sample())

@@ -85,6 +85,11 @@ def test_levels_are_those_of_the_compiler() -> None:
         (["SpringTp-v0"], "Did you mean"),
         (["SpringTop-v0", "--jobs", "0"], "--jobs is 0; it must be at least 1"),
         (["SpringTop-v0", "--to", "FILE/folder"], "Not a directory"),
+        (["SpringTop-v0", "--to", "FILE"], "file: it is not a folder"),
+        (["CartPole-v1"], "CartPole-v1 is no environment of springgym"),
+        (["CartPole-v1", "--only", "batch", "--dtype", "float32"], "unexpected keyword argument 'dtype'"),
+        (["Pendulum-v1", "--only", "batch"], "Pendulum-v1 is registered without a batch"),
+        (["nowhere:Own-v0"], "nowhere:Own-v0: No module named 'nowhere'"),
     ],
 )
 def test_what_cannot_be_compiled_is_told_in_a_line(
@@ -95,6 +100,22 @@ def test_what_cannot_be_compiled_is_told_in_a_line(
     error = capsys.readouterr().err
     assert says in error
     assert error.count("\n") == 1
+
+
+def test_environments_of_ones_own_are_found_by_their_module(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, own_ids: None
+) -> None:
+    lines = (
+        "import gymnasium",
+        "gymnasium.register('Both-v0', entry_point='m:E', vector_entry_point='m:V')",
+        "gymnasium.register('Alone-v0', entry_point='m:E')",
+    )
+    (tmp_path / "with_ids_of_its_own.py").write_text("\n".join(lines))
+    monkeypatch.syspath_prepend(tmp_path)
+    kinds = precompiling._kinds
+    assert kinds("with_ids_of_its_own:Both-v0", None) == ["single", "batch"]
+    assert kinds("with_ids_of_its_own:Both-v0", "batch") == ["batch"]
+    assert kinds("with_ids_of_its_own:Alone-v0", None) == ["single"]
 
 
 def test_a_level_is_of_processors_that_have_it(monkeypatch: pytest.MonkeyPatch) -> None:
