@@ -12,7 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from springgym.cli import INTERRUPTED, whole_file
+from springgym.contact.totals import PairReadings
 from springgym.integrators import METHODS
+from springgym.scene import MOST_TOLD
 from springgym.scenes.checks import NOT_COVERED, Check, check, fitting
 from springgym.scenes.plan import LEAST, Plan
 from springgym.scenes.reading import document, load
@@ -137,19 +139,25 @@ def _summary(recording: Recording) -> str:
 
 
 def _between(recording: Recording) -> Iterator[str]:
-    """Tell what happened between bodies that met, a line a pair."""
+    """Tell what happened between bodies that met, a line a pair, or a line for all if they are many."""
     scene, pairs = recording.plan.scene, recording.pairs
     told = pairs.impulse[-1] + pairs.misses[-1] + pairs.too_fast[-1] + pairs.overflow[-1]
-    for n in np.flatnonzero(told > 0).tolist():
+    met = np.flatnonzero(told > 0).tolist()
+    if len(met) > MOST_TOLD:
+        yield f"{len(met)} pairs of bodies: {_of_pairs(pairs, met)}"
+        return
+    for n in met:
         names = " and ".join(scene.bodies[body].name for body in scene.meetings[n][:2])
-        wrong = {
-            "found too late": pairs.misses[-1, n],
-            "too fast": pairs.too_fast[-1, n],
-            "left out": pairs.overflow[-1, n],
-        }
-        counts = "".join(f", {count:.0f} {what}" for what, count in wrong.items() if count)
-        lost = pairs.contact_loss[-1, n] + pairs.friction_loss[-1, n]
-        yield f"{names}: impulse {pairs.impulse[-1, n]:.4g} N·s, lost {lost:.3g} J{counts}"
+        yield f"{names}: {_of_pairs(pairs, [n])}"
+
+
+def _of_pairs(pairs: PairReadings, which: list[int]) -> str:
+    """Tell the sums over some pairs at the end."""
+    sums = PairReadings(*(of[-1, which].sum() for of in pairs))
+    wrong = {"found too late": sums.misses, "too fast": sums.too_fast, "left out": sums.overflow}
+    counts = "".join(f", {count:.0f} {what}" for what, count in wrong.items() if count)
+    lost = sums.contact_loss + sums.friction_loss
+    return f"impulse {sums.impulse:.4g} N·s, lost {lost:.3g} J{counts}"
 
 
 def _whole(recording: Recording, lost: float) -> str:

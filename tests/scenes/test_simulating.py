@@ -12,16 +12,18 @@ from dataclasses import replace
 from functools import cache
 from importlib import resources
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from springgym import cli, simulating
-from springgym.bodies import Body
+from springgym.bodies import Body, cube
 from springgym.cli import main
+from springgym.contact.totals import PairReadings
 from springgym.extras import install, missing
 from springgym.rendering.look import INK
-from springgym.scene import Scene
+from springgym.scene import MOST_TOLD, Placed, Scene
 from springgym.scenes import load, names, plots
 from springgym.scenes.checks import CHECKS, Check
 from springgym.scenes.film import (
@@ -68,6 +70,24 @@ def test_summary(capsys):
         "J, of the shadow energy ",
     ):
         assert word in out
+
+
+def test_pairs_of_bodies_are_told_one_by_one_or_together():
+    body, apart = cube(), np.array([2.0, 0.0, 0.0])
+    bodies = [Placed(body, body.positions + n * apart, name=f"c{n}") for n in range(8)]
+    made = Scene(bodies=bodies)
+    values = np.ones((2, len(made.meetings)))
+    values[:, MOST_TOLD:] = 0.0
+    of = PairReadings(*(values.copy() for _ in PairReadings._fields))
+    recording = SimpleNamespace(plan=SimpleNamespace(scene=made), pairs=of)
+    lines = list(simulating._between(recording))
+    assert len(lines) == MOST_TOLD
+    assert lines[0] == "c0 and c1: impulse 1 N·s, lost 2 J, 1 found too late, 1 too fast, 1 left out"
+    of.impulse[-1] = 1.0
+    assert list(simulating._between(recording)) == [
+        f"28 pairs of bodies: impulse 28 N·s, lost {2 * MOST_TOLD} J, {MOST_TOLD} found too late, "
+        f"{MOST_TOLD} too fast, {MOST_TOLD} left out"
+    ]
 
 
 def test_summary_where_there_are_no_greek_letters(monkeypatch):
