@@ -24,7 +24,7 @@ try:
 except ImportError as error:
     raise ImportError(missing("reading YAML", "pyyaml", "scenes")) from error
 
-from springgym.checks import HUGE, shown, suggestion
+from springgym.checks import HUGE, instance, shown, suggestion
 
 
 class YamlError(ValueError):
@@ -153,17 +153,21 @@ def changed(tree: Tree, changes: Mapping[tuple[str, ...], object], source: str =
 
     Raises
     ------
+    TypeError
+        If ``changes`` is not a mapping.
     YamlError
-        If a path is empty, if a key is not a string, or if a path leads through a value that is neither a
-        mapping nor a list.
+        If a path is not a tuple or is empty, if a key is not a string, or if a path leads through a value
+        that is neither a mapping nor a list.
     """
+    instance("changes", changes, Mapping)
     value, where = copy.deepcopy(tree.value), dict(tree.where)
     for path, given in changes.items():
         inside, new = value, copy.deepcopy(given)
-        paths = list(_paths(new, tuple(path)))
-        if not path or not all(isinstance(key, str) for each in paths for key in each):
+        paths = list(_paths(new, path)) if isinstance(path, tuple) else []
+        if not path or not paths or not all(isinstance(key, str) for each in paths for key in each):
             raise YamlError(
-                f"{source}: {shown(path)}: a path must have at least one key, and every key must be a string"
+                f"{source}: {shown(path)}: a path must be a tuple of at least one key, and every key must be "
+                "a string"
             )
         for n, key in enumerate(path):
             last = n == len(path) - 1
@@ -222,7 +226,8 @@ def build(
     Raises
     ------
     YamlError
-        For an unknown, missing or mistyped key, or if ``make`` refuses its arguments or lacks memory.
+        For an unknown, missing or mistyped key, or if ``make`` refuses its arguments, cannot read a file that
+        they name, or lacks memory.
     """
     entries, place = tree.at(path), tree.where[path]
     name = ".".join(path) or "the file"
@@ -244,7 +249,7 @@ def build(
         return make(**given, **values)
     except YamlError:
         raise
-    except (ValueError, TypeError, ArithmeticError, MemoryError) as error:
+    except (ValueError, TypeError, ArithmeticError, OSError, MemoryError) as error:
         raise YamlError(f"{place}: {name}: {str(error) or 'not enough memory'}") from error
 
 
@@ -283,6 +288,9 @@ def fit(kind: object, tree: Tree, path: tuple[str, ...]) -> Any:
                 return build(other, tree, path)  # whose errors say more
             if fits(other):
                 return fit(other, tree, path)
+        for other in arguments:
+            if _holds(other, value):
+                return fit(other, tree, path)
     if origin in (list, tuple, Sequence) and isinstance(value, list):
         if origin is tuple and arguments[-1] is not ...:
             if len(value) == len(arguments):
@@ -301,6 +309,15 @@ def fit(kind: object, tree: Tree, path: tuple[str, ...]) -> Any:
     raise YamlError(f"{tree.where[path]}: {'.'.join(path)}: expected {_described(kind)}, got {shown(value)}")
 
 
+def _holds(kind: object, value: object) -> bool:
+    """Tell whether a value is a mapping or a list, of the right length, as a kind is, whatever it holds."""
+    origin, arguments = get_origin(kind), get_args(kind)
+    if isinstance(value, list):
+        long = origin is not tuple or arguments[-1] is ... or len(value) == len(arguments)
+        return origin in (list, tuple, Sequence) and long
+    return isinstance(value, dict) and origin in (dict, Mapping)
+
+
 def _number(tree: Tree, path: tuple[str, ...], value: float) -> float:
     if -HUGE <= value <= HUGE:
         return float(value)
@@ -313,7 +330,8 @@ def _key(kind: object, key: str, tree: Tree, path: tuple[str, ...]) -> str | int
         return key
     if kind is int and re.fullmatch(r"[0-9]{1,18}", key):
         return int(key)
-    raise YamlError(f"{tree.where[*path, key]}: expected {_described(kind)} as a key, got {shown(key)}")
+    place = f"{tree.where[*path, key]}: {'.'.join(path)}"
+    raise YamlError(f"{place}: expected {_described(kind)} as a key, got {shown(key)}")
 
 
 def _described(kind: object) -> str:

@@ -16,6 +16,7 @@ class Thing:
     name: str | None = None
     colour: Literal["red", "blue"] = "red"
     point: tuple[float, float] = (0.0, 0.0)
+    place: float | tuple[float, float] = 0.0
     sides: Sequence[float] = ()
     factors: Mapping[int, float] | None = None
     flags: dict[str, bool] | None = None
@@ -45,7 +46,16 @@ anything: [1, {a: b}]
 """
     )
     assert thing == Thing(
-        3, 1e5, None, "blue", (1.0, 2.5), (1.0, 2.0, 3e-4), {0: 2.0, 7: 0.5}, {"on": True}, [1, {"a": "b"}]
+        3,
+        1e5,
+        None,
+        "blue",
+        (1.0, 2.5),
+        0.0,
+        (1.0, 2.0, 3e-4),
+        {0: 2.0, 7: 0.5},
+        {"on": True},
+        [1, {"a": "b"}],
     )
     assert type(thing.size) is float
     assert type(thing.point[0]) is float
@@ -72,8 +82,11 @@ def test_every_way_to_write_a_number(number):
         ("count: 1\ncolour: green", "file.yaml:2: colour: expected one of red, blue, got 'green'"),
         ("count: 1\npoint: [1, 2, 3]", "file.yaml:2: point: expected a list of 2 values, got [1, 2, 3]"),
         ("count: 1\nsides:\n - 1\n - x", "file.yaml:4: sides.1: expected a number, got 'x'"),
-        ("count: 1\nfactors: {a: 1}", "file.yaml:2: factors: expected a mapping or null"),
-        ("count: 1\nflags: {a: 1}", "file.yaml:2: flags: expected a mapping or null"),
+        ("count: 1\nfactors: {a: 1}", "file.yaml:2: factors: expected a whole number as a key, got 'a'"),
+        ("count: 1\nflags: {a: 1}", "file.yaml:2: flags.a: expected true or false, got 1"),
+        ("count: 1\nflags: [true]", "file.yaml:2: flags: expected a mapping or null, got [True]"),
+        ("count: 1\nplace: [1, x]", "file.yaml:2: place.1: expected a number, got 'x'"),
+        ("count: 1\nplace: [1]", "file.yaml:2: place: expected a number or a list of 2 values, got [1]"),
         ("count: 1\nanything:\n  a: 1\n  a: 2", "file.yaml:4: duplicate key 'a'"),
         ("count: -1", "file.yaml:1: the file: count is -1; it must not be negative"),
         ("[1, 2]", "file.yaml:1: the file must be a mapping of keys to values, not [1, 2]"),
@@ -94,7 +107,7 @@ def test_every_way_to_write_a_number(number):
         ("count: !!bool maybe", "file.yaml:1: 'maybe' is not a valid bool"),
         ("count: !!timestamp soon", "file.yaml:1: 'soon' is not a valid timestamp"),
         ("count: !!int ''", "file.yaml:1: '' is not a valid int"),
-        ("count: 1\nfactors: {0: 1, 00: 2}", "file.yaml:2: factors: expected a mapping or null"),
+        ("count: 1\nfactors: {0: 1, 00: 2}", "file.yaml:2: duplicate key '00'"),
         (f"count: [{'1, ' * 1000}]", "file.yaml:1: count: expected a whole number, got [1, 1, 1"),
         (f"count: 1\n{'x' * 1000}: 1", "file.yaml:2: unknown key 'xxx"),
     ],

@@ -36,7 +36,7 @@ from springgym.bodies import (
 )
 from springgym.bodies.motion import InitialState
 from springgym.bodies.precession import heavy_top
-from springgym.checks import shown, suggestion
+from springgym.checks import instance, shown, suggestion
 from springgym.collisions import Collisions, Pair
 from springgym.collisions.meeting import ALL
 from springgym.integrators import METHODS
@@ -71,6 +71,8 @@ def load(scene: str, changes: Changes | None = None) -> Plan:
 
     Raises
     ------
+    TypeError
+        If the scene is neither a string nor a path, or ``changes`` is not a mapping.
     YamlError
         If the file has an error; the message names file, line and key.
     ValueError
@@ -89,7 +91,7 @@ def document(scene: str) -> Tree:
 @contextmanager
 def _file(scene: str) -> Iterator[Path]:
     """Return the file of a scene."""
-    if scene in names():
+    if instance("scene", scene, str, Path) in names():
         with resources.as_file(_folder() / f"{scene}.yaml") as path:
             yield path
         return

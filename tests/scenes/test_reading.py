@@ -160,6 +160,10 @@ def test_unknown_scene():
         load("tops")
     with pytest.raises(YamlError, match=r"nowhere\.yaml: cannot read it"):
         load("nowhere.yaml")
+    with pytest.raises(TypeError, match="scene is 3; it must be str or Path"):
+        load(3)
+    with pytest.raises(TypeError, match="changes is 3; it must be Mapping"):
+        load("top", 3)
 
 
 # --- Bodies -----------------------------------------------------------------------------------------
@@ -191,6 +195,14 @@ def test_mesh_relative_to_the_file(read, tmp_path):
     body = read(text).scene.body
     assert body.name == "ball"
     assert body.mass == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize(
+    "body", ["{kind: mesh, file: no.stl}", "{kind: solid_mesh, file: no.stl, material: steel}"]
+)
+def test_mesh_that_is_not_there(read, body):
+    with pytest.raises(YamlError, match=r"mine\.yaml:2: body: there is no mesh file .*no\.stl"):
+        read(f"title: a ball\nbody: {body}\nduration: 1")
 
 
 def test_union_of_bodies(read):

@@ -87,10 +87,10 @@ def test_a_change_may_add_mappings_and_lists_of_them():
 
 
 @pytest.mark.parametrize(
-    "change", [{(): 1}, {(3,): 1}, {("a", 0): 1}, {("a",): {0: 1}}, {("a",): [{None: 1}]}]
+    "change", [{(): 1}, {"a": 1}, {3: 1}, {(3,): 1}, {("a", 0): 1}, {("a",): {0: 1}}, {("a",): [{None: 1}]}]
 )
 def test_a_path_of_a_change_is_keys(change):
-    with pytest.raises(YamlError, match="a path must have at least one key, and every key must be a string"):
+    with pytest.raises(YamlError, match="a path must be a tuple of at least one key, and every key"):
         changed(parse_yaml("a: {b: 1}", "a file"), change)
 
 
