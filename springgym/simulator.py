@@ -1151,9 +1151,8 @@ class Simulator:
         if every > 1 and every % 2:
             raise ValueError(f"damping_every is {every}; it must be 1 or even, because a cycle has a middle")
         if every > 1 and (one or self._kind.rigid):
-            raise ValueError(
-                f"damping_every is {every}; it must be 1: {one or 'rigid bodies have no dampers'}"
-            )
+            reason = "rigid bodies have no dampers" if self._kind.rigid else one
+            raise ValueError(f"damping_every is {every}; it must be 1: {reason}")
         return every
 
 

@@ -38,8 +38,8 @@ class StepError:
         method = simulator.integrator
         if method.adaptive:
             raise ValueError(
-                f"error is True: this compares with steps of half the length, but {method.name} chooses its "
-                "own steps. Take another integrator, or use its tolerance as the error"
+                f"integrator is {method.name!r}, which chooses its own steps; error and tolerance compare "
+                "with steps of half the length. Take another integrator, or leave them out"
             )
         every = simulator.damping_every
         self.finer = Simulator(simulator.scene, step=simulator.step / FINER, damping_every=every, **made)

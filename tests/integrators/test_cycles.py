@@ -286,21 +286,21 @@ def test_no_vibration_lasts(turn: float, rings: bool) -> None:
 
 
 REASONS = {
-    "floppy": (Scene(rope(), pinned=(0,)), {}),
-    "undamped": (tops(0.0), {}),
-    "thrust": (Scene(cube(), thrust=ThrustActuator((0,))), {}),
-    "drive": (Scene(cube(), pinned=(0,), drive=DriveActuator(0, 1.0)), {}),
-    "method": (tops(100.0), {"integrator": "rk4"}),
-    "rigid": (tops(100.0), {"dynamics": "rigid"}),
+    "dampers act on the motion of a floppy body": (Scene(rope(), pinned=(0,)), {}),
+    "the scene has no dampers": (tops(0.0), {}),
+    "thrust: what pushes single particles": (Scene(cube(), thrust=ThrustActuator((0,))), {}),
+    "drive: what pushes single particles": (Scene(cube(), pinned=(0,), drive=DriveActuator(0, 1.0)), {}),
+    "rk4 knows no cycles": (tops(100.0), {"integrator": "rk4"}),
+    "rigid bodies have no dampers": (tops(100.0), {"dynamics": "rigid"}),
 }
 
 
-@pytest.mark.parametrize("name", REASONS)
-def test_where_all_acts_at_every_step(name: str) -> None:
-    scene, options = REASONS[name]
+@pytest.mark.parametrize("reason", REASONS)
+def test_where_all_acts_at_every_step(reason: str) -> None:
+    scene, options = REASONS[reason]
     assert Simulator(scene, **options).damping_every == 1
     assert Simulator(scene, damping_every=1, **options).damping_every == 1
-    with pytest.raises(ValueError, match="damping_every is 2; it must be 1: "):
+    with pytest.raises(ValueError, match=f"damping_every is 2; it must be 1: {reason.rpartition(': ')[2]}"):
         Simulator(scene, damping_every=2, **options)
 
 
