@@ -29,7 +29,8 @@ class Pair:
     contact
         How they meet; as the scene's contact says if not given. Its Δ is by default `REACH` of the smaller
         body's `Body.swept`, and c the `derived_strength` of the softer body's largest stiffness and the
-        reduced mass. The springs of a sphere that turns do not count: contacts do not strain them.
+        reduced mass. The springs of a sphere that turns, and those of a body that is pinned, do not count:
+        contacts do not strain them. If no others are left, c is that of `strength_of_impact`.
 
     Raises
     ------
@@ -219,14 +220,15 @@ def _meetings(
     for named, most in zip(bodies, farthest.tolist(), strict=True):
         if most > 0:
             check_shape(named.name, named.body, most, named.held)
-    turns = [shape(of.body).turns for of in bodies]  # contacts do not strain these
-    stiff = [np.inf if rigid else _stiffness(of.body) for of, rigid in zip(bodies, turns, strict=True)]
+    kept = [shape(of.body).turns or not of.moves for of in bodies]  # in shape: contacts do not strain these
+    stiff = [np.inf if rigid else _stiffness(of.body) for of, rigid in zip(bodies, kept, strict=True)]
     softer = np.minimum(*of_both(stiff))
     inverse = np.add(*of_both([1 / of.body.mass if of.moves else 0.0 for of in bodies]))
     strength = given("strength")
     mass = np.divide(1.0, inverse, out=np.zeros(len(inverse)), where=inverse > 0)
     derived = derived_strength(np.where(np.isinf(softer), 0.0, softer), mass, reach)
-    derived = np.where(np.logical_and(*of_both(turns)), strength_of_impact(mass, reach), derived)
+    firm = np.isinf(softer) & np.logical_or(*of_both(kept))
+    derived = np.where(firm, strength_of_impact(mass, reach), derived)
     strength = np.where(np.isnan(strength), derived, strength)
     wrong = ~((reach > 0) & (strength > 0))
     if wrong.any():

@@ -11,6 +11,8 @@ from springgym.surfaces import PaperContact
 Vector = tuple[float, float, float]
 Plot = Literal["top", "pendulum", "rope", "drop", "slide", "rotation", "ringing", "bodies"]
 
+OF_ONE_BODY = ("top", "rope", "ringing")
+"""Plots that show a scene of one body."""
 
 LEAST = {"duration": 1e-6, "interval": 1e-6, "step": 1e-9}
 """Least times of a run [s]: in shorter runs, nothing moves that a plot or a film could show."""

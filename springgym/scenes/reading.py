@@ -43,7 +43,7 @@ from springgym.integrators import METHODS
 from springgym.materials import Material
 from springgym.scene import GRAVITY, Placed, Scene
 from springgym.scenes.checks import CHECKS, TOUCHING, of_all
-from springgym.scenes.plan import LEAST, SPEEDS, Plan, Plot, Vector, View
+from springgym.scenes.plan import LEAST, OF_ONE_BODY, SPEEDS, Plan, Plot, Vector, View
 from springgym.strict_yaml import Tree, YamlError, build, changed, read_yaml
 from springgym.surfaces import SURFACES, Contact, PaperContact, Plane, Surface, floor, heights, resting
 from springgym.theory.rope import catenary
@@ -150,6 +150,8 @@ def read(path: Path, changes: Changes | None = None) -> Plan:
         except (ValueError, TypeError, ArithmeticError) as error:
             raise YamlError(f"{path}: {error}") from error
         _known_checks(tree, ("checks",), checks)
+        if len(begun) > 1 and plot in OF_ONE_BODY:
+            raise _error(tree, ("plot",), f"{plot!r} shows a scene of one body, and there are {len(begun)}")
         whole = Plan(
             name=path.stem,
             title=title,

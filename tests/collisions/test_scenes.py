@@ -14,13 +14,17 @@ from unittest import mock
 import numpy as np
 import pytest
 
-from springgym.bodies import Body, box, cube, gyroscope, rope, top, union
+from springgym.bodies import Body, box, cube, gyroscope, rolling_ball, rope, top, union
 from springgym.collisions import Pair, distance, overlap
 from springgym.scene import Placed, Scene
 from springgym.scenes import load
+from springgym.scenes.plan import OF_ONE_BODY
+from springgym.scenes.plots import PLOTS, draw
+from springgym.scenes.recording import record
 from springgym.simulator import Simulator
 from springgym.strict_yaml import YamlError
 from springgym.surfaces import Contact, PaperContact, Plane, derived_strength
+from springgym.surfaces.contact import strength_of_impact
 
 CUBE = cube()
 BALL = Body("ball", [[0.0, 0.0, 0.0]], 1.0, [], 1.0, 0.0, radius=0.2)
@@ -48,6 +52,19 @@ def test_defaults() -> None:
     assert (met.contact.friction, met.reach) == (0.7, 2e-3)
     (met,) = beside(small, collisions=[Pair("b", 0, Contact(strength=2.0))]).meetings
     assert (met.first, met.second, met.strength) == (0, 1, 2.0)
+
+
+def test_springs_that_contacts_do_not_strain_do_not_count() -> None:
+    """Those of a sphere that turns, and of a body that is pinned."""
+    soft = cube(0.5, stiffness=1e3)
+    pinned = put(soft, (0, 0, 0), "a", pinned=tuple(range(8)))
+    for body in (rolling_ball(0.2, stiffness=10.0), BALL):
+        (met,) = Scene(bodies=(pinned, put(body, (3, 0, 0), "b"))).meetings
+        assert met.strength == pytest.approx(strength_of_impact(body.mass, met.reach), rel=1e-12)
+    (met,) = Scene(bodies=(pinned, put(CUBE, (3, 0, 0), "b"))).meetings
+    assert met.strength == derived_strength(1e5, 1.0, met.reach)
+    (met,) = beside(rolling_ball(0.2, stiffness=10.0)).meetings
+    assert met.strength == derived_strength(1e5, 0.5, met.reach)
 
 
 def test_all_collide_unless_said_otherwise() -> None:
@@ -235,6 +252,13 @@ def test_scene_files(line: str, friction: float | None, tmp_path: Path) -> None:
     assert [met.contact.friction for met in scene.meetings] == ([] if friction is None else [friction])
 
 
+@pytest.mark.parametrize("plot", sorted(set(PLOTS) - set(OF_ONE_BODY)))
+def test_other_plots_show_several_bodies(plot: str, tmp_path: Path) -> None:
+    file = tmp_path / "two.yaml"
+    file.write_text(FILE + f"plot: {plot}")
+    draw(record(load(str(file)))).draw_without_rendering()
+
+
 @pytest.mark.parametrize(
     ("line", "text"),
     [
@@ -242,6 +266,7 @@ def test_scene_files(line: str, friction: float | None, tmp_path: Path) -> None:
         ("collisions: [{first: left}]", r"two.yaml:9: .*lacks second"),
         ("collisions: [{first: left, second: up}]", r"collisions\[0\] names 'up'"),
         ("collisions: {rubbing: 1}", "unknown key 'rubbing'"),
+        *((f"plot: {plot}", f"two.yaml:9: plot: '{plot}' shows a scene of one body") for plot in OF_ONE_BODY),
     ],
 )
 def test_scene_files_that_are_wrong(line: str, text: str, tmp_path: Path) -> None:
