@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from importlib import import_module
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any
 
 import gymnasium as gym
@@ -67,9 +68,6 @@ def run(args: argparse.Namespace) -> int:
     tasks = [(name, kind, args.dtype) for name in ids for kind in _kinds(name, args.only)]
     settings = {"SPRINGGYM_CPU": args.cpu}
     if args.to is not None:
-        if args.to.exists() and not args.to.is_dir():
-            raise ValueError(f"--to {args.to}: it is not a folder")
-        args.to.mkdir(parents=True, exist_ok=True)
         settings["SPRINGGYM_CACHE_DIR"] = str(args.to.absolute())
     spawned = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(min(args.jobs, len(tasks)), spawned, _begin, (settings,)) as pool:
@@ -117,11 +115,18 @@ def _begin(settings: dict[str, str]) -> None:
 
 
 def _folder() -> Path:
+    """Return the folder of compiled code, which can be written to."""
     from springgym.core.compiling import cache_directory
 
     folder = cache_directory()
     if folder is None:
         raise ValueError("there is no folder for compiled code: name one with --to")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise ValueError(f"cannot write compiled code to {folder}: {error.strerror or error}") from None
     return folder
 
 
@@ -131,8 +136,8 @@ def compile_one(task: Sequence[str]) -> float:
     Raises
     ------
     ValueError
-        If this processor is not of the level, the environment takes no such precision, or it is not one of
-        springgym.
+        If this processor is not of the level, compiled code cannot be written, nothing is to be compiled, the
+        environment takes no such precision, or it is not one of springgym.
     """
     from springgym.core import compiling
     from springgym.envs.base import SpringEnv, SpringVectorEnv
@@ -143,6 +148,8 @@ def compile_one(task: Sequence[str]) -> float:
         raise ValueError(
             f"--cpu is {asked}, but this processor does not have that level; compile on one that does"
         )
+    if compiling.INTERPRETED:
+        raise ValueError("NUMBA_DISABLE_JIT is set, with which nothing is compiled: unset it")
     _folder()
     began = time.perf_counter()
     options: dict[str, Any] = {"max_episode_steps": 1}

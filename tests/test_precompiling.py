@@ -85,7 +85,7 @@ def test_levels_are_those_of_the_compiler() -> None:
         (["SpringTp-v0"], "Did you mean"),
         (["SpringTop-v0", "--jobs", "0"], "--jobs is 0; it must be at least 1"),
         (["SpringTop-v0", "--to", "FILE/folder"], "Not a directory"),
-        (["SpringTop-v0", "--to", "FILE"], "file: it is not a folder"),
+        (["SpringTop-v0", "--to", "FILE"], "cannot write compiled code to "),
         (["CartPole-v1"], "CartPole-v1 is no environment of springgym"),
         (["CartPole-v1", "--only", "batch", "--dtype", "float32"], "unexpected keyword argument 'dtype'"),
         (["Pendulum-v1", "--only", "batch"], "Pendulum-v1 is registered without a batch"),
@@ -100,6 +100,13 @@ def test_what_cannot_be_compiled_is_told_in_a_line(
     error = capsys.readouterr().err
     assert says in error
     assert error.count("\n") == 1
+
+
+def test_without_compiled_code_there_is_nothing_to_compile(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SPRINGGYM_CPU", "host")
+    monkeypatch.setattr(compiling, "INTERPRETED", True)
+    with pytest.raises(ValueError, match="NUMBA_DISABLE_JIT is set, with which nothing is compiled"):
+        precompiling.compile_one(("SpringTop-v0", "single", "float64"))
 
 
 def test_environments_of_ones_own_are_found_by_their_module(
