@@ -238,9 +238,7 @@ class Simulator:
         self._busy = len(scene.springs) + min(len(scene.meetings), NEIGHBOURS * bodies)
         options = Options(self.integrator, self.step, self.damping_every, varying, self._blocks)
         self._terms, self._twin, self._packed = pack(scene, self._kind.rigid, options)
-        self._workspace = packing.workspaces(
-            scene, self.integrator, self._terms.collisions, self._kind.rigid, self._x.dtype, len(shares)
-        )
+        self._workspace = self._workspaces()
         self._outlines = packing.pack_outlines(scene)
         self._boxes = np.zeros((len(shares), bodies + 1, 2, 3))
         self._shown = np.zeros((self.copies, len(scene.meetings)), bool)
@@ -297,6 +295,13 @@ class Simulator:
 
     def _blocks(self, *shape: int) -> np.ndarray:
         return block_array(self.copies, shape, self.dtype)
+
+    def _workspaces(self) -> list[Any]:
+        """Make the arrays in which each thread computes: nothing in them outlasts a call."""
+        collisions, shares = self._terms.collisions, len(self._space)
+        return packing.workspaces(
+            self.scene, self.integrator, collisions, self._kind.rigid, self._x.dtype, shares
+        )
 
     def _controlled(self, tolerance: tuple[float, float] | None) -> float | Control:
         """Return the step for the method: h, or the `Control` of a method that chooses its steps."""
@@ -1107,7 +1112,8 @@ class Simulator:
             "_acting",
             "_packed",
             "_kind",
-        )  # made anew: views do not survive copying
+            "_workspace",
+        )  # made anew: views do not survive copying, and the workspace is most of a crowd's memory
         return {name: value for name, value in vars(self).items() if name not in left_out} | {
             "_orders": [packed.order for packed in self._packed]
         }
@@ -1122,6 +1128,7 @@ class Simulator:
             Packed(part, order, share(self._terms, n), share(self._twin, n))
             for n, (part, order) in enumerate(zip(self.scene.parts, orders, strict=True))
         )
+        self._workspace = self._workspaces()
         self._actuators = self._actuated()
         self._advance = self._kernel()
 

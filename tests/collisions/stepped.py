@@ -89,6 +89,7 @@ def all_kinds_of_terms() -> Iterator[None]:
         return whole_pack(scene if alone else with_all_terms(scene), twin, options)
 
     def workspaces(scene: Scene, method: Any, collisions: Any, twin: bool, *others: Any) -> list[Any]:
+        Packing.shares, Packing.twin = shares_code(scene, method.name, twin), twin
         full = scene if twin or not (scene.meetings and Packing.shares) else with_all_terms(scene)
         return make_workspaces(full, method, collisions, twin, *others)
 

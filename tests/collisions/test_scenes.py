@@ -252,6 +252,13 @@ def test_scene_files(line: str, friction: float | None, tmp_path: Path) -> None:
     assert [met.contact.friction for met in scene.meetings] == ([] if friction is None else [friction])
 
 
+def test_a_pickle_holds_no_workspace() -> None:
+    """It follows from the scene alone, and is much larger than the state."""
+    made = Simulator(Scene(bodies=[put(CUBE, (3.0 * n, 0, 0), f"c{n}") for n in range(30)]))
+    kept = sum(array.nbytes for array in made.state().values() if isinstance(array, np.ndarray))
+    assert len(pickle.dumps(made)) < 2 * kept
+
+
 @pytest.mark.parametrize("plot", sorted(set(PLOTS) - set(OF_ONE_BODY)))
 def test_other_plots_show_several_bodies(plot: str, tmp_path: Path) -> None:
     file = tmp_path / "two.yaml"
