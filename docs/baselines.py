@@ -309,7 +309,7 @@ def table_of_plans(rows: Sequence[dict[str, Any]]) -> list[str]:
             f"`{row['task']}`",
             f"{plans['samples']} × {plans['iterations']}",
             f"{plans['horizon']:g} s",
-            f"{scale * row['mean_return']:.2f} ({low:.2f}–{high:.2f}){unit}",
+            f"{scale * row['mean_return']:z.2f} ({low:z.2f}–{high:z.2f}){unit}",
             f"{100 * row['success_rate']:.0f} % ({least:.0f}–{most:.0f})",
             str(row["episodes"]),
             f"{row['real_time_factor']:.2f}",
@@ -354,7 +354,7 @@ def table_of_data(rows: Sequence[dict[str, Any]]) -> list[str]:
         task, data = runs[0]["task"], runs[0]["data"]
         scale, unit = measure(task)
         mark = " †" if any("present_probe" in run for run in runs) else ""
-        returns = " + ".join(f"{scale * own['mean_return']:.2f}{unit}" for own in data)
+        returns = " + ".join(f"{scale * own['mean_return']:z.2f}{unit}" for own in data)
         success = np.array([run["success_rate"] for run in runs])
         counts = np.array([run["episodes"] for run in runs])
         likely = (success * counts + 2) / (counts + 4)  # Agresti and Coull: 0 of 100 is no certainty
@@ -446,7 +446,7 @@ def table_of_agents() -> list[str]:
         own, *others = card["audit"]
         lost = [
             f"{found['simulation']}: {found['verdict']}"
-            + ("" if found["refused"] else f", {100 * found['lost'] / own['return_per_step']:+.2f} %")
+            + ("" if found["refused"] else f", {100 * found['lost'] / own['return_per_step']:+z.2f} %")
             for found in others
         ]
         told = f"{scale * card['mean_return']:.3f} ({low:.3f}–{high:.3f}){unit}{chosen}"

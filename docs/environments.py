@@ -168,10 +168,10 @@ def earned(runs: Sequence[Report]) -> str:
     if len(runs) >= FEWEST or all("returns" in run for run in runs):
         errors = [np.std(run.get("returns", [0.0])) / math.sqrt(run["episodes"]) for run in runs]
         low, high = interval_of_mean(means, scale * np.array(errors))
-        told = f" ({low:.2f}–{high:.2f}{seeds})"
+        told = f" ({low:z.2f}–{high:z.2f}{seeds})"
     elif seeds:
         told = f" ({len(runs)})"
-    return f"{means.mean():.2f}{told}{unit}"
+    return f"{means.mean():z.2f}{told}{unit}"
 
 
 def measure(task: str) -> tuple[int, str]:

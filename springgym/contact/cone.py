@@ -67,6 +67,10 @@ def resistance_of(rolling: np.ndarray, torsional: np.ndarray) -> Resistance | No
     return Resistance(rolling, torsional) if rolling.any() or torsional.any() else None
 
 
+ROLLING, SPINNING = range(2)
+"""The parts of turning that are resisted: about tangents, and about the normal."""
+
+
 def law_of(contacts: Sequence[Contact]) -> Stribeck | None:
     """Return what the law of friction takes beside μ_s; None if it is Coulomb's in all contacts."""
     if all(contact.stribeck is None for contact in contacts):
@@ -117,3 +121,30 @@ def weakened(
         slip = 0.5 * (begun + inverse * maximum(size - weaker, 0.0))
         weaker = limit * (1.0 - drop * (slip * slip / (slip * slip + square)))
     return weaker
+
+
+@compiled
+def part_resisted(
+    part: int, rate: Vector, couple: Vector, n: Vector, push: Number, resistance: Resistance, row: int
+) -> tuple[Vector, Vector, Number]:
+    """Return a part of the angular velocity ω, that part of a couple, and what this may be at most.
+
+    Parameters
+    ----------
+    part
+        `ROLLING` or `SPINNING`.
+    rate
+        ω [rad/s]
+    couple
+        The angular impulse [N·m·s].
+    n
+        The unit normal.
+    push
+        J [N·s]
+    resistance, row
+        The coefficients, and the row of their arrays.
+    """
+    spinning, held = dot(rate, n) * n, dot(couple, n) * n
+    if part == ROLLING:
+        return rate - spinning, couple - held, push * load(resistance.rolling, row)
+    return spinning, held, push * load(resistance.torsional, row)

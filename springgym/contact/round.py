@@ -52,7 +52,7 @@ import numpy as np
 
 from springgym.bodies import Body
 from springgym.bodies.round import weights
-from springgym.contact.cone import within_cone
+from springgym.contact.cone import part_resisted, within_cone
 from springgym.contact.law import Span, barrier_energy, meet
 from springgym.contact.surfaces import Surfaces, coefficient, count, standing, strength_and_reach
 from springgym.core.compiling import compiled
@@ -684,16 +684,13 @@ def stop_turning(
     n = row(space.normal, r)
     along, push = unit(n), sqrt(dot(n, n)) * row(space.push, r)[0]
     for part in range(2):
-        rate, old = turning(e, v, carriers, problem), row(space.couple, r)
-        spinning, held = dot(rate, along) * along, dot(old, along) * along
-        limit = push * load(resistance.torsional, 0)
-        if part == 0:
-            spinning, held = rate - spinning, old - held
-            limit = push * load(resistance.rolling, 0)
-        direction = 1.0 / (sqrt(dot(spinning, spinning)) + TINY) * spinning
+        old = row(space.couple, r)
+        rate, held, limit = part_resisted(
+            part, turning(e, v, carriers, problem), old, along, push, resistance, 0
+        )
+        direction = 1.0 / (sqrt(dot(rate, rate)) + TINY) * rate
         gives = dot(direction, turning_by(e, direction, carriers, problem, problem.carrier)) + TINY
-        wanted = held - 1.0 / gives * spinning
-        change = within_cone(wanted, limit, gives, spinning, None, 0) - held
+        change = within_cone(held - 1.0 / gives * rate, limit, gives, rate, None, 0) - held
         change = choose(going, change, 0.0 * change)
         set_row(space.couple, r, old + change)
         twist(e, change, v, carriers, problem, problem.carrier)

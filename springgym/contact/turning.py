@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from springgym.contact.cone import within_cone
+from springgym.contact.cone import part_resisted, within_cone
 from springgym.contact.round import LEAST
 from springgym.contact.solids import Solids, count_change, midpoint, on_skin, push_body, turning_of
 from springgym.contact.spheres import Spheres, body_of, spin_of, turn_body, turned
@@ -163,14 +163,11 @@ def stop_turning(v: Rows, k: int, acts: Mask, problem: Problem, resistance: Resi
         contacts = problem.contacts
         p, n, push = contacts.pair[k], row(contacts.normal, k), load(contacts.impulse, k)
         for part in range(2):
-            rate, old = turning_between(v, k, problem), row(contacts.couple, k)
-            held = dot(old, n) * n
-            rate_along = dot(rate, n) * n
-            limit = push * resistance.torsional[p]
-            if part == 0:
-                rate_along, held = rate - rate_along, old - held
-                limit = push * resistance.rolling[p]
-            stops, gives = couple_against(rate_along, k, problem)
+            old = row(contacts.couple, k)
+            rate, held, limit = part_resisted(
+                part, turning_between(v, k, problem), old, n, push, resistance, p
+            )
+            stops, gives = couple_against(rate, k, problem)
             change = within_cone(held + stops, limit, gives, rate, None, 0) - held
             change = choose(acts, change, 0.0 * change)
             set_row(contacts.couple, k, old + change)

@@ -401,7 +401,7 @@ class SpringDuelEnv(SpringEnv, gym.Env):
     Termination: a top is tilted by more than 0.7 rad, or its centre of mass more than 1.1 m from the middle,
     or the simulation diverged (`info["diverged"]`; reward 0). A top that is down loses. If both go down in
     the same step, both lose. Truncation: 500 steps, 10 s. `info["is_success"]`: the other top is down, and
-    one's own is not, for the last 1 steps: the duel is won.
+    one's own is not: the duel is won.
 
     ## Information
     `tilt` θ [rad], `away` a [m], `other_away` b [m], `energy` and `energy_drift` [J], `strain`. Five entries
