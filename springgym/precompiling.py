@@ -62,6 +62,8 @@ def run(args: argparse.Namespace) -> int:
     """Compile in processes of their own, which are told the folder and the level, and say what there is."""
     if args.jobs < 1:
         raise ValueError(f"--jobs is {args.jobs}; it must be at least 1")
+    if args.only == "single" and args.dtype != DTYPES[0]:
+        raise ValueError(f"--dtype {args.dtype} is of batches, and --only single compiles none")
     ids = args.ids or [row.id for row in ENVIRONMENTS]
     if os.getcwd() not in sys.path:
         sys.path.append(os.getcwd())  # last, so that module:ID finds an environment there

@@ -89,6 +89,7 @@ def test_levels_are_those_of_the_compiler() -> None:
         (["CartPole-v1"], "CartPole-v1 is no environment of springgym"),
         (["CartPole-v1", "--only", "batch", "--dtype", "float32"], "unexpected keyword argument 'dtype'"),
         (["Pendulum-v1", "--only", "batch"], "Pendulum-v1 is registered without a batch"),
+        (["SpringTop-v0", "--only", "single", "--dtype", "float32"], "--dtype float32 is of batches"),
         (["nowhere:Own-v0"], "nowhere:Own-v0: No module named 'nowhere'"),
     ],
 )
