@@ -54,6 +54,7 @@ def test_sections_are_those_of_the_command() -> None:
     assert tuple(SECTIONS) == bench.NAMES
 
 
+@pytest.mark.seldom
 def test_section_to_json_and_figure(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -175,6 +176,7 @@ def finer(task: Task, step: float, copies: int) -> tuple[Simulator, ...]:
 
 
 @pytest.mark.usefixtures("few_kernels")
+@pytest.mark.seldom
 def test_error_of_a_step_where_others_act_too() -> None:
     """Of bodies that collide, an opponent among them; an estimate says the same."""
     found = step_errors("SpringDuel-v0", finer, episodes=2, periods=6, every=2)
@@ -183,6 +185,7 @@ def test_error_of_a_step_where_others_act_too() -> None:
     np.testing.assert_allclose(found.estimates, found.errors, rtol=0.05)
 
 
+@pytest.mark.seldom
 def test_errors_are_over_starts_as_episodes_draw_them() -> None:
     """Many: the error of a top depends on its spin. What follows the end of an episode does not count."""
     at_first, later = (
@@ -194,6 +197,7 @@ def test_errors_are_over_starts_as_episodes_draw_them() -> None:
     np.testing.assert_allclose(later.estimates, later.errors, rtol=0.05)
 
 
+@pytest.mark.seldom
 def test_a_curve_is_of_the_errors_of_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its default row is what the section `errors` says; Verlet's errors fall with the square of the step."""
     monkeypatch.setattr(curves, "HIGHER", ())
@@ -237,6 +241,7 @@ def test_rounding_is_that_of_single_precision() -> None:
 
 
 @pytest.mark.parametrize("method", ["RK4", "Euler", "implicit", "implicitfast"])
+@pytest.mark.often("RK4")
 def test_mujoco_steps_the_same_springs(method: str) -> None:
     pytest.importorskip("mujoco")
     scene = paper_top()
@@ -245,6 +250,7 @@ def test_mujoco_steps_the_same_springs(method: str) -> None:
     assert rms_distance(peer.positions, exact_positions(scene, 1.0), scene.sizes) < 5e-4
 
 
+@pytest.mark.seldom
 def test_mujoco_turns_the_same_rigid_body() -> None:
     pytest.importorskip("mujoco")
     scene = paper_top()
@@ -277,6 +283,7 @@ def test_jax_steps_the_same_springs() -> None:
         *((precision, 100, divides) for precision in ("float64", "float32") for divides in (False, True)),
     ],
 )
+@pytest.mark.often("float64-1-True-verlet")
 def test_reference_steps_as_the_package_does(precision: str, copies: int, divides: bool, method: str) -> None:
     """The yardstick computes the same motion, so the comparison is of like with like.
 

@@ -155,6 +155,7 @@ def outdated_rows() -> set[str]:
     return outdated
 
 
+@pytest.mark.seldom
 def test_baselines_are_of_the_tasks_and_configurations_as_they_are() -> None:
     """The page marks rows that were made before the physics or the reward of their task changed.
 

@@ -90,6 +90,7 @@ CASES = [
 
 
 @pytest.mark.parametrize(("name", "method"), CASES)
+@pytest.mark.often("without surfaces-verlet")
 def test_idle_is_absent_to_the_bit(name: str, method: str) -> None:
     off, on, options, values = ABSENT_AND_IDLE[name]
     without, idle = moved(off, method), moved(on, method, values, **options)
@@ -98,6 +99,7 @@ def test_idle_is_absent_to_the_bit(name: str, method: str) -> None:
 
 
 @pytest.mark.parametrize(("name", "method"), [case(*each) for each in TWICE])
+@pytest.mark.seldom
 def test_idle_is_absent_but_for_rounding(name: str, method: str) -> None:
     off, on, options, values = ABSENT_AND_IDLE[name]
     np.testing.assert_allclose(moved(on, method, values, **options), moved(off, method), rtol=0, atol=1e-10)

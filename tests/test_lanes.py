@@ -120,6 +120,7 @@ def numbers_of(dtype: Any) -> st.SearchStrategy[float]:
 @pytest.mark.parametrize("width", WIDTHS)
 @settings(deadline=None, max_examples=100)
 @given(data=st.data())
+@pytest.mark.often("1-float64", "16-float32")
 def test_operations(width: int, dtype: Any, data: st.DataObject) -> None:
     """Each operation gives, to the bit, what NumPy gives number by number."""
     a, b = (data.draw(arrays(dtype, width, elements=numbers_of(dtype))) for _ in range(2))
@@ -147,6 +148,7 @@ def fuse(a: Any, b: Any, c: Any, out: Any) -> float:
 @pytest.mark.parametrize("width", WIDTHS)
 @settings(deadline=None, max_examples=100)
 @given(data=st.data())
+@pytest.mark.often("1-float64", "16-float32")
 def test_multiply_add_rounds_once(width: int, dtype: Any, data: st.DataObject) -> None:
     """No number is nearer to the exact a b + c, and lanes give what a number alone gives."""
     order_one = st.floats(-4.0, 4.0, width=32).map(lambda x: x + x * 2.0**-20)

@@ -10,6 +10,7 @@ from springgym.modelling import _asked, needed
 from springgym.scenes import load, names
 
 
+@pytest.mark.seldom
 def test_rubber_top():
     need = needed(load("rubber-top"), 0.02, implicit=())
     assert need.steady.gap == pytest.approx(-0.0117, rel=0.01)
@@ -24,6 +25,7 @@ def test_rubber_top():
     assert need.cheapest.error <= 0.02
 
 
+@pytest.mark.seldom
 def test_less_than_the_gap_rules_the_rigid_top_out():
     need = needed(load("rubber-top"), 0.005, implicit=(), duration=0.3)
     assert need.cheapest.dynamics == "springs"
@@ -54,6 +56,7 @@ def test_what_cannot_be_modelled_is_named(given, message):
 
 
 @pytest.mark.parametrize("name", names())
+@pytest.mark.often("beech-top", "cube-pendulum", "dominoes", "gyroscope", "rope-swing")
 def test_every_scene_is_a_top_or_is_refused_for_what_it_is(name):
     why = ""
     try:

@@ -118,6 +118,31 @@ def test_python_computes_what_is_compiled(case: str, found_by_python: Callable[.
         np.testing.assert_array_equal(interpreted, compiled)
 
 
+TASKS = "tests/envs/test_colliding_tasks.py::test_"
+FEW_STEPS = [
+    "tests/forces/test_resistance.py::test_ball_rolls_and_spins_ever_slower",
+    *(f"{TASKS}{name}" for name in ("a_push_drives_ones_own_top", "both_players_see_the_same_duel")),
+    *(f"{TASKS}{name}" for name in ("what_an_opponent_gives_is_checked", "weak_actuators_are_those_of_both")),
+    *(f"{TASKS}{name}" for name in ("the_second_agent_sees_its_particles_first", "refusals_of_two_agents")),
+    f"{TASKS}pettingzoo_s_registry_makes_it",
+    "tests/envs/test_task_data.py::test_limits_are_what_actuators_are_given[SpringDuel-v0]",
+    "tests/integrators/test_cycles.py::test_a_task_of_colliding_bodies_says_its_cycle",
+    "tests/integrators/test_cycles.py::test_a_task_among_surfaces_says_its_cycle",
+    "tests/integrators/test_cycles.py::test_where_there_is_contact_cycles_are_asked_for[bodies]",
+    "tests/integrators/test_cycles.py::test_calls_cut_anywhere_give_the_same_bits[cuts1-6--0.03]",
+]
+"""Slow tests of what takes kernels of its own: a duel, which has a bowl, resistance, cycles of dampers where
+there is contact. They need so few steps that Python takes them in less time than it takes to compile them."""
+
+
+def test_few_steps_by_plain_python() -> None:
+    command = [sys.executable, "-m", "pytest", "-n", "0", "-q", "-m", "slow", *FEW_STEPS]
+    env, root = {**os.environ, "NUMBA_DISABLE_JIT": "1"}, Path(__file__).parents[1]
+    done = subprocess.run(command, env=env, cwd=root, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stdout
+    assert f"{len(FEW_STEPS) + 1} passed" in done.stdout  # one of them has two cases
+
+
 def test_a_product_and_a_sum_are_rounded_once() -> None:
     random = np.random.default_rng(0)
     for a, b, c in random.normal(size=(200, 3)):

@@ -96,6 +96,7 @@ PROBLEMS = {
 
 @pytest.mark.parametrize(("method", "step"), [("verlet", 2e-5), ("suzuki", 5e-3), ("kahan_li", 0.02)])
 @pytest.mark.parametrize("problem", PROBLEMS)
+@pytest.mark.often("*-suzuki-*", "top-*")
 def test_error_against_theory_stays_below_1e_8_for_10_seconds(problem: str, method: str, step: float) -> None:
     body, pinned, gravity, theory = PROBLEMS[problem]
     x, v = theory(0.0)
@@ -187,6 +188,7 @@ def driven_reference(scene: Scene, seconds: float) -> np.ndarray:
 @pytest.mark.parametrize("axial", [True, False])
 @pytest.mark.parametrize("turns", [True, False])
 @pytest.mark.parametrize("pinned", [True, False])
+@pytest.mark.often("True-True-True", "False-False-False")
 def test_gravity_wrench_and_thrust_are_those_of_newton_and_euler(
     pinned: bool, turns: bool, axial: bool
 ) -> None:
@@ -304,6 +306,7 @@ def gap(
     ],
     ids=["top", "cube", "brick"],
 )
+@pytest.mark.often("brick")
 def test_springs_approach_their_twin_as_one_over_stiffness(body, pinned, gravity, how) -> None:
     stiffness = np.array([1e5, 1e6, 1e7, 1e8])
     gaps = [gap(body, k, pinned, gravity, how) for k in stiffness]
@@ -349,6 +352,7 @@ def test_every_copy_has_the_bits_of_a_single_one_for_all_threads() -> None:
         np.testing.assert_array_equal(copies.measure().work, np.repeat(single.measure().work, 19))
 
 
+@pytest.mark.seldom
 def test_copies_with_masses_of_their_own_move_as_bodies_of_those_masses() -> None:
     masses = UNBALANCED.masses * np.linspace(1.0, 2.0, 14)
     scene = driven(pinned=True)
@@ -435,6 +439,7 @@ def two_masses(simulator: Simulator) -> None:
     ("change", "reason"),
     [(on_a_line, "on one line in copy 1"), (two_masses, "no moment of inertia")],
 )
+@pytest.mark.seldom
 def test_what_leaves_no_orientation_or_no_moment_changes_nothing(change, reason: str) -> None:
     """Rounding decides: the particles are not quite on one line, and every mass is positive."""
     simulator = Simulator(Scene(cube(), gravity=None), copies=3, dynamics="rigid", varying=("masses",))

@@ -52,6 +52,7 @@ def test_names_do_not_lie_on_each_other(heights):
 
 
 @pytest.mark.parametrize("name", REPORT)
+@pytest.mark.often("cube-swing", "bounce", "crossover")
 def test_figures_of_the_repository(name, tmp_path, monkeypatch):
     drawn = []
     monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: drawn.append(figure))
@@ -124,6 +125,7 @@ def test_names_can_be_read_on_white_and_in_the_dark(color):
     assert np.argsort(name, kind="stable").tolist() == np.argsort(to_rgb(color), kind="stable").tolist()
 
 
+@pytest.mark.seldom
 def test_one_command_makes_figures_anew(tmp_path):
     command = [sys.executable, str(DOCS / "figures.py"), "speed", "--out", str(tmp_path)]
     subprocess.run(command, check=True, capture_output=True, timeout=300)

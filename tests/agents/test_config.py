@@ -135,6 +135,7 @@ def test_wrong_override_is_named(load, override, says):
 
 
 @pytest.mark.parametrize("algo", [algo for algo in config.ONLINE if algo != "her"])
+@pytest.mark.often("ppo", "linear")
 def test_every_environment_has_an_entry(algo):
     ids = [spec.id for spec in gym.registry.values() if str(spec.vector_entry_point).startswith("springgym")]
     assert ids, "springgym registered no environment"

@@ -92,6 +92,7 @@ def test_a_cube_at_rest_is_pushed_down():
 
 
 @pytest.mark.parametrize("action", ["torque", "impulse"])
+@pytest.mark.often("torque")
 def test_erects_the_top(action):
     kwargs = {"action": action}
     classical, zero = (
@@ -124,6 +125,7 @@ def seen_by(task, usual, seen):
     ("env_id", "action"),
     [pytest.param(*pair, marks=pytest.mark.slow if pair[0] in COLLIDING else ()) for pair in HARD],
 )
+@pytest.mark.often("SpringTop-v0-torque", "SpringTumble-v0-wrench")
 def test_weaker_actuators_are_asked_for_the_same(env_id, action):
     """Where nothing saturates, what the actuators do is the same with ``hard=True``."""
     tasks, controller = [], []

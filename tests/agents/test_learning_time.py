@@ -3,9 +3,11 @@
 import json
 
 import learning_time
+import pytest
 from conftest import HERE
 
 
+@pytest.mark.seldom
 def test_learning_ends_where_the_task_is_learned_and_is_told_apart(tmp_path, capsys):
     """What is physics, what the policy and what learning adds up to the seconds."""
     path = tmp_path / "rows.json"

@@ -57,6 +57,7 @@ def test_gif_drops_frames_above_25_a_second(right, tmp_path, monkeypatch):
         *(pytest.param(*given.values, ".gif", marks=given.marks) for given in few_ids(KINDS)),
     ],
 )
+@pytest.mark.often("SpringTop-v0-.gif")
 def test_films_play_in_real_time(env_id, suffix, tmp_path):
     """At the environment's own rate; a picture of a GIF stays for as long as browsers can keep to."""
     steps, path = 6, tmp_path / f"film{suffix}"
@@ -163,6 +164,7 @@ def command_without(modules, *arguments):
     return subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True)
 
 
+@pytest.mark.seldom
 def test_a_published_agent_is_watched_without_stable_baselines3_and_pytorch(tmp_path):
     path = tmp_path / "top.gif"
     lacks = ["stable_baselines3", "sb3_contrib", "torch"]

@@ -122,6 +122,7 @@ def wrong_for(right: Any) -> list[Any]:
 
 
 @pytest.mark.parametrize(("number", "argument"), arguments(DOORS))
+@pytest.mark.often("Body-*", "cube-*", "top-*", "start-*", "Material-*0", "Round-*")
 def test_an_argument_is_refused_by_name_or_right(number: int, argument: str) -> None:
     """Whatever it is: refused, or the result holds finite numbers, and no warning is given."""
     call, right = DOORS[number]

@@ -95,6 +95,7 @@ DOORS = [
 
 
 @pytest.mark.parametrize(("number", "argument"), [p for p in arguments(DOORS) if p.values[1] != "options"])
+@pytest.mark.often("*-step", "*-copies", "*-dtype", "*-integrator", "*-dynamics", "*-varying", "*-scene")
 def test_an_option_is_refused_by_name_or_right(number: int, argument: str) -> None:
     """Whatever it is: refused, or the simulator stands, and no warning is given."""
     call, right = DOORS[number]

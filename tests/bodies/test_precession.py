@@ -33,6 +33,7 @@ def test_what_is_no_heavy_top(body, pinned, gravity, why):
 
 
 @pytest.mark.parametrize("name", ["steel", "beech"])
+@pytest.mark.often("beech")
 def test_gap_goes_with_the_softness_and_the_square_of_the_spin(name):
     body = solid_top(0.03, 0.04, name)
     pin = body.parts["tip"]
@@ -45,6 +46,7 @@ def test_gap_goes_with_the_softness_and_the_square_of_the_spin(name):
     assert precession_gap(body, pin, G, 0.35, 600.0) == pytest.approx(4 * gap, rel=0.08)
 
 
+@pytest.mark.seldom
 def test_paper_top_has_a_gap_too():
     """Measured in docs/accuracy.md as 2.6e-3 after 1 s at 40 rad/s, of its ring."""
     body = top()

@@ -57,6 +57,7 @@ def reached(body):
 
 
 @pytest.mark.parametrize(("shape", "name"), EVERY)
+@pytest.mark.often("top-*", "stone-nylon")
 def test_every_material_and_shape(shape, name):
     body = SHAPES[shape](name)
     solid = body.solid
@@ -124,6 +125,7 @@ def test_crown_at_the_top_would_have_no_masses():
 
 @pytest.mark.parametrize("ring", [4, 5, 8, 12])
 @pytest.mark.parametrize("ratio", [0.3, 0.5, 1.5, 3.0])
+@pytest.mark.often("0.3-4", "1.5-5", "3.0-12")
 def test_tops_of_all_shapes(ring, ratio):
     for material in ("steel", "rubber"):
         frequency, stretch = reached(solid_top(ratio * 0.04, 0.04, material, ring))
@@ -133,6 +135,7 @@ def test_tops_of_all_shapes(ring, ratio):
 
 @pytest.mark.parametrize("name", MATERIALS)
 @pytest.mark.parametrize("ratio", [0.3, 0.5, 0.75, 1.0, 2.0])
+@pytest.mark.often("*-steel", "1.0-rubber")
 def test_precession_slows_by_two_thirds_of_what_it_does_in_a_solid_or_more(ratio, name):
     """The contraction along the axis is out of reach for so few springs; this is what is left of it."""
     solid = solid_top(ratio * 0.04, 0.04, name).solid

@@ -12,6 +12,7 @@ import numpy as np
 from springgym import packing, simulator
 from springgym.checks import HUGE
 from springgym.collisions import Shape
+from springgym.contact.cone import Stribeck
 from springgym.contact.pairs import Pairs
 from springgym.contact.round import Rolling, packed_rounds
 from springgym.contact.spheres import Spheres
@@ -19,11 +20,13 @@ from springgym.contact.totals import ENTRIES
 from springgym.core import ragged
 from springgym.core.blocks import aligned_zeros, to_copies
 from springgym.core.kinds import Each, Ragged
+from springgym.envs.episodes import Episodes
 from springgym.forces import Terms
 from springgym.forces.actuators import Drive, Thrust, Wrench
 from springgym.integrators.node import Space
 from springgym.scene import Scene
 from springgym.simulator import Simulator
+from springgym.stability import Vibrations
 from springgym.surfaces import Contact, Plane
 from tests.collisions.world import with_all_features
 
@@ -46,7 +49,8 @@ def with_all_terms(scene: Scene) -> Scene:
 
 
 ALIKE = frozenset({"masses", "stiffness", "lengths", "gravity"})
-"""If one of these parameters varies, tests let all of them vary, so that scenes share code."""
+"""If one of these parameters varies, tests let all of them vary, so that scenes share code; where nothing
+collides, in all scenes."""
 
 
 def shares_code(scene: Scene, method: str, twin: bool) -> bool:
@@ -55,6 +59,10 @@ def shares_code(scene: Scene, method: str, twin: bool) -> bool:
     level = all(isinstance(surface, Plane) for surface in scene.surfaces)
     usual = isinstance(scene.contact, Contact) and not any(placed.forces for placed in scene.bodies)
     return level and (bool(scene.meetings) or (usual and (twin or method == "verlet")))
+
+
+COULOMB = Stribeck(np.zeros(1), np.ones(1))
+"""A law of friction that does not fall."""
 
 
 class Packing:
@@ -75,12 +83,16 @@ def all_kinds_of_terms() -> Iterator[None]:
 
     What a scene does not have does nothing there: gravity, damping, friction, loss and radii of zero, no
     round features, idle actuators, and `FAR` where bodies that collide have no surface. Numbers that are the
-    same in all bodies that collide are of each body.
+    same in all bodies that collide are of each body. In environments with contact dampers act in every step,
+    where their tasks ask for cycles.
     """
     pack, share, pack_pairs = packing._packed, packing._shared, packing.pack_pairs
     make_space, make_spheres = packing.node_workspace, packing.new_spheres
     whole_pack, make_workspaces = packing.pack, packing.workspaces
-    actuators, stack = packing._actuators, ragged.stacked
+    actuators, stack, cycles_in = packing._actuators, ragged.stacked, Episodes._cycles_in
+
+    def in_cycles(self: Episodes, of: Vibrations, steps: int, exactly: bool) -> tuple[int, int]:
+        return (steps, 1) if self.task.scene.can_touch else cycles_in(self, of, steps, exactly)
 
     def pack_whole(scene: Scene, twin: bool, options: packing.Options) -> Any:
         Packing.shares, Packing.twin = shares_code(scene, options.method.name, twin), twin
@@ -98,13 +110,16 @@ def all_kinds_of_terms() -> Iterator[None]:
         names = {"friction", "restitution"} if rubs else set()
         names |= set() if twin else {"damping"}
         names |= {"strength"} if whole.surfaces and not whole.meetings else set()
-        names |= ALIKE if given.varying & ALIKE and not twin else set()
+        names |= ALIKE if not twin and (given.varying & ALIKE or not whole.meetings) else set()
         return given._replace(varying=given.varying | names)
 
     def shared(whole: Scene, given: packing.Options) -> Terms:
         if not Packing.shares:
             return share(whole, given)
-        return share(with_gravity(whole), varied(whole, given, Packing.twin))
+        terms = share(with_gravity(whole), varied(whole, given, Packing.twin))
+        if Packing.twin or whole.meetings or not whole.surfaces:
+            return terms
+        return terms._replace(friction_law=terms.friction_law or COULOMB)
 
     def packed(part: Scene, whole: Scene, terms: Terms, twin: bool, given: packing.Options) -> packing.Packed:
         if not Packing.shares:
@@ -176,6 +191,7 @@ def all_kinds_of_terms() -> Iterator[None]:
     with (
         mock.patch.multiple(packing, **changed, stacked=stacked),
         mock.patch.multiple(simulator, pack=pack_whole, stacked=stacked),
+        mock.patch.object(Episodes, "_cycles_in", in_cycles),
     ):
         yield
 

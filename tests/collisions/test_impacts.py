@@ -86,6 +86,7 @@ EACH_PAIR = pytest.mark.parametrize(
 
 
 @EACH_PAIR
+@pytest.mark.often("cubes")
 def test_random_impacts(first: Body, second: Body, median: float, most: float) -> None:
     """At v h = Δ/15 energy is kept to some 1e-5, and to 1e-3 in 99 of 100; momenta to round-off."""
     found = collided(first, second, 2.0, 240, 1)

@@ -21,6 +21,8 @@ from springgym.surfaces import Contact
 from tests.collisions.stepped import full
 from tests.collisions.test_rows import found
 
+pytestmark = pytest.mark.seldom
+
 COPIES, REACH = 16, 0.02
 CUBE, ROPE, BALL = cube(), rope(5, radius=0.02), ball(0.1, 0.2)
 CENTRED = [body.positions - body.positions.mean(axis=0) for body in (CUBE, CUBE, ROPE, BALL)]

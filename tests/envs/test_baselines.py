@@ -45,6 +45,7 @@ def test_every_action_mode_has_a_classical_controller() -> None:
 
 
 @each_case
+@pytest.mark.often("SpringTop-v0-torque", "SpringTumble-v0-wrench", "SpringShove-v0-*")
 def test_classical_succeeds_and_idleness_does_not(env_id: str, action: str) -> None:
     check(env_id, action, 8)
 

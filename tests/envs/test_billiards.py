@@ -169,6 +169,7 @@ def nearly(seen: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("other", [waiting, straight, nearly])
+@pytest.mark.often("straight")
 def test_only_a_precise_stroke_pays(other: Policy) -> None:
     honest, cheat = (play(ENV, policy, COPIES, observation="frame") for policy in (classical(ENV), other))
     assert honest.successes.mean() >= 0.9

@@ -29,6 +29,7 @@ def ranges(env_id: str) -> dict[str, Any]:
 
 
 @each_id
+@pytest.mark.often("SpringTop-v0", "SpringShove-v0")
 def test_films_play_in_real_time(env_id: str) -> None:
     """One picture a control period; the class says so as well, for who asks before making one."""
     rate = frame_rate(task_type(env_id))
@@ -85,6 +86,7 @@ def same_keys(env_id: str, ranges: Any) -> None:
 
 
 @each_id
+@pytest.mark.often("SpringTop-v0", "SpringLabyrinth-v0", "SpringShove-v0")
 def test_metrics_of_the_start(env_id: str) -> None:
     """They are those of the first observation: a control period changes them little, another start much."""
     env = make(env_id)
@@ -205,6 +207,7 @@ except ImportError as error:
 """
 
 
+@pytest.mark.seldom
 def test_scene_environments_need_the_base_install_alone() -> None:
     """Scenes as text need PyYAML, and say so."""
     done = subprocess.run([sys.executable, "-c", BASE_ONLY], capture_output=True, text=True, timeout=300)

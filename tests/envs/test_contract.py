@@ -44,6 +44,7 @@ from tests.envs.cases import (
 
 @pytest.mark.usefixtures("small_pictures")
 @first_case
+@pytest.mark.seldom("SpringDuel*")
 def test_checkers(env_id: str, options: dict[str, Any]) -> None:
     """Gymnasium's and SB3's checkers find nothing; pytest turns warnings into errors."""
     check_env(make(env_id, render_mode="rgb_array", **options).unwrapped)
@@ -70,6 +71,12 @@ RARE = {"SpringTower-v0": sliding, "SpringBilliards-v0": before_the_pocket}
 
 @each_case
 @pytest.mark.parametrize("policy", ["random", "bang-bang"])
+@pytest.mark.often(
+    "random-SpringTop-v0-particles-torque-*",
+    "bang-bang-SpringTop-v0-frame-impulse-*",
+    "bang-bang-SpringTumble-v0-frame-*",
+    "random-SpringShove-v0-particles-*",
+)
 def test_values_stay_in_bounds(env_id: str, options: dict[str, Any], policy: str) -> None:
     envs = make_vec(env_id, 16, "native", "SameStep", **options)
     rng = np.random.default_rng(0)
@@ -195,6 +202,12 @@ def compare_with_sync(env_id: str, autoreset: str, steps: int, copies: int, **op
 
 @each_case
 @pytest.mark.parametrize("autoreset", [mode.value for mode in AutoresetMode])
+@pytest.mark.often(
+    "NextStep-SpringTop-v0-particles-torque-*",
+    "SameStep-SpringTop-v0-frame-impulse-*",
+    "Disabled-SpringTumble-v0-particles-*",
+    "SameStep-SpringShove-v0-frame-*",
+)
 def test_native_equals_sync(env_id: str, options: dict[str, Any], autoreset: str) -> None:
     """Observations, rewards, ends and infos are those of as many single environments, to the bit."""
     assert compare_with_sync(env_id, autoreset, 60, 3, **options) > 0
@@ -217,6 +230,7 @@ def test_native_equals_sync_for_10000_steps(env_id: str, autoreset: str) -> None
 @pytest.mark.parametrize(
     "variant", [{"threads": 2}, {"threads": 1}, pytest.param({"dtype": "float32"}, marks=pytest.mark.slow)]
 )
+@pytest.mark.often("variant0-*")
 def test_copies_do_not_depend_on_each_other(env_id: str, variant: dict[str, int]) -> None:
     """Copy 0 of 1, 2 and 40 copies, on one or two threads, lives the same life."""
     lives = []

@@ -24,6 +24,7 @@ def play(what: Round = USUAL, seed: int = 0, length: int = 120) -> Player:
 
 
 @pytest.mark.parametrize("autoreset", ["NextStep", "SameStep", "Disabled"])
+@pytest.mark.often("SameStep")
 def test_rounds(autoreset: str) -> None:
     player = play(USUAL._replace(autoreset=autoreset))
     assert player.steps == 3 * 120

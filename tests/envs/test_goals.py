@@ -36,6 +36,7 @@ def batch(env_id: str, copies: int, autoreset: str = "NextStep", **options: Any)
 
 @pytest.mark.usefixtures("small_pictures")
 @pytest.mark.parametrize("env_id", WITH_GOALS)
+@pytest.mark.often("SpringRope-v0", "SpringTumble-v0")
 def test_checkers(env_id: str, capsys: pytest.CaptureFixture[str]) -> None:
     """SB3's sees that it is a ``GoalEnv``, and computes the reward again."""
     env = make(env_id, render_mode="rgb_array", **APART).unwrapped
@@ -45,6 +46,7 @@ def test_checkers(env_id: str, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize("env_id", WITH_GOALS)
+@pytest.mark.often("SpringRope-v0", "SpringTumble-v0")
 def test_the_reward_is_the_sparse_one_and_that_of_the_goals(env_id: str) -> None:
     options, steps = NEAR[env_id]
     apart, sparse = batch(env_id, 48, **APART), batch(env_id, 48, sparse=True)
@@ -194,6 +196,7 @@ def test_rewards_of_no_goals() -> None:
 
 
 @pytest.mark.parametrize("native", [True, False])
+@pytest.mark.often("True")
 def test_hindsight_of_stable_baselines3(native: bool) -> None:
     """Goals that were reached later are rewarded, though the one that was asked for never was."""
     options = {"max_episode_steps": 20, **APART}

@@ -112,6 +112,7 @@ def test_a_ball_above_a_hole_falls(inside: bool) -> None:
     assert not info["is_success"]
 
 
+@pytest.mark.seldom
 def test_classical_control_goes_the_way() -> None:
     played = play(ENV, classical(ENV), 50, observation="frame")
     assert played.successes.mean() >= 0.9
@@ -126,6 +127,7 @@ def test_waiting_does_not_pay() -> None:
 
 
 @pytest.mark.parametrize("holes", [True, False])
+@pytest.mark.often("False")
 def test_the_end_is_not_reached_past_the_way(holes: bool) -> None:
     """A ball that rolls straight to the end falls; without holes it arrives, and has earned little."""
     envs = make_vec(ENV, COPIES, "native", "SameStep", observation="frame")

@@ -34,6 +34,7 @@ def red(marks):
 
 
 @each_action
+@pytest.mark.seldom("SpringDuel-*")
 def test_every_entry_of_the_action_is_seen(env_id: str, action: str) -> None:
     """Red arrows tell how much of it acts, and which way; none is there where nothing acts."""
     env = make(env_id, action=action)
@@ -48,6 +49,7 @@ def test_every_entry_of_the_action_is_seen(env_id: str, action: str) -> None:
 
 
 @each_action
+@pytest.mark.seldom("SpringDuel-*")
 def test_the_key_says_what_is_there(env_id: str, action: str) -> None:
     """Every colour of the key is in the picture, and every arrow and target has its colour in the key."""
     env = make(env_id, action=action)
@@ -73,6 +75,7 @@ def test_the_key_says_what_is_there(env_id: str, action: str) -> None:
         for action in task_type(env_id).actions
     ],
 )
+@pytest.mark.often("SpringTop-v0-torque", "SpringShove-v0-push")
 def test_pictures_show_the_action(env_id: str, action: str) -> None:
     env = make(env_id, action=action, render_mode="rgb_array")
     shown = []
@@ -85,6 +88,7 @@ def test_pictures_show_the_action(env_id: str, action: str) -> None:
     assert max(shown) > shown[0] + 100
 
 
+@pytest.mark.seldom
 def test_duel_tells_the_tops_apart() -> None:
     """The colours that the key gives them are those of their own faces."""
     env = make("SpringDuel-v0")

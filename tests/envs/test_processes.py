@@ -32,6 +32,7 @@ def expected(steps: int) -> list[np.ndarray]:
 @pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
 @pytest.mark.usefixtures("stepped_parent")
 @pytest.mark.parametrize("context", ["fork", "spawn"])
+@pytest.mark.often("fork")
 def test_async_vector_env(context: str) -> None:
     envs = gym.vector.AsyncVectorEnv([lambda: gym.make("springgym:SpringTop-v0")] * 2, context=context)
     observation, _ = envs.reset(seed=[3, 4])

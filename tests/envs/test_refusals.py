@@ -118,6 +118,7 @@ FREE_OF_LOSS = {"friction": 0, "restitution": 1}
 
 @each_kind
 @pytest.mark.parametrize("suffix", ["Env", pytest.param("VectorEnv", marks=pytest.mark.slow)])
+@pytest.mark.often("Env-SpringTumble-v0", "Env-SpringShove-v0")
 def test_every_argument_of_every_environment(
     env_id: str, suffix: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -169,6 +170,7 @@ def options(env_id: str) -> list[str]:
 
 @each_kind
 @pytest.mark.parametrize("copies", [None, 3])
+@pytest.mark.often("None-SpringTop-v0", "3-SpringTumble-v0")
 def test_every_option_and_seed_of_a_reset(env_id: str, copies: int | None) -> None:
     """What is refused changes nothing, nor consumes random numbers; what is taken starts soundly."""
     factor = "masses" if env_id in QUICK else "actuator"  # the latter is compiled with nothing new
@@ -206,6 +208,7 @@ def test_every_option_and_seed_of_a_reset(env_id: str, copies: int | None) -> No
 
 @each_kind
 @pytest.mark.parametrize("copies", [None, 2])
+@pytest.mark.often("None-SpringTop-v0", "2-SpringTumble-v0")
 def test_every_action(env_id: str, copies: int | None) -> None:
     env = make(env_id).unwrapped if copies is None else make_vec(env_id, copies, "native", "SameStep")
     env.reset(seed=3)
@@ -337,6 +340,7 @@ BESIDE: dict[str, dict[str, Any]] = {
 
 
 @pytest.mark.parametrize("name", [name for name in FUNCTIONS if name != "marks"])
+@pytest.mark.often("reward", "observe", "start", "remember")
 def test_every_answer_of_a_users_function(name: str) -> None:
     for answer in ANSWERS:
         given = RIGHT | BESIDE.get(name, {}) | {name: lambda *_, answer=answer: answer, "num_envs": 2}

@@ -99,6 +99,7 @@ def starts(env_id: str, options: dict[str, Any]) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("env_id", "options"), VARIANTS, ids=str)
+@pytest.mark.often("SpringTop-v0-*torque*", "SpringTumble-v0-*wrench*", "SpringShove-v0-*")
 def test_starts_under_another_library(
     env_id: str, options: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -215,6 +216,7 @@ VARIED = [
 
 
 @pytest.mark.parametrize(("env_id", "arguments"), VARIED, ids=lambda value: str(value)[:40])
+@pytest.mark.seldom("SpringDuel*")
 def test_every_corner_of_the_reset_options_can_be_started_from(env_id: str, arguments: dict) -> None:
     """All options at a bound at once: one alone may fit where two together lean a ring into a bowl."""
     env = gym.make(env_id, **arguments)

@@ -74,6 +74,7 @@ def test_state_of_a_batch_returns_through_wrappers(autoreset: str, options: dict
 @pytest.mark.parametrize(
     "env_id", few_ids(["SpringTumble-v0"], ["SpringTumble-v0", "SpringFreeTop-v0", "SpringBalance-v0"])
 )
+@pytest.mark.seldom
 def test_state_amid_contact_returns_where_masses_vary(env_id: str) -> None:
     """What a surface or another body holds is part of it."""
     env = make_vec(env_id, 4, "native", "SameStep", randomize={"masses": (0.9, 1.1)})
@@ -278,6 +279,9 @@ def broken_off(patch: pytest.MonkeyPatch, env: Any, where: str, call: Callable[[
 @pytest.mark.parametrize(
     ("step", "where"), [(True, where) for where in STEPS] + [(False, where) for where in RESETS]
 )
+@pytest.mark.often(
+    "True-advance-3", "True-_evaluate-None", "True-told-3", "False-place-None", "False-observe-3"
+)
 def test_after_a_call_that_broke_off_a_reset_is_asked_for(
     monkeypatch: pytest.MonkeyPatch, copies: int | None, step: bool, where: str
 ) -> None:
@@ -416,6 +420,7 @@ FACTORS = answered(IDS[0])
         pytest.param(IDS[0], {"dynamics": "rigid"}, marks=pytest.mark.slow),
     ],
 )
+@pytest.mark.often("*-options0", "*-options3")
 def test_copies_continue_a_single_environment(env_id: str, options: dict[str, Any]) -> None:
     """To the bit, over two ends of its episodes; what the other copies do is not touched."""
     single = make(env_id, max_episode_steps=30, **options)

@@ -42,6 +42,7 @@ def plainly(info: dict[str, Any]) -> dict[str, Any]:
         {"dynamics": "rigid"},
     ],
 )
+@pytest.mark.often("options0", "options3")
 def test_nothing_else_changes(options: dict[str, Any]) -> None:
     plain, watched = batch(**options), batch(error=True, **options)
     (before, _), (seen, its) = (envs.reset(seed=1) for envs in (plain, watched))
@@ -61,6 +62,7 @@ def test_nothing_else_changes(options: dict[str, Any]) -> None:
 @pytest.mark.parametrize(
     ("randomize", "every", "off"), [(None, None, 0.03), (RANDOM, None, 0.03), (RANDOM, 1, 0.005)]
 )
+@pytest.mark.often("None-*")
 def test_it_is_the_distance_from_finer_steps(
     randomize: dict[str, Any] | None, every: int | None, off: float
 ) -> None:

@@ -76,6 +76,7 @@ def test_what_the_torque_of_the_free_top_does_is_told_too() -> None:
 
 
 @each_row
+@pytest.mark.seldom("SpringDuel*")
 def test_limits_are_what_actuators_are_given(row: Row) -> None:
     """At ±1, one entry after the other, beside what always acts; an impulse is a force for a period."""
     for action, size in task_type(row.id).actions.items():
@@ -282,6 +283,7 @@ def of_several(task: Task, m: Any, x: np.ndarray, goal: np.ndarray) -> dict[str,
 
 
 @each_row
+@pytest.mark.seldom("SpringDuel*")
 def test_entries_are_what_is_observed(row: Row) -> None:
     """`Task.seen` gives back, in SI units, what the kernel has scaled."""
     envs = gym.make_vec(row.id, num_envs=3, vectorization_mode="vector_entry_point", observation="frame")

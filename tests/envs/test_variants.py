@@ -29,12 +29,14 @@ LEAST = {
 
 @pytest.mark.usefixtures("small_pictures")
 @each_variant
+@pytest.mark.often("SpringTopHard-v0", "SpringDetumbleFlat-v0")
 def test_checkers(variant: Variant) -> None:
     contract.check_env(make(variant.id, render_mode="rgb_array").unwrapped)
     contract.check_env_sb3(make(variant.id))
 
 
 @each_variant
+@pytest.mark.seldom("SpringDuel*")
 def test_it_is_its_environment_with_its_arguments(variant: Variant) -> None:
     """The same episode to the bit, alone and in a batch, and from its spec."""
     ours, theirs = make(variant.id), make(variant.of, **variant.arguments)
@@ -64,6 +66,7 @@ def test_names_are_told_apart() -> None:
 
 
 @each_variant
+@pytest.mark.often("SpringTopHard-v0", "SpringTopSparse-v0")
 def test_it_can_be_done(variant: Variant) -> None:
     """A classical controller succeeds."""
     if variant.id in CLASSICAL_FAILS:
@@ -75,6 +78,7 @@ def test_it_can_be_done(variant: Variant) -> None:
 
 
 @each_variant
+@pytest.mark.often("SpringTopHard-v0", "SpringDetumbleFlat-v0", "SpringShoveSparse-v0")
 def test_doing_nothing_does_not_do_it(variant: Variant) -> None:
     env = make(variant.id)
     policy = make_controller("zero", variant.id, {}, env.action_space)

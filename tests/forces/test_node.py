@@ -60,6 +60,7 @@ def test_one_call_is_many_to_the_bit(surfaces: Any) -> None:
 
 
 @pytest.mark.own_kernels
+@pytest.mark.seldom
 def test_a_copy_placed_amid_the_steps_of_others_is_as_one_alone() -> None:
     """The directions of dampers' sweeps, and where nodes begin, are each copy's own."""
     for before in (3, 4):

@@ -35,7 +35,7 @@ the load changes; a rigid ball settles on the floor to rounding."""
 each_dynamics = pytest.mark.parametrize(
     "dynamics", [pytest.param("rigid", marks=pytest.mark.slow), "springs"]
 )
-"""Rigid bodies with resistance take a kernel of their own, which slow tests alone compile."""
+"""Resistance takes kernels of its own, which slow tests alone compile."""
 
 
 def run(dynamics: str, duration: float, surface: Surface = LEVEL, **begins: Any) -> tuple[Any, Measures]:
@@ -51,6 +51,24 @@ def run(dynamics: str, duration: float, surface: Surface = LEVEL, **begins: Any)
     return 0.01 * np.arange(len(rows)), Measures(*map(np.array, zip(*rows, strict=True)))
 
 
+@pytest.mark.seldom
+def test_ball_rolls_and_spins_ever_slower() -> None:
+    """By the coefficients, within a few steps: `tests/test_plain.py` takes them in every run."""
+    speed, spin, steps = 0.3, 4.0, 5
+    scene = placed(BALL, (LEVEL,), HOW, velocity=(speed, 0, 0), omega=(0, speed / RADIUS, spin))
+    simulator = Simulator(scene, dynamics="rigid", step=STEP["rigid"])
+    seen = []
+    for _ in range(2):
+        simulator.advance(steps)
+        m = simulator.measure()
+        seen.append([m.centre_velocity[0, 0], m.angular_velocity[0, 2]])
+    rolls = speed / rolling.resisted_way(speed, MOMENT, RHO, RADIUS, G)[1]
+    turns = spin / rolling.resisted_spin(spin, MOMENT, TAU, RADIUS, G)
+    slower = -np.diff(seen, axis=0)[0] / (steps * simulator.step)
+    assert slower == pytest.approx([rolls, turns], rel=1e-2)
+
+
+@pytest.mark.seldom
 @each_dynamics
 def test_ball_rolls_to_a_stop_and_stays(dynamics: str) -> None:
     """The ledger holds all that it had: it is lost to resistance, and enters as friction."""
@@ -70,6 +88,7 @@ def test_ball_rolls_to_a_stop_and_stays(dynamics: str) -> None:
     assert np.ptp(m.balance[1:]) < (1e-12 if dynamics == "rigid" else 1e-4 * energy)
 
 
+@pytest.mark.seldom
 @each_dynamics
 @pytest.mark.parametrize("ratio", [0.95, 2.0])
 def test_slope_holds_a_ball_up_to_the_angle_of_resistance(ratio: float, dynamics: str) -> None:
@@ -88,6 +107,7 @@ def test_slope_holds_a_ball_up_to_the_angle_of_resistance(ratio: float, dynamics
         assert measured == pytest.approx(expected, rel=2 * SAG[dynamics])
 
 
+@pytest.mark.seldom
 @each_dynamics
 def test_spin_about_the_vertical_stops(dynamics: str) -> None:
     spin = 4.0
@@ -100,6 +120,7 @@ def test_spin_about_the_vertical_stops(dynamics: str) -> None:
     assert np.abs(m.angular_velocity[-1]).max() < 1e-5
 
 
+@pytest.mark.seldom
 @each_dynamics
 def test_the_direction_in_which_it_rolls_does_not_matter(dynamics: str) -> None:
     """A sphere of a few particles is alike in a few directions alone: there is more than rounding."""

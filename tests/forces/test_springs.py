@@ -56,6 +56,7 @@ def results(copies: int, dtype: Any, particles: int, springs: int) -> list[np.nd
     ],
 )
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.often("float64-*")
 def test_a_single_copy_has_the_bits_of_one_of_a_block(dtype: Any, particles: int, springs: int) -> None:
     single, block = results(1, dtype, particles, springs), results(2, dtype, particles, springs)
     for ours, theirs in zip(single, block, strict=True):

@@ -56,6 +56,7 @@ def assert_same(one: list[np.ndarray], other: list[np.ndarray]) -> None:
 
 @pytest.mark.parametrize(("every", "height"), [(2, None), (EVERY, None), (EVERY, NEAR)])
 @pytest.mark.parametrize("cuts", [[1] * 40, [3, 3, 1, 5, 0, 28], [37, 3]])
+@pytest.mark.seldom("*--0.03")
 def test_calls_cut_anywhere_give_the_same_bits(every: int, height: float | None, cuts: list[int]) -> None:
     whole, cut = (spun(every, height, copies=1) for _ in range(2))
     whole.advance(40)
@@ -115,6 +116,7 @@ def assert_struck(made: Simulator, copy: int = 0) -> None:
 
 
 @pytest.mark.parametrize("cuts", [[1] * 400, [3, 133, 1, 5, 0, 258]])
+@pytest.mark.seldom
 def test_colliding_bodies_give_the_same_bits_in_calls_cut_anywhere(cuts: list[int]) -> None:
     whole, cut = struck(), struck()
     whole.advance(400)
@@ -143,6 +145,7 @@ def test_copies_of_colliding_bodies_amid_different_cycles_are_as_alone() -> None
 
 
 @pytest.mark.parametrize("amid", [0, 3])
+@pytest.mark.seldom
 def test_ledger_of_colliding_bodies_closes(amid: int) -> None:
     gaps = []
     for finer in (1, 4):
@@ -155,6 +158,7 @@ def test_ledger_of_colliding_bodies_closes(amid: int) -> None:
     assert gaps[1] < gaps[0] / 10
 
 
+@pytest.mark.seldom
 def test_colliding_bodies_move_as_with_dampers_in_every_step() -> None:
     """In cycles of two steps the error is no more than doubled; in longer ones it falls with the step."""
     ends = {}
@@ -203,6 +207,7 @@ def numbers_of_steps(made: Simulator) -> float:
 
 @pytest.mark.parametrize("height", [None, FAR])
 @pytest.mark.parametrize("amid", [0, 1, 4])
+@pytest.mark.seldom("*--9.0")
 def test_order_stays_two(amid: int, height: float | None) -> None:
     """Where cycles end, and amid them, where the state is read as if they did."""
     counts = 240 * np.array([1, 2, 4])
@@ -219,6 +224,7 @@ def test_order_stays_two(amid: int, height: float | None) -> None:
 
 @pytest.mark.parametrize("height", [None, FAR])
 @pytest.mark.parametrize("amid", [0, 4])
+@pytest.mark.seldom("*--9.0")
 def test_ledger_closes(amid: int, height: float | None) -> None:
     counts, gaps = 240 * np.array([1, 2, 4]), []
     for count in counts.tolist():
@@ -307,6 +313,7 @@ def test_where_all_acts_at_every_step(reason: str) -> None:
 @pytest.mark.parametrize(
     "scene", [tops(100.0).with_(surfaces=(floor(-0.5),)), CUBES], ids=["floor", "bodies"]
 )
+@pytest.mark.seldom("bodies")
 def test_where_there_is_contact_cycles_are_asked_for(scene: Scene) -> None:
     assert Simulator(scene).damping_every == 1
     assert Simulator(scene, damping_every=4).damping_every == 4
@@ -352,6 +359,8 @@ def test_a_control_period_is_of_whole_cycles(env_id: str) -> None:
     assert watched.error.finer.damping_every == every
 
 
+@pytest.mark.own_kernels
+@pytest.mark.seldom
 def test_a_task_among_surfaces_says_its_cycle() -> None:
     at = episodes("SpringFreeTop-v0")
     assert (at.simulator.damping_every, at.steps % 4) == (at.task.damping_every, 0)
@@ -361,6 +370,8 @@ def test_a_task_among_surfaces_says_its_cycle() -> None:
     assert episodes("SpringTumble-v0").simulator.damping_every == 1
 
 
+@pytest.mark.own_kernels
+@pytest.mark.seldom
 def test_a_task_of_colliding_bodies_says_its_cycle() -> None:
     at = episodes("SpringDuel-v0")
     assert (at.simulator.damping_every, at.steps % 4) == (at.task.damping_every, 0) == (2, 0)

@@ -183,6 +183,7 @@ def test_an_output_that_cannot_be_written_is_one_line():
 
 
 @pytest.mark.parametrize("option", ["--trace", "--plot", "--video"])
+@pytest.mark.often("--trace", "--video")
 def test_a_file_that_cannot_be_written_leaves_the_old_one(capsys, monkeypatch, tmp_path, option):
     def fails(*arguments):
         Path(arguments[-1]).write_text("half")
@@ -207,6 +208,7 @@ def test_too_little_memory_is_one_line(capsys, monkeypatch):
     assert capsys.readouterr().err == "springgym: error: not enough memory\n"
 
 
+@pytest.mark.seldom
 def test_options_change_the_plan(tmp_path):
     path = tmp_path / "trace.npz"
     assert main([*SHORT, "--integrator", "rk4", "--step", "1e-3", "--trace", str(path)]) == 0
@@ -231,6 +233,7 @@ def test_trace_as_text(tmp_path):
     assert float(rows[0]["y6"]) == load("cube-pendulum").scene.positions[6, 1]
 
 
+@pytest.mark.seldom
 def test_papers_method_is_one_switch(monkeypatch, capsys):
     seen = []
     monkeypatch.setattr(simulating, "record", lambda plan, **_: seen.append(plan) or record(plan))
@@ -350,6 +353,7 @@ PLOTTED = ("top", "cube-pendulum", "rope-swing", "cube-drop", "sliding-block")
 
 
 @pytest.mark.parametrize("name", marked([*PLOTTED, "flipping-box", "bouncing-ball", "top-on-ice"]))
+@pytest.mark.often("top")
 def test_plot_shows_the_recording(name, tmp_path):
     figure = draw(recorded(name))
     path = tmp_path / "plot.png"
@@ -454,6 +458,7 @@ each_body = pytest.mark.parametrize("name", ["flipping-box", "one particle at re
 
 @each_body
 @pytest.mark.parametrize("kind", PLOTS)
+@pytest.mark.often("top-flipping-box", "bodies-one *")
 def test_every_kind_of_plot_of_any_body(name, kind, monkeypatch):
     monkeypatch.setattr(plots, "FINER", 0.2)
     recording = brief(name)
@@ -474,6 +479,7 @@ def test_plot_of_a_line_shows_it_turn_as_theory_says():
 
 
 @pytest.mark.parametrize("name", ["bouncing-ball", "cube-pendulum", "top"])
+@pytest.mark.often("top")
 def test_the_shortest_run_can_be_drawn(name):
     recording = record(replace(load(name), duration=LEAST["duration"], step=None))
     draw(recording).draw_without_rendering()
@@ -484,6 +490,7 @@ FILMED = ("top", "gyroscope", "rope-swing", "cube-drop", "unbalanced-top")
 
 
 @pytest.mark.parametrize("name", marked([*FILMED, "bouncing-ball", "top-in-bowl", "spun-pair"]))
+@pytest.mark.often("rope-swing")
 def test_film_shows_the_body_in_the_picture(name):
     recording = recorded(name)
     pictures = list(frames(recording, fps=1.0, speed=1.0))
@@ -538,6 +545,7 @@ def test_the_light_end_of_an_uneven_ball_is_dark():
         assert not (np.asarray(even.triangle_colors) == INK).all(axis=1).any()
 
 
+@pytest.mark.seldom
 def test_film_is_written_in_real_time(tmp_path):
     imageio = pytest.importorskip("imageio.v3")
     path = tmp_path / "film.gif"

@@ -42,6 +42,7 @@ EVERY = [
 
 
 @pytest.mark.parametrize(("shape", "name"), EVERY)
+@pytest.mark.often("slender top-beech")
 def test_frequency_and_decay(shape, name):
     """Within 1e-4 and what calibration missed, and within half a per cent; energy to the method's order."""
     assert rings(struck(SHAPES[shape](name))) == [True] * 3
@@ -52,6 +53,7 @@ def test_frequency_and_decay(shape, name):
     [({"young": 1.001}, 0), ({"loss": 1.02}, 1)],
     ids=["stiffer by a thousandth", "lossier by a fiftieth"],
 )
+@pytest.mark.often("lossier*")
 def test_what_rings_otherwise_is_found(changes, fails):
     """The same ringing, held against a solid of another material."""
     recording = struck(SHAPES["cube"]("rubber"))

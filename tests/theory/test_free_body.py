@@ -36,6 +36,7 @@ def compare(inertia, omega, times, rigid_reference):
 
 
 @pytest.mark.parametrize("name", CASES)
+@pytest.mark.often("about the major axis", "near the middle axis", "sphere")
 def test_motion_against_integration(name, rigid_reference):
     inertia, omega = CASES[name]
     times = np.linspace(0, 3, 31)
@@ -56,6 +57,7 @@ component = st.floats(-4, 4)
 
 @settings(max_examples=15, deadline=None, derandomize=True, phases=[Phase.generate])
 @given(st.tuples(moment, moment, moment), st.tuples(component, component, component))
+@pytest.mark.seldom
 def test_any_motion_against_integration(rigid_reference, inertia, omega):
     assume(np.linalg.norm(omega) > 0.1)
     compare(inertia, omega, np.linspace(0, 3, 7), rigid_reference)

@@ -33,6 +33,7 @@ def skid_until_it_rolls(velocity, omega, radius=0.03, moment=SOLID, friction=0.2
 
 @pytest.mark.parametrize("restitution", [1.0, 0.9])
 @pytest.mark.parametrize("cut", [0.0, 0.7])
+@pytest.mark.often("0.7-0.9")
 def test_balls_roll_on_after_they_met(restitution, cut):
     came, radius = np.array([2.0, 0.0, 0.0]), 0.03
     line = np.array([math.cos(cut), math.sin(cut), 0.0])
@@ -49,6 +50,7 @@ def test_balls_roll_on_after_they_met(restitution, cut):
 
 @pytest.mark.parametrize("spin", [0.0, 60.0, -80.0])
 @pytest.mark.parametrize("friction", [0.0, 0.2, 2.0])
+@pytest.mark.often("0.2-60.0", "2.0--80.0")
 def test_wall_gives_the_sum_of_its_small_impulses(spin, friction):
     """Coulomb's law in each of 10⁴ parts of the normal impulse.
 

@@ -57,6 +57,7 @@ def compare(state, times, rigid_reference, body=PAPER):
 
 
 @pytest.mark.parametrize("name", CASES)
+@pytest.mark.often("cusps", "sleeping", "plane pendulum")
 def test_motion_against_integration(name, rigid_reference):
     reference, motion = compare(CASES[name], np.linspace(0, 2.5, 51), rigid_reference)
     assert reference.error < 2e-9
@@ -71,6 +72,7 @@ def test_motion_against_integration(name, rigid_reference):
     phi_dot=st.floats(-5, 5),
     i3=st.floats(0.1, 1.9),
 )
+@pytest.mark.seldom
 def test_any_motion_against_integration(rigid_reference, theta, omega3, theta_dot, phi_dot, i3):
     state = TopState(theta, omega3, theta_dot, phi_dot)
     body = top.HeavyTop(1.0, i3, 20.0)

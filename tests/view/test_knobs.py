@@ -18,6 +18,9 @@ LARGE = ("pile", "pile-300", "billiard-break", "dominoes")
 @pytest.mark.parametrize(
     "scene", [pytest.param(scene, marks=pytest.mark.slow if scene in LARGE else ()) for scene in names()]
 )
+@pytest.mark.often(
+    "top", "ball-rolls", "rope-swing", "cube-drop", "newtons-cradle", "flipping-box", "rattleback"
+)
 def test_every_scene_has_sliders_that_start_at_what_its_file_says(scene):
     found = knobs(scene)
     assert found

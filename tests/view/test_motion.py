@@ -72,6 +72,7 @@ def test_what_rolls_is_held_where_it_touches():
     assert scene.surfaces[0].height(recording.positions).min() > 0.1 * radius
 
 
+@pytest.mark.seldom
 def test_contacts_of_colliding_bodies_are_recorded():
     plan = replace(load("stack"), duration=0.1)
     told = record(plan, contacts=True)
@@ -130,6 +131,7 @@ def test_energies_that_hardly_move_are_shown_as_changes(top):
 
 
 @pytest.mark.parametrize("env_id", ["SpringTop-v0", "SpringFreeTop-v0", "SpringRope-v0", "SpringJuggle-v0"])
+@pytest.mark.often("SpringFreeTop-v0")
 def test_the_states_between_are_those_under_the_action(env_id):
     """Not under the one before."""
     motion = played(find_agent("random", env_id), 3)
@@ -185,6 +187,7 @@ def test_what_touches_nothing_has_no_contacts():
 
 
 @pytest.mark.parametrize("env_id", ["SpringTop-v0", "SpringRope-v0"])
+@pytest.mark.often("SpringRope-v0")
 def test_an_episode_is_the_environment_s_own(env_id):
     """The states between come from playing each control period again; its end must stay as it was."""
     motion = played(find_agent("random", env_id), 3)
