@@ -120,6 +120,7 @@ def test_python_computes_what_is_compiled(case: str, found_by_python: Callable[.
 
 TASKS = "tests/envs/test_colliding_tasks.py::test_"
 FEW_STEPS = [
+    "tests/collisions/test_rows.py::test_a_ball_that_comes_to_an_edge_is_outside",
     "tests/forces/test_resistance.py::test_ball_rolls_and_spins_ever_slower",
     *(f"{TASKS}{name}" for name in ("a_push_drives_ones_own_top", "both_players_see_the_same_duel")),
     *(f"{TASKS}{name}" for name in ("what_an_opponent_gives_is_checked", "weak_actuators_are_those_of_both")),

@@ -355,6 +355,7 @@ def corner(angle: float) -> tuple[Plane, Plane]:
 @pytest.mark.parametrize(
     ("angle", "allowed"), [(90, 1e-11), (100, 0.02), (120, 0.02), (150, 0.02), (175, 0.02)]
 )
+@pytest.mark.often("90-*")
 def test_corner_bounds_the_speed_of_exit(angle: float, allowed: float) -> None:
     """Hard case 12: beads that start in a corner's barriers at up to 20 m/s, and go where they like."""
     draw = np.random.default_rng(1)
@@ -399,6 +400,7 @@ def test_walls_hold_what_is_fast(speed: float, restitution: float) -> None:
 
 @pytest.mark.parametrize("angle", [100, 135, 170])
 @pytest.mark.parametrize("restitution", [1.0, 0.5])
+@pytest.mark.seldom
 def test_corners_keep_the_books_of_what_is_fast(angle: float, restitution: float) -> None:
     """Thrown into a corner at three times the reach a step: never behind, the ledger to 1e-3.
 

@@ -49,6 +49,7 @@ def bits(simulator: Simulator) -> list[bytes]:
 
 
 @pytest.mark.parametrize("surfaces", [(floor(),), RAMP, BOWL], ids=["floor", "ramp", "bowl"])
+@pytest.mark.seldom("ramp")
 def test_one_call_is_many_to_the_bit(surfaces: Any) -> None:
     """Odd and even parts, read amid impacts: the next call makes the node anew as it was."""
     one, many = fallen(surfaces, **ALIKE), fallen(surfaces, **ALIKE)
