@@ -164,6 +164,7 @@ def test_where_cost_stops_being_linear() -> None:
     assert found["cost is linear up to copies, ring of 12"] == 2
 
 
+@pytest.mark.seldom
 def test_error_falls_with_the_square_of_the_step() -> None:
     """So it is the time error of verlet, and not of what it is compared with."""
     scene = paper_top()

@@ -59,7 +59,7 @@ def test_every_variant_of_the_page_can_be_made() -> None:
         page = (DOCS / "environments" / f"{env_id}.md").read_text(encoding="utf-8")
         assert f"{variant.written} | {variant.change} |" in page
         env = gym.make(env_id, **variant.arguments)
-        if variant.arguments.get("surface") != "bowl":  # that takes a kernel of its own
+        if variant.arguments.get("surface") != "bowl" and env_id != "SpringDuel-v0":  # a kernel of its own
             env.reset(seed=0)
 
 

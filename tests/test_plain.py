@@ -108,6 +108,7 @@ def found_by_python(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., A
     "case",
     [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in CASES],
 )
+@pytest.mark.seldom("a_batch_with_own_forces")
 def test_python_computes_what_is_compiled(case: str, found_by_python: Callable[..., Any]) -> None:
     """To the bit in double precision; in single precision, to its rounding."""
     asked = SLOW if case in SLOW else [name for name in CASES if name not in SLOW]

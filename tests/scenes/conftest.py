@@ -17,6 +17,9 @@ OFTEN = {
 }
 """Scenes that take three compiled variants in all; the others are for long runs."""
 
+SELDOM = {"beech-top", "rubber-top", "rope-hanging"}
+"""Those of them that take seconds."""
+
 
 @cache
 def recorded(name):
@@ -25,4 +28,5 @@ def recorded(name):
 
 def marked(names):
     """Names as parameters of a test, the slow ones marked."""
-    return [pytest.param(name, marks=() if name in OFTEN else pytest.mark.slow) for name in names]
+    marks = {name: pytest.mark.seldom if name in SELDOM else () for name in OFTEN}
+    return [pytest.param(name, marks=marks.get(name, pytest.mark.slow)) for name in names]

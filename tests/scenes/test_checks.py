@@ -44,7 +44,6 @@ def results(recording, name):
 
 
 @pytest.mark.parametrize("name", marked(names()))
-@pytest.mark.seldom("beech-top", "rope-hanging")
 def test_scene_agrees_with_theory(name):
     recording = recorded(name)
     for result in check(recording):
@@ -439,6 +438,7 @@ def test_run_too_short_to_see_anything_raises_nothing(name):
 
 
 @pytest.mark.parametrize("name", names())
+@pytest.mark.seldom("pile-300")
 def test_checks_of_every_scene_fit(name):
     fitting(load(name))
 

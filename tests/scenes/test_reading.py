@@ -36,6 +36,7 @@ def test_the_paper_s_scenes_are_there():
 
 
 @pytest.mark.parametrize("name", names())
+@pytest.mark.seldom("pile-300")
 def test_every_scene_reads(name):
     plan = load(name)
     assert plan.name == name
