@@ -13,7 +13,7 @@ import pytest
 
 from springgym import measures
 from springgym.envs import free_top, juggle, labyrinth
-from springgym.envs.observation import Situation
+from springgym.envs.observation import ABOUT_CENTRE, ABOUT_GOAL, Situation
 from springgym.envs.task import Task
 from springgym.registration import ENVIRONMENTS, Row
 from springgym.simulator import Simulator
@@ -308,3 +308,20 @@ def test_outcomes_have_names(row: Row) -> None:
     task = task_type(row.id)()
     assert task.outcome == (*(f"reward_{n}" for n in task.terms), *task.metrics, "met", "failed")
     assert len(set(task.outcome)) == len(task.outcome)
+
+
+@pytest.mark.parametrize("env_id", ["SpringTop-v0", "SpringTumble-v0", "SpringShove-v0"])
+def test_particles_are_observed_where_they_are(env_id: str) -> None:
+    """And as fast as they are; beside the centre of mass or the goal, if a task says so."""
+    env = gym.make(env_id)
+    seen, _ = env.reset(seed=0)
+    episodes = env.unwrapped.episodes
+    columns, (x, v) = episodes._columns, episodes.particles
+    x, v, m = x[0], v[0], episodes.simulator.scene.masses
+    if columns.about == ABOUT_CENTRE:
+        x, v = x - m @ x / m.sum(), v - m @ v / m.sum()
+    elif columns.about == ABOUT_GOAL:
+        x = x - episodes.goal[0, :3]
+    particle, axis = columns.entries.T
+    expected = [x[particle, axis] * columns.per_metre, v[particle, axis] * columns.per_speed]
+    np.testing.assert_allclose(seen[: 2 * len(particle)], np.concatenate(expected), rtol=1e-6, atol=1e-6)
