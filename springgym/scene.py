@@ -485,10 +485,14 @@ class Scene(ReadOnly):
 
     def _check_resistance(self) -> None:
         """Refuse a rolling or torsional resistance that would have no effect."""
-        met = self.meetings
-        acting = {met.contacts[n] for n in np.unique(met.how[self.resisted])}
+        among: tuple[Contact, ...] = ()
+        acting: set[Contact] = set()
+        if len(self.bodies) > 1:
+            met = self.meetings
+            among = tuple(met.contacts)
+            acting = {among[n] for n in np.unique(met.how[self.resisted])}
         rolls = bool(self.surfaces) and any(body.rounds for body in self._different)
-        for contact in dict.fromkeys((self.contact, *met.contacts)):
+        for contact in dict.fromkeys((self.contact, *among)):
             if not isinstance(contact, Contact) or not contact.resists or contact in acting:
                 continue
             given = ", ".join(f"{name} {getattr(contact, name):g}" for name in RESISTANCES)
