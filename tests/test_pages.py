@@ -96,7 +96,10 @@ def run(code: str, name: str, line: int, namespace: dict[str, Any]) -> str:
 
 @pytest.mark.parametrize("page", cases([p for p in PAGES if any(b.language == "python" for b in blocks(p))]))
 @pytest.mark.usefixtures("own_ids")
-@pytest.mark.seldom("*SpringDuel*", "docs/choose.md", "docs/features.md", "docs/tutorials/surface.md")
+@pytest.mark.seldom(
+    "*SpringDuel*",
+    *(f"docs/{name}.md" for name in ("choose", "features", "tutorials/force", "tutorials/surface")),
+)
 def test_code_of_a_page_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     namespace: dict[str, Any] = {"__name__": "__main__"}

@@ -338,6 +338,7 @@ def test_actuators_change_momenta_as_they_do_on_springs(pinned: bool, turns: boo
 
 
 @pytest.mark.own_kernels
+@pytest.mark.seldom
 def test_every_copy_has_the_bits_of_a_single_one_for_all_threads() -> None:
     single, batch, threaded = (
         twin(driven(pinned=True), "suzuki", 2e-3, copies=n, threads=k) for n, k in ((1, 1), (19, 1), (19, 2))
