@@ -157,6 +157,18 @@ def whole_file(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+def check_ending(option: str, path: Path, endings: Sequence[str]) -> None:
+    """Refuse a file whose name has none of these endings.
+
+    Raises
+    ------
+    ValueError
+        If it has none; the message names the option.
+    """
+    if path.suffix.lower() not in endings:
+        raise ValueError(f"--{option} {path}: the name must end in {' or '.join(endings)}")
+
+
 def significant(number: float, figures: int) -> str:
     """Write a number with a few significant figures, as 29,840 and not as 2.984e+04."""
     return f"{float(f'{number:.{figures}g}'):,.12g}"

@@ -117,7 +117,7 @@ def _begin(settings: dict[str, str]) -> None:
 
 
 def _folder() -> Path:
-    """Return the folder of compiled code, which can be written to."""
+    """Return the folder of compiled code, and refuse one that cannot be written to."""
     from springgym.core.compiling import cache_directory
 
     folder = cache_directory()

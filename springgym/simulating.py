@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from springgym.cli import INTERRUPTED, whole_file
+from springgym.cli import INTERRUPTED, check_ending, whole_file
 from springgym.contact.totals import PairReadings
 from springgym.integrators import METHODS
 from springgym.scene import MOST_TOLD
@@ -101,8 +101,8 @@ def _check_files(args: argparse.Namespace) -> None:
         "video": (".mp4", ".gif"),
     }.items():
         path: Path | None = getattr(args, option)
-        if path is not None and path.suffix.lower() not in suffixes:
-            raise ValueError(f"--{option} {path}: the name must end in {' or '.join(suffixes)}")
+        if path is not None:
+            check_ending(option, path, suffixes)
         if path is not None and not path.absolute().parent.is_dir():
             raise ValueError(f"--{option} {path}: there is no folder {path.absolute().parent}")
 
@@ -139,7 +139,7 @@ def _summary(recording: Recording) -> str:
 
 
 def _between(recording: Recording) -> Iterator[str]:
-    """Tell what happened between bodies that met, a line a pair, or a line for all if they are many."""
+    """Report on each pair of bodies that met in a line of its own, or on all in one line if they are many."""
     scene, pairs = recording.plan.scene, recording.pairs
     told = pairs.impulse[-1] + pairs.misses[-1] + pairs.too_fast[-1] + pairs.overflow[-1]
     met = np.flatnonzero(told > 0).tolist()
@@ -152,7 +152,7 @@ def _between(recording: Recording) -> Iterator[str]:
 
 
 def _of_pairs(pairs: PairReadings, which: list[int]) -> str:
-    """Tell the sums over some pairs at the end."""
+    """Report the impulse, the losses and the counts of some pairs together, at the end."""
     sums = PairReadings(*(of[-1, which].sum() for of in pairs))
     wrong = {"found too late": sums.misses, "too fast": sums.too_fast, "left out": sums.overflow}
     counts = "".join(f", {count:.0f} {what}" for what, count in wrong.items() if count)

@@ -143,7 +143,7 @@ def pytest_collection_finish() -> None:
 
 
 SELDOM = pytest.StashKey[bool]()
-"""Whether a test is slow only as another one stands for it in every run."""
+"""The key under which a test says that it is slow only because another test stands for it in every run."""
 
 
 def leave_to_slow_runs(items: Iterable[pytest.Item]) -> set[str]:

@@ -133,8 +133,8 @@ FEW_STEPS = [
     "tests/integrators/test_cycles.py::test_where_there_is_contact_cycles_are_asked_for[bodies]",
     "tests/integrators/test_cycles.py::test_calls_cut_anywhere_give_the_same_bits[cuts1-6--0.03]",
 ]
-"""Slow tests of what takes kernels of its own: a duel, which has a bowl, resistance, cycles of dampers where
-there is contact. They need so few steps that Python takes them in less time than it takes to compile them."""
+"""Slow tests that need kernels of their own, but so few steps that Python takes less time than compiling
+does: of the duel, of resistance to turning, and of dampers that act in cycles where there is contact."""
 
 
 def test_few_steps_by_plain_python() -> None:

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from springgym.accuracy import conditions
-from springgym.cli import whole_file
+from springgym.cli import check_ending, whole_file
 
 NAMES = (
     *("kernel", "environments", "errors", "curves", "features", "startup", "peers", "equal-error"),
@@ -32,7 +32,7 @@ NAMES = (
 """Names of the sections, available without importing them."""
 
 FIGURES = (".svg", ".png", ".pdf")
-"""Endings of files that the figure can be drawn to."""
+"""The file name endings of the formats in which the figure can be drawn."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -93,8 +93,8 @@ def run(args: argparse.Namespace) -> int:
 
 def _check_files(args: argparse.Namespace) -> None:
     """Make the folders of files, and refuse what cannot be written, before the work is done."""
-    if args.figure is not None and args.figure.suffix.lower() not in FIGURES:
-        raise ValueError(f"--figure {args.figure}: the name must end in {' or '.join(FIGURES)}")
+    if args.figure is not None:
+        check_ending("figure", args.figure, FIGURES)
     for option in ("out", "figure"):
         path: Path | None = getattr(args, option)
         if path is not None and path.is_dir():

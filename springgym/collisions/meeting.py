@@ -258,7 +258,7 @@ def _check_resisted(contact: Contact, first: np.ndarray, second: np.ndarray, bod
 
 
 def _not_turned(named: Named) -> str:
-    """Return why a couple cannot turn a body; empty if it can."""
+    """Return the reason why a couple cannot turn a body; an empty string if it can."""
     if named.body.floppy:
         return f"{named.name!r} is floppy, and a couple cannot turn it"
     if len(named.body.masses) < 4:

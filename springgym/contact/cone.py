@@ -68,7 +68,7 @@ def resistance_of(rolling: np.ndarray, torsional: np.ndarray) -> Resistance | No
 
 
 ROLLING, SPINNING = range(2)
-"""The parts of turning that are resisted: about tangents, and about the normal."""
+"""The two parts of an angular velocity: about tangents of the contact, and about its normal."""
 
 
 def law_of(contacts: Sequence[Contact]) -> Stribeck | None:
@@ -127,7 +127,7 @@ def weakened(
 def part_resisted(
     part: int, rate: Vector, couple: Vector, n: Vector, push: Number, resistance: Resistance, row: int
 ) -> tuple[Vector, Vector, Number]:
-    """Return a part of the angular velocity ω, that part of a couple, and what this may be at most.
+    """Return one part of an angular velocity and of a couple, and the largest couple that resists it.
 
     Parameters
     ----------

@@ -174,7 +174,7 @@ def hold(v: Rows, k: int, limit: Number, acts: Mask, problem: Problem, resistanc
 
 @compiled
 def stop_centre(v: Rows, k: int, limit: Number, acts: Mask, problem: Problem) -> None:
-    """Give contact k, if it has no friction yet, what would stop its slip if a couple stopped its rolling."""
+    """Begin the friction of contact k with what would stop its slip if a couple stopped its rolling."""
     contacts = problem.contacts
     given, couple = row(contacts.friction, k), row(contacts.couple, k)
     fresh = select(acts, dot(given, given) + dot(couple, couple), 1.0) <= 0.0

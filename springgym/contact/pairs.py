@@ -66,7 +66,7 @@ class Pairs(NamedTuple):
     friction_law: Stribeck | None
     """what the law of friction takes beside it; None if it is Coulomb's"""
     resistance: Resistance | None
-    """the coefficients of rolling and torsional resistance of each pair; None if all are zero"""
+    """the coefficients of rolling and torsional resistance of all pairs; None if all are zero"""
     loss: np.ndarray | None
     """β of restitution [1]; None if no pair loses any energy by it"""
     shapes: Shapes
@@ -98,7 +98,7 @@ def packed_shapes(shapes: Sequence[Shape], first: Sequence[int]) -> Shapes:
 
 
 def sweeps_for(bodies: int) -> int:
-    """Return in how many sweeps the impulses among so many bodies are found."""
+    """Return the number of sweeps that find the impulses among so many bodies."""
     return SWEEPS if bodies <= FEW else MORE_SWEEPS
 
 

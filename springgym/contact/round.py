@@ -96,8 +96,7 @@ the skin in a step, as that of a coin that falls flat, that it is behind the sur
 farther by what lets it begin at the second, so that it is pushed out gently, and not within a step."""
 
 PASSES = 2
-"""Number of passes within a turn in which couple and friction, of a row or of a contact of two bodies, are
-found from each other."""
+"""How often, within a turn, the couple and the friction of a contact are found from each other."""
 
 LEAST = 0.01
 """Least share of K by which friction is taken to change the slip of a feature that does not turn."""

@@ -81,7 +81,7 @@ def turning_of_both(moment: Vector, k: int, problem: Problem) -> Vector:
 
 @compiled
 def facing(k: int, problem: Problem, solids: Solids | None, spheres: Spheres | None) -> Number:
-    """Return 1 where the slip of contact k is that of the first body, −1 where it is the second's.
+    """Return the sign of contact k: 1 where its slip is the first body's relative to the second, else −1.
 
     Friction and normal have the same sign.
     """

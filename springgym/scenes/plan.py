@@ -12,7 +12,7 @@ Vector = tuple[float, float, float]
 Plot = Literal["top", "pendulum", "rope", "drop", "slide", "rotation", "ringing", "bodies"]
 
 OF_ONE_BODY = ("top", "rope", "ringing")
-"""Plots that show a scene of one body."""
+"""Names of the plots that can only show a scene of one body."""
 
 LEAST = {"duration": 1e-6, "interval": 1e-6, "step": 1e-9}
 """Least times of a run [s]: in shorter runs, nothing moves that a plot or a film could show."""

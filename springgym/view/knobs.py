@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from springgym.scenes.reading import KINDS, document
 
 MOST_BODIES = 40
-"""The most bodies of a scene for which the viewer has sliders: nobody finds one among a thousand."""
+"""The largest number of bodies for which the viewer shows sliders: nobody finds one among a thousand."""
 
 
 class Knob(NamedTuple):

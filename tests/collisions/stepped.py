@@ -62,7 +62,7 @@ def shares_code(scene: Scene, method: str, twin: bool) -> bool:
 
 
 COULOMB = Stribeck(np.zeros(1), np.ones(1))
-"""A law of friction that does not fall."""
+"""Stribeck's law without its fall: the coefficient of friction is the same at every speed."""
 
 
 class Packing:

@@ -201,7 +201,7 @@ def test_momenta_and_energy_are_kept(of: str) -> None:
 
 @pytest.mark.parametrize("alone", [2, pytest.param(1, marks=pytest.mark.slow)])
 def test_copies_are_those_of_their_own(alone: int) -> None:
-    """To the bit, whatever others in the block meet; in a block of one copy, too."""
+    """A copy moves as it does alone, to the bit, whatever the other copies of its block meet."""
     check_copies(thrown("block"), alone)
 
 

@@ -119,7 +119,7 @@ def test_what_keeps_the_energy_of_impacts(first: Body, second: Body, median: flo
 
 
 MOST = 0.015
-"""99 of 100 impacts at v h = Δ/15 keep the energy to this share."""
+"""The largest relative change of energy in 99 of 100 impacts at v h = Δ/15."""
 
 
 @pytest.mark.slow

@@ -55,7 +55,7 @@ def test_defaults() -> None:
 
 
 def test_springs_that_contacts_do_not_strain_do_not_count() -> None:
-    """Those of a sphere that turns, and of a body that is pinned."""
+    """The springs of a sphere that turns, or of a pinned body, do not change the strength of a contact."""
     soft = cube(0.5, stiffness=1e3)
     pinned = put(soft, (0, 0, 0), "a", pinned=tuple(range(8)))
     for body in (rolling_ball(0.2, stiffness=10.0), BALL):
@@ -253,7 +253,7 @@ def test_scene_files(line: str, friction: float | None, tmp_path: Path) -> None:
 
 
 def test_a_pickle_holds_no_workspace() -> None:
-    """It follows from the scene alone, and is much larger than the state."""
+    """The workspace follows from the scene alone, and is much larger than the state."""
     made = Simulator(Scene(bodies=[put(CUBE, (3.0 * n, 0, 0), f"c{n}") for n in range(30)]))
     kept = sum(array.nbytes for array in made.state().values() if isinstance(array, np.ndarray))
     assert len(pickle.dumps(made)) < 2 * kept

@@ -193,7 +193,7 @@ def check_copies(of: Scene, alone: int) -> None:
 
 @pytest.mark.parametrize("alone", [2, pytest.param(1, marks=pytest.mark.slow)])
 def test_copies_are_those_of_their_own(alone: int) -> None:
-    """To the bit, whatever others in the block meet; in a block of one copy, too."""
+    """A copy moves as it does alone, to the bit, whatever the other copies of its block meet."""
     check_copies(thrown("block"), alone)
 
 

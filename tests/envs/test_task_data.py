@@ -312,7 +312,7 @@ def test_outcomes_have_names(row: Row) -> None:
 
 @pytest.mark.parametrize("env_id", ["SpringTop-v0", "SpringTumble-v0", "SpringShove-v0"])
 def test_particles_are_observed_where_they_are(env_id: str) -> None:
-    """And as fast as they are; beside the centre of mass or the goal, if a task says so."""
+    """An observation holds positions and velocities, or those relative to a centre of mass or a goal."""
     env = gym.make(env_id)
     seen, _ = env.reset(seed=0)
     episodes = env.unwrapped.episodes
