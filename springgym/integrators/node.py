@@ -42,7 +42,7 @@ from springgym.contact.surfaces import coefficient, energy_at
 from springgym.contact.totals import ENERGY, ENTRIES, Collisions, entry_of, list_changing
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Number, Numbers, Rows, Vector
-from springgym.core.lanes import any_lane, bodies_of, load, of_body, select, store
+from springgym.core.lanes import any_lane, bodies_of, load, maximum, of_body, select, store
 from springgym.core.vectors import TINY, choose, dot, plus_scaled, row, set_row, vec, vector
 from springgym.forces import stored_energy
 from springgym.forces.actuators import push
@@ -828,7 +828,7 @@ def read_amid(own: Bodies, span: Span, exchange: Exchange | None) -> None:
     x, v, terms = own.x, own.v, own.terms
     arrived, whole = terms.memory.arrived, rolls(terms.rounds)
     stored, lift_of_all = stored_by_features(span, own, terms.rounds, exchange)
-    raised, sums = False, no_kicks(stored)
+    raised, sums = 0.0 * stored, no_kicks(stored)
     for i in range(v.shape[0]):
         after = row(v, i)
         total = after - plus_scaled(before_contact(i, arrived, span, own), span.out, row(own.space.a, i))
@@ -842,8 +842,7 @@ def read_amid(own: Bodies, span: Span, exchange: Exchange | None) -> None:
                 shift = shift_of(i, lift, exchange)
                 more, lift = stored_by_surfaces(row(x, i), shift, passed, span, own, terms.surfaces)
                 stored = stored + more
-            if any_lane(dot(lift, lift) > 0.0):
-                raised = True
+            raised = maximum(raised, dot(lift, lift))
             set_row(x, i, row(x, i) + lift)
     store_energy(stored, raised, sums, span, own)
 
@@ -885,19 +884,19 @@ def stored_by_surfaces(
 
 
 @compiled
-def store_energy(stored: Number, raised: bool, sums: Kicks, span: Span, own: Bodies) -> None:
+def store_energy(stored: Number, raised: Number, sums: Kicks, span: Span, own: Bodies) -> None:
     """Store what contact has of a body's energy where a node is read, and enter what half of it lacks.
 
-    ``stored`` is that of barriers. Where the body is shown ``raised``, its weight and its springs take some
-    of it. Springs that push against contact take their share, the shadow energy of their kicks, back.
+    ``stored`` is that of barriers. Where the body is shown ``raised`` (above 0), its weight and its springs
+    take some of it. Springs that push against contact take their share, the shadow energy of their kicks, back.
     """
     memory, terms = own.terms.memory, own.terms
     record_kicks(own.ledger, 0.125 * sums.others, 0.125 * sums.thrown, terms.dampers)
     stored = stored + sums.stored
-    if raised:
+    if any_lane(raised > 0.0):
         weight, elastic, _ = stored_energy(memory.place, terms)
-        stored = stored + (weight + elastic)
+        both = stored + (weight + elastic)
         weight, elastic, _ = stored_energy(own.x, terms)
-        stored = stored - (weight + elastic)
+        stored = select(raised > 0.0, both - (weight + elastic), stored)
     shadow = 0.125 * span.whole * span.whole * sums.springs
     store(memory.marks, STORED, stored - select(sums.touched > 0.0, shadow, 0.0))
