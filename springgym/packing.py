@@ -17,6 +17,7 @@ from springgym.contact.overlap import Outlines, outlines
 from springgym.contact.pairs import Pairs, longest_edge, most_contacts, packed_shapes, parallel, sweeps_for
 from springgym.contact.round import Rolling, packed_rounds
 from springgym.contact.rows import ContactRows, new_contacts
+from springgym.contact.sleep import Sleep
 from springgym.contact.solids import Solids
 from springgym.contact.spheres import new_spheres
 from springgym.contact.surfaces import Surfaces
@@ -28,6 +29,7 @@ from springgym.core.ragged import share, stacked
 from springgym.forces import Particles, Terms
 from springgym.forces.actuators import Drive, Thrust, Wrench
 from springgym.forces.cycle import cycle
+from springgym.forces.ledger import ENTRIES as LEDGER
 from springgym.forces.memory import STORED, memory
 from springgym.forces.paper_contact import PaperLaw
 from springgym.forces.springs import Dampers, Decay, Springs, decay, interleaved
@@ -95,6 +97,8 @@ class Options(NamedTuple):
     """names of parameters that differ from copy to copy"""
     blocks: Callable[..., np.ndarray]
     """a function that makes an array of blocks of some shape"""
+    sleep: float | None = None
+    """speed below which bodies rest, and fall asleep [m/s]; None if none do"""
 
     def parameter(self, names: Collection[str], value: ArrayLike) -> np.ndarray:
         """Return an array for a value that depends on parameters: blocks of copies if one of them varies."""
@@ -243,7 +247,11 @@ def _collisions(scene: Scene, options: Options) -> Collisions | None:
     pairs = pack_pairs(scene, options)
     totals, totals_before = (options.blocks(len(scene.meetings) * ENTRIES) for _ in range(2))
     changing = aligned_zeros((len(totals), 1 + len(scene.meetings)), block_dtype(np.int64, 1))
-    collisions = Collisions(pairs, totals, totals_before, changing)
+    sleep = None
+    if options.sleep is not None:
+        pinned = np.array([not part.free.any() for part in scene.parts])
+        sleep = Sleep(options.blocks(len(scene.bodies)), options.sleep, pinned)
+    collisions = Collisions(pairs, totals, totals_before, changing, sleep)
     empty_totals(collisions, slice(None))
     return collisions
 
@@ -346,6 +354,10 @@ def node_workspace(scene: Scene, pairs: Pairs | None, dtype: DTypeLike) -> Space
             any_busy=np.zeros(len(bodies), bool),
             lists=lists,
             contacts=contacts,
+            kept=rows(3),
+            expected=rows(3),
+            entered=aligned_zeros((len(bodies) * LEDGER,), dtype),
+            ready=aligned_zeros((len(bodies),), dtype),
         )
     return Space(
         a=rows(3),
@@ -485,7 +497,10 @@ def values(packed: Packed, name: str, index: np.ndarray) -> np.ndarray:
 def marks(terms: Terms) -> list[np.ndarray]:
     """Return the arrays that are zero in copies which begin anew from where they are and how they move."""
     kept: list[np.ndarray | Ragged] = [term.marks for term in (terms.memory, terms.cycle) if term is not None]
-    return [of.values if isinstance(of, Ragged) else of for of in kept]
+    found = [of.values if isinstance(of, Ragged) else of for of in kept]
+    if terms.collisions is not None and terms.collisions.sleep is not None:
+        found.append(terms.collisions.sleep.rested)
+    return found
 
 
 def renew(terms: Terms, index: np.ndarray) -> None:

@@ -39,6 +39,7 @@ from springgym.contact.features import (
 )
 from springgym.contact.lists import CLOSE, NONE, WATCHED, Lists, Near, Search
 from springgym.contact.rows import FAR, MET, ROWS, Problem
+from springgym.contact.sleep import looked_at, wake
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Number, Numbers, Rows, Vector
 from springgym.core.lanes import any_lane, filled, load, load_each, maximum, minimum, select, sqrt, store
@@ -60,6 +61,7 @@ if TYPE_CHECKING:
     from springgym.contact.law import Span
     from springgym.contact.pairs import Pairs, Shapes
     from springgym.contact.rows import ContactRows
+    from springgym.contact.sleep import Sleep
     from springgym.contact.totals import Collisions
 
 
@@ -130,20 +132,30 @@ def find_contacts(
     span: Span,
     collisions: Collisions,
     found_in: tuple[Lists, ContactRows],
+    passes: bool,
 ) -> Problem:
     """Find the contacts of all bodies at a node, and return the `Problem` that their impulses solve.
 
     The particles are at ``x`` (N, 3) and reach the node with velocities ``w`` (N, 3); ``before`` are those
     that contacts change: the same, or the motion of rigid bodies. ``found_in`` are the lists of candidates
-    and the rows of contacts.
+    and the rows of contacts. Bodies that sleep are woken, or left alone, where the node ``passes``.
     """
     lists, contacts = found_in
-    rows = find(x, w, span, collisions.pairs, lists, contacts)
+    rows = find(x, w, span, collisions.pairs, lists, contacts, collisions.sleep, passes)
     return Problem(span, rows, x, before, inverse_mass, collisions.pairs, contacts, collisions.totals)
 
 
 @compiled
-def find(x: Rows, w: Rows, span: Span, pairs: Pairs, lists: Lists, contacts: ContactRows) -> int:
+def find(
+    x: Rows,
+    w: Rows,
+    span: Span,
+    pairs: Pairs,
+    lists: Lists,
+    contacts: ContactRows,
+    sleep: Sleep | None,
+    passes: bool,
+) -> int:
     """List the contacts of all pairs, and return how many rows that makes.
 
     ``w`` (N, 3) are the velocities before the node, and ``span`` is its time.
@@ -156,25 +168,32 @@ def find(x: Rows, w: Rows, span: Span, pairs: Pairs, lists: Lists, contacts: Con
     anew = not lists_hold(w, span, pairs, lists) or fresh
     if anew:
         begin_lists(x, fresh, pairs, lists)
-    store(contacts.have, 0, 0.0)
-    count = 0
-    contacts.length[MET] = 0
-    for n in range(lists.length[CLOSE]):
-        p = lists.close[n]
-        store(contacts.left_out, p, 0.0)
-        a, b = pairs.first[p], pairs.second[p]
-        near = Near(p, (a, b), span.lead, load(lists.reach, p), shapes.radius[a] + shapes.radius[b])
-        brief = anew and list_features(near, span, seen, shapes.triangles, shapes.edges)
-        needed = anew or any_lane(load(lists.nearest, p) < ROUNDING * near.reach)
-        if needed and (is_listed(VERTICES, p, lists) or is_listed(EDGES, p, lists)):
-            locate(p, seen, shapes.triangles, shapes.edges)
-            if anew:
-                list_candidates(p, brief, seen, shapes.triangles, shapes.edges)
-            before = count
-            count = compare(count, near, seen, shapes.triangles, shapes.edges)
-            if count > before or any_lane(load(contacts.left_out, p) > 0.0):
-                contacts.met[contacts.length[MET]] = p
-                contacts.length[MET] += 1
+    count, again = 0, True
+    while again:  # until nobody is woken
+        store(contacts.have, 0, 0.0)
+        count, again = 0, False
+        contacts.length[MET] = 0
+        for n in range(lists.length[CLOSE]):
+            p = lists.close[n]
+            store(contacts.left_out, p, 0.0)
+            a, b = pairs.first[p], pairs.second[p]
+            near = Near(p, (a, b), span.lead, load(lists.reach, p), shapes.radius[a] + shapes.radius[b])
+            brief = anew and list_features(near, span, seen, shapes.triangles, shapes.edges)
+            if passes:
+                near = looked_at(near, sleep)
+            needed = anew or any_lane(load(lists.nearest, p) < ROUNDING * near.reach)
+            if needed and (is_listed(VERTICES, p, lists) or is_listed(EDGES, p, lists)):
+                locate(p, seen, shapes.triangles, shapes.edges)
+                if anew:
+                    list_candidates(p, brief, seen, shapes.triangles, shapes.edges)
+                before = count
+                count = compare(count, near, seen, shapes.triangles, shapes.edges)
+                if passes and wake(before, count, near, contacts, sleep):
+                    again = True
+                if count > before or any_lane(load(contacts.left_out, p) > 0.0):
+                    contacts.met[contacts.length[MET]] = p
+                    contacts.length[MET] += 1
+        anew = False
     contacts.length[ROWS] = count
     return count
 

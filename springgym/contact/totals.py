@@ -5,7 +5,7 @@ The next call makes the last node anew, so that the totals from before it are ke
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from springgym.core.blocks import numbers, set_copies, to_copies
 from springgym.core.compiling import compiled, kernel
 from springgym.core.kinds import Number, Numbers
 from springgym.core.lanes import any_lane, load, select, store
+
+if TYPE_CHECKING:
+    from springgym.contact.sleep import Sleep
 
 TOUCHING, IMPULSE, GAP, ENERGY, CONTACT, FRICTION, MISSES, FAST, OVERFLOW, FASTEST = range(10)
 """The totals of a pair: whether it touches; the sum of J [N·s]; the least gap [m]; the energy in the barriers
@@ -64,6 +67,8 @@ class Collisions(NamedTuple):
     changing: np.ndarray
     """(1 + pairs,) list: how many pairs, and which, ascending, touch, or have totals that are not those from
     before the last node; the totals of all others stay as they are"""
+    sleep: Sleep | None = None
+    """which bodies sleep; None if none can"""
 
 
 @compiled

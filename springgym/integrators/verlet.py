@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from springgym.contact.sleep import Sleep, nothing_moves, sleep_of
 from springgym.contact.totals import halve_totals, remember_totals, resume_totals
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Number, Rows
@@ -52,10 +53,12 @@ from springgym.integrators.node import (
     Node,
     Space,
     acts_amid,
+    find_touching,
     next_phase,
     node_at,
     note_busy,
     pass_node,
+    takes_part,
 )
 from springgym.integrators.record import Integrator
 
@@ -161,7 +164,7 @@ def integrate_through_nodes(
     as `START` and `LOOK` are none: it is told which bodies of fresh copies touch, or the last node is made
     anew.
     """
-    bodies = Bodies(x, v, ledger, workspace, terms)
+    bodies, sleep = Bodies(x, v, ledger, workspace, terms), sleep_of(terms.collisions)
     phase, goes, end = load(of_body(terms.memory, 0).marks, PHASE), steps != START, max(steps, 0)
     if goes:
         for n in range(bodies_of(x)):
@@ -169,15 +172,37 @@ def integrate_through_nodes(
         resume_totals(phase, terms.collisions)
     for n in range(end + 1):
         node = node_at(phase, h, STARTS if not goes else (READS if n == end else PASSES))
+        phase = next_phase(phase)
+        if rests(node, sleep):
+            count_nodes(bodies, n > 0)
+            continue
+        problem = find_touching(bodies, node, workspace.exchange)
         if goes:
+            count_nodes(bodies, n > 0)
             for body in range(bodies_of(x)):
-                arrive(of_body(bodies, body), node, n == 0)
+                if takes_part(body, node, sleep):
+                    arrive(of_body(bodies, body), node, n == 0)
             if n == end:
                 remember_totals(terms.collisions)
-        pass_node(bodies, node)
-        phase = next_phase(phase)
+        pass_node(bodies, node, problem)
     if goes:
         halve_totals(terms.collisions)
+
+
+@compiled
+def rests(node: Node, sleep: Sleep | None) -> bool:
+    """Tell whether nothing moves at a node that is passed, in any copy."""
+    if sleep is None:
+        return False
+    return node.stage == PASSES and nothing_moves(sleep)
+
+
+@compiled
+def count_nodes(bodies: Bodies, passed: bool) -> None:
+    """Count a node in the cycles of all bodies, if one was ``passed`` before it in this call."""
+    if passed:
+        for body in range(bodies_of(bodies.x)):
+            count_node(of_body(bodies.terms, body).cycle)
 
 
 @compiled
@@ -195,8 +220,6 @@ def go_back(own: Bodies, phase: Number) -> None:
 def arrive(own: Bodies, node: Node, first: bool) -> None:
     """Find the forces at a node on a body; how it is reached is remembered where it is to be read."""
     x, space, terms, memory, last = own.x, own.space, own.terms, own.terms.memory, node.stage == READS
-    if not first:
-        count_node(terms.cycle)
     set_forces_at_node(x, last, space, terms, terms.cycle)
     actuate(x, space.b, terms)
     if acts_amid(terms):

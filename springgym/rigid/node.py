@@ -628,7 +628,8 @@ def pass_together(phase: Phase, node: Node, first: bool, space: Company, twins: 
     places, reached, inverse_mass = as_seen(
         x.values, v.values, particles.mass.values, particles.inverse_mass.values, contacts.spheres
     )
-    problem = find_contacts(places, reached, space.before, inverse_mass, node.span, collisions, found_in)
+    span = node.span
+    problem = find_contacts(places, reached, space.before, inverse_mass, span, collisions, found_in, False)
     if node.stage == STARTS:
         start_together(collisions, terms.memory, node.phase, problem)
         return

@@ -20,7 +20,7 @@ from tests.collisions.stepped import full
 
 @kernel
 def found(x: Any, v: Any, pairs: Any, lists: Any, contacts: Any) -> int:
-    return find(at(x, 0), at(v, 0), Span(0.0, 5e-4, 1e-3), pairs, lists, contacts)
+    return find(at(x, 0), at(v, 0), Span(0.0, 5e-4, 1e-3), pairs, lists, contacts, None, False)
 
 
 COPIES, RADIUS, REACH = 16, 0.06, 5e-3

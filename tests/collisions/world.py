@@ -79,7 +79,7 @@ def one_step(
     span = Span(0.5 * h, 0.5 * h, h)
     inverse_mass, pairs = terms.particles.inverse_mass, collisions.pairs
     seen = Span(0.0, 0.5 * h, h) if lacks == BLIND else span
-    rows = find(x, w, seen, pairs, lists, contacts)
+    rows = find(x, w, seen, pairs, lists, contacts, None, False)
     problem = Problem(span, rows, x, w, inverse_mass, pairs, contacts, collisions.totals)
     prepare(problem, touched)
     for turn in range(1 if lacks == SINGLE else pairs.sweeps):
