@@ -992,7 +992,8 @@ def store_energy(stored: Number, raised: Number, sums: Kicks, span: Span, own: B
     """Store what contact has of a body's energy where a node is read, and enter what half of it lacks.
 
     ``stored`` is that of barriers. Where the body is shown ``raised`` (above 0), its weight and its springs
-    take some of it. Springs that push against contact take their share, the shadow energy of their kicks, back.
+    take some of it. Springs that push against contact take their share, the shadow energy of their kicks,
+    back.
     """
     memory, terms = own.terms.memory, own.terms
     record_kicks(own.ledger, 0.125 * sums.others, 0.125 * sums.thrown, terms.dampers)
