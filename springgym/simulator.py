@@ -8,6 +8,7 @@ import warnings
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
+from copy import deepcopy
 from functools import cached_property, lru_cache
 from itertools import repeat
 from numbers import Real
@@ -1113,6 +1114,10 @@ class Simulator:
         if name in vars(self) and not name.startswith("_"):
             raise AttributeError(f"{name} of a simulator cannot change; make another simulator")
         super().__setattr__(name, value)
+
+    def __copy__(self) -> Self:
+        """Return a simulator of its own: no two share the arrays of their copies."""
+        return deepcopy(self)
 
     @guarded
     def __getstate__(self) -> dict[str, Any]:

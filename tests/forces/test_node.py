@@ -3,6 +3,7 @@ for."""
 
 from __future__ import annotations
 
+import copy
 import pickle
 from typing import Any
 
@@ -80,13 +81,13 @@ def test_state_and_pickle_return_to_mid_impact_to_the_bit() -> None:
     simulator = fallen((floor(),), threads=2, **ALIKE)
     while not (simulator.measure().contact > 0).any():
         simulator.advance(1)
-    state, twin = simulator.state(), pickle.loads(pickle.dumps(simulator))
-    simulator.advance(101)
-    twin.advance(101)
+    state, twin, other = simulator.state(), pickle.loads(pickle.dumps(simulator)), copy.copy(simulator)
+    for one in (simulator, twin, other):
+        one.advance(101)
     again = fallen((floor(),), **ALIKE)
     again.restore(state)
     again.advance(101)
-    assert bits(simulator) == bits(twin) == bits(again)
+    assert bits(simulator) == bits(twin) == bits(other) == bits(again)
 
 
 @pytest.mark.slow
