@@ -193,7 +193,7 @@ def find(
                 if count > before or any_lane(load(contacts.left_out, p) > 0.0):
                     contacts.met[contacts.length[MET]] = p
                     contacts.length[MET] += 1
-        anew = False
+        anew = anew and not lists.kept[0]  # what is kept is there by now
     contacts.length[ROWS] = count
     return count
 
