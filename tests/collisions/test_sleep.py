@@ -104,7 +104,7 @@ CASES: list[tuple[list[float], list[tuple[int, int]], list[int]]] = [
     ([0.0, 1.0, 1.0, 1.0], [(2, 3), (1, 2), (0, 1)], [0, 0, 0, 0]),
     ([0.0, 1.0, 1.0, 1.0], [(2, 3), (0, 1)], [0, 0, 1, 1]),
     ([ASLEEP, ASLEEP, 0.9 * DOZE, 1.1 * DOZE], [(0, 1)], [1, 1, 0, 1]),
-    ([1.0, 1.0, np.nan, 1.0], [], [1, 1, 1, 1]),
+    ([1.0, 1.0, 1.0, 0.0], [(0, 1), (1, 2), (2, 3)], [0, 0, 0, 0]),
 ]
 
 
@@ -129,6 +129,7 @@ def test_islands_fall_asleep_together(pinned: int | None) -> None:
         expected[2] = [1, 1, 1, 1]  # 1 is pinned, and so has nothing to rest
         expected[1] = [1, 1, 1, 1]
         expected[3:5] = [0, 1, 1, 1]
+        expected[6] = [1, 1, 0, 0]
     assert to_copies(ready, len(CASES)).tolist() == expected.tolist()
 
 
