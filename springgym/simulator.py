@@ -1116,7 +1116,7 @@ class Simulator:
         super().__setattr__(name, value)
 
     def __copy__(self) -> Self:
-        """Return a simulator of its own: no two share the arrays of their copies."""
+        """Return a deep copy, because two simulators must not share arrays."""
         return deepcopy(self)
 
     @guarded

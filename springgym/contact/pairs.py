@@ -98,7 +98,7 @@ def packed_shapes(shapes: Sequence[Shape], first: Sequence[int]) -> Shapes:
 
 
 def sweeps_for(bodies: int) -> int:
-    """Return the number of sweeps that find the impulses among so many bodies."""
+    """Return the number of sweeps that the solver makes in a scene of so many bodies."""
     return SWEEPS if bodies <= FEW else MORE_SWEEPS
 
 

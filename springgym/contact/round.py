@@ -96,7 +96,7 @@ the skin in a step, as that of a coin that falls flat, that it is behind the sur
 farther by what lets it begin at the second, so that it is pushed out gently, and not within a step."""
 
 PASSES = 2
-"""How often, within a turn, the couple and the friction of a contact are found from each other."""
+"""Number of iterations, within a turn, that find the couple and the friction of a contact from each other."""
 
 LEAST = 0.01
 """Least share of K by which friction is taken to change the slip of a feature that does not turn."""

@@ -1,4 +1,4 @@
-"""Let bodies that rest sleep: they stay where they are, at no cost, until something that moves comes near.
+"""Put resting bodies to sleep: steps leave them where they are until a body that moves comes near.
 
 A body falls asleep when all its particles have been slower than a limit for `DOZE` seconds, and so have been
 those of every body that it touches, and that these touch: an island, as contact dynamics calls it. Its
@@ -43,8 +43,8 @@ class Sleep(NamedTuple):
     """Which bodies of each copy sleep."""
 
     rested: np.ndarray
-    """(bodies,) for how long all particles of a body have been slower than the limit [s]; `ASLEEP` if it
-    sleeps"""
+    """(bodies,) the time for which all particles of a body have been slower than the limit [s]; `ASLEEP` if
+    it sleeps"""
     limit: float
     """the speed below which a particle rests [m/s]"""
     pinned: np.ndarray
@@ -65,7 +65,7 @@ def moves(body: int, sleep: Sleep) -> Number:
 
 @compiled
 def sleeps(body: int, sleep: Sleep) -> Mask:
-    """Return where a body sleeps."""
+    """Return the mask of the copies in which a body sleeps."""
     return load(sleep.rested, body) < 0.0
 
 
@@ -89,7 +89,7 @@ def nothing_moves(sleep: Sleep) -> bool:
 
 @compiled
 def looked_at(near: Near, sleep: Sleep | None) -> Near:
-    """Return two bodies near each other, with nothing in reach where neither moves."""
+    """Return a pair with a reach of 0 in the copies in which neither of its bodies moves."""
     if sleep is None:
         return near
     a, b = near.bodies
@@ -123,7 +123,7 @@ def wake(first: int, behind: int, near: Near, contacts: ContactRows, sleep: Slee
 
 @compiled
 def note_rest(body: int, v: Rows, h: Number, sleep: Sleep) -> None:
-    """Note for how long a body of velocities ``v`` has rested, after another ``h`` seconds."""
+    """Add ``h`` seconds to the time for which a body of velocities ``v`` has rested, or begin it anew."""
     rested = load(sleep.rested, body)
     fastest = 0.0 * rested
     for i in range(v.shape[0]):
@@ -135,8 +135,10 @@ def note_rest(body: int, v: Rows, h: Number, sleep: Sleep) -> None:
 
 @compiled
 def find_ready(ready: Numbers, problem: Problem, sleep: Sleep) -> None:
-    """Set ``ready`` (bodies,) to 1 where a body may sleep, else to 0: those may that have rested, unless they
-    touch one, through others, that has not."""
+    """Set ``ready`` (bodies,) to 1 where a body may sleep, else to 0.
+
+    A body may sleep if it has rested, and so have all bodies that it touches, directly or through others.
+    """
     first, second = problem.pairs.first, problem.pairs.second
     for body in range(sleep.pinned.size):
         rested = load(sleep.rested, body)
@@ -160,7 +162,7 @@ def find_ready(ready: Numbers, problem: Problem, sleep: Sleep) -> None:
 
 @compiled
 def sleep_of(collisions: Collisions | None) -> Sleep | None:
-    """Return which bodies sleep; None if none can."""
+    """Return the `Sleep` of bodies that collide; None if none of them can sleep."""
     if collisions is None:
         return None
     return collisions.sleep

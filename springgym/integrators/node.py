@@ -119,11 +119,11 @@ class Exchange(NamedTuple):
     contacts: ContactRows
     """the contacts of the node"""
     kept: Rows
-    """positions before the node of bodies that sleep in some copies only [m]"""
+    """the positions before the node of bodies that sleep in some copies only [m]"""
     expected: Rows
-    """half of what contact was expected to give these there [m/s]"""
+    """half of the change of velocity that contact was expected to give these bodies [m/s]"""
     entered: Numbers
-    """(bodies × `LEDGER`,) the ledger of those, before the node [J]"""
+    """(bodies × `LEDGER`,) the ledger of these bodies before the node [J]"""
     ready: Numbers
     """(bodies,) 1 where a body may sleep, else 0"""
 
@@ -534,7 +534,7 @@ def takes_part(body: int, node: Node, sleep: Sleep | None) -> bool:
 
 @compiled
 def keep_asleep(own: Bodies, node: Node, exchange: Exchange | None, sleep: Sleep | None) -> None:
-    """Keep the state of a body that sleeps in some copies and not in others, before a node."""
+    """Store the state of a body that sleeps in some copies only, before a node is computed for the others."""
     if sleep is not None and node.stage == PASSES and any_lane(sleeps(own.terms.body, sleep)):
         for i in range(own.x.shape[0]):
             set_row(exchange.kept, i, row(own.x, i))
@@ -544,7 +544,7 @@ def keep_asleep(own: Bodies, node: Node, exchange: Exchange | None, sleep: Sleep
 
 @compiled
 def keep_entries(body: int, ledger: Ledger, exchange: Exchange) -> None:
-    """Keep the ledger of a body, if there is one."""
+    """Store the ledger of a body, if there is one, to restore it after the node."""
     if ledger is not None:
         for entry in range(LEDGER):
             store(exchange.entered, body * LEDGER + entry, load(ledger, entry))
@@ -552,7 +552,7 @@ def keep_entries(body: int, ledger: Ledger, exchange: Exchange) -> None:
 
 @compiled
 def put_back(own: Bodies, exchange: Exchange, sleep: Sleep) -> None:
-    """Put a body back in the copies in which it sleeps, after a node that was computed for others."""
+    """Restore a body in the copies in which it sleeps, after a node was computed for the others."""
     body, nothing = own.terms.body, vec(0.0, 0.0, 0.0)
     asleep = sleeps(body, sleep)
     for i in range(own.x.shape[0]):
@@ -567,7 +567,7 @@ def put_back(own: Bodies, exchange: Exchange, sleep: Sleep) -> None:
 
 @compiled
 def put_entries_back(body: int, asleep: Mask, ledger: Ledger, exchange: Exchange) -> None:
-    """Put the ledger of a body back where it sleeps, if there is one."""
+    """Restore the ledger of a body, if there is one, in the copies in which it sleeps."""
     if ledger is not None:
         for entry in range(LEDGER):
             before = load(exchange.entered, body * LEDGER + entry)
@@ -576,7 +576,7 @@ def put_entries_back(body: int, asleep: Mask, ledger: Ledger, exchange: Exchange
 
 @compiled
 def let_sleep(bodies: Bodies, node: Node, problem: Problem | None, sleep: Sleep | None) -> None:
-    """Let what sleeps stay as it was at a node, and what has rested fall asleep."""
+    """Restore bodies that sleep after a node, and put those to sleep that have rested."""
     if sleep is not None:
         ready = bodies.space.exchange.ready
         for n in range(bodies_of(bodies.x)):

@@ -191,7 +191,7 @@ def integrate_through_nodes(
 
 @compiled
 def rests(node: Node, sleep: Sleep | None) -> bool:
-    """Tell whether nothing moves at a node that is passed, in any copy."""
+    """Tell whether a node can be left out, because no body moves in any copy and nothing is read there."""
     if sleep is None:
         return False
     return node.stage == PASSES and nothing_moves(sleep)
@@ -199,7 +199,7 @@ def rests(node: Node, sleep: Sleep | None) -> bool:
 
 @compiled
 def count_nodes(bodies: Bodies, passed: bool) -> None:
-    """Count a node in the cycles of all bodies, if one was ``passed`` before it in this call."""
+    """Take the damping cycles of all bodies a step further, if the call has ``passed`` a node already."""
     if passed:
         for body in range(bodies_of(bodies.x)):
             count_node(of_body(bodies.terms, body).cycle)

@@ -1,4 +1,4 @@
-"""Bodies that rest and sleep: who falls asleep, who wakes, and that nobody else can tell."""
+"""Bodies that rest fall asleep and wake, and no call, copy or state can tell the difference."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def scene(fallen: float = FALLEN, blocks: int = 4, **more: Any) -> Scene:
 
 
 def everything(simulator: Simulator) -> list[np.ndarray]:
-    """All that is told of a simulator."""
+    """Return all arrays that a simulator returns of its copies."""
     return [
         simulator.positions,
         simulator.velocities,
@@ -224,7 +224,7 @@ def test_copies_sleep_as_if_alone(sleep: float | None) -> None:
 
 @pytest.mark.slow
 def test_what_sleeps_is_told_with_its_contacts() -> None:
-    """Contacts and their forces are those of where bodies stopped, while they swayed a little."""
+    """Contacts carry the weights of bodies that sleep, nearly: these stopped while they still swayed a little."""
     simulator = Simulator(scene(0.0), sleep=LIMIT)
     simulator.advance(2500)
     assert simulator.asleep.all()
@@ -239,7 +239,7 @@ def test_what_sleeps_is_told_with_its_contacts() -> None:
 
 @pytest.mark.slow
 def test_what_changes_a_copy_wakes_it() -> None:
-    """So do places and parameters, of that copy alone; a state sleeps as it did."""
+    """New places and parameters wake the bodies of a copy alone; a restored state sleeps as it did."""
     simulator = Simulator(scene(0.0), sleep=LIMIT, copies=3, varying=["gravity"])
     simulator.advance(2500)
     assert simulator.asleep.all()

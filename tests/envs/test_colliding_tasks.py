@@ -324,7 +324,7 @@ def test_the_height_of_a_flight_is_kept_in_the_air() -> None:
 @pytest.mark.own_kernels
 @pytest.mark.seldom
 def test_a_push_drives_ones_own_top() -> None:
-    """Both tops move alike, turned by half a turn, but for the push on one's own; equal seeds begin alike."""
+    """Equal seeds begin alike, and without a push one top moves as the other does, rotated by half a turn."""
     env, twin = (make("SpringDuel-v0", opponent="still") for _ in range(2))
     np.testing.assert_array_equal(env.reset(seed=1)[0], twin.reset(seed=1)[0])
     task, measure = env.unwrapped.episodes.task, env.unwrapped.episodes.simulator.measure
