@@ -181,7 +181,8 @@ def find(
             brief = anew and list_features(near, span, seen, shapes.triangles, shapes.edges)
             if passes:
                 near = looked_at(near, sleep)
-            needed = anew or any_lane(load(lists.nearest, p) < ROUNDING * near.reach)
+            nearest = select(near.reach > 0.0, load(lists.nearest, p), FAR)
+            needed = anew or any_lane(nearest < ROUNDING * near.reach)
             if needed and (is_listed(VERTICES, p, lists) or is_listed(EDGES, p, lists)):
                 locate(p, seen, shapes.triangles, shapes.edges)
                 if anew:

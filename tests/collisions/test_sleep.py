@@ -224,7 +224,7 @@ def test_copies_sleep_as_if_alone(sleep: float | None) -> None:
 
 @pytest.mark.slow
 def test_what_sleeps_is_told_with_its_contacts() -> None:
-    """Contacts carry the weights of bodies that sleep, nearly: these stopped while they still swayed a little."""
+    """Contacts nearly carry the weights of bodies that sleep: these stopped while they swayed a little."""
     simulator = Simulator(scene(0.0), sleep=LIMIT)
     simulator.advance(2500)
     assert simulator.asleep.all()
