@@ -437,7 +437,8 @@ def test_inner_functions_are_lowered_as_far_as_numba_lets_us(
     monkeypatch.setenv("SPRINGGYM_CACHE_DIR", str(tmp_path))  # what comes from the cache compiles nothing
     if lacking:
         monkeypatch.setitem(sys.modules, "numba.core.typed_passes", None)
-        monkeypatch.setattr(compiling, "INLINED", compiling._inlined())
+        for name, options in zip(("INNER", "OUTER"), compiling._pipelines(), strict=True):
+            monkeypatch.setattr(compiling, name, options)
 
     @compiled
     def twice(a: float) -> float:
@@ -448,10 +449,34 @@ def test_inner_functions_are_lowered_as_far_as_numba_lets_us(
         return twice(twice(a))
 
     assert fourfold(3.0) == 12.0
-    assert ("pipeline_class" in compiling.INLINED) != lacking
+    for options in (compiling.INNER, compiling.OUTER):
+        assert ("pipeline_class" in options) != lacking
     (inner,) = twice.overloads.values()
     passes = inner.metadata["pipeline_times"]["nopython"]
     assert any("native_lowering" in name for name in passes) == lacking
+
+
+def test_functions_of_users_link_all_that_inner_functions_call() -> None:
+    """Numba links what a function calls itself; inner functions bring what they call with them."""
+
+    @compiled
+    def third(a: float) -> float:
+        return a / 3.0
+
+    @compiled
+    def ninth(a: float) -> float:
+        return third(third(a))
+
+    @numba.njit
+    def twice_ninth(a: float) -> float:
+        return ninth(a) + ninth(a)
+
+    @kernel
+    def both(a: float) -> float:
+        return twice_ninth(a) + third(a)
+
+    assert twice_ninth(9.0) == 2.0
+    assert both(9.0) == 5.0
 
 
 @compiled

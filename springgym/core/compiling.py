@@ -257,7 +257,7 @@ CHECKED = bool(numba.config.BOUNDSCHECK)
 
 
 class Inner(type(SAMPLE)):  # type: ignore[misc]
-    """A compiled function that only other compiled functions call; see `_inlined`."""
+    """A compiled function that only other compiled functions call; see `_pipelines`."""
 
     def __call__(self, *args: object, **kwargs: object) -> NoReturn:
         raise TypeError(
@@ -287,14 +287,34 @@ class Kept(type(SAMPLE)):  # type: ignore[misc]
                 self._cache.stop_waiting()
 
 
-def _inlined() -> dict[str, object]:
-    """Options of functions that are only ever inlined: no code by which Python would call them, and, if this
-    version of Numba lets us, no optimised code of their own, which nobody would run, and less of what goes by
-    the stack.
+NEEDLESS = frozenset(
+    {
+        "DumpParforDiagnostics",
+        "FindLiterallyCalls",
+        "InlineClosureLikes",
+        "InlineInlinables",
+        "LiteralPropagationSubPipelinePass",
+        "LiteralUnroll",
+        "MakeFunctionToJitFunction",
+        "NoPythonSupportedFeatureValidation",
+        "NopythonRewrites",
+        "RewriteDynamicRaises",
+        "WithLifting",
+    }
+)
+"""Passes of Numba's compiler for what compiled functions do not have: closures, expressions of whole arrays
+(which would be allocated), messages put together as they are raised, and the like."""
 
-    The first is half of what compiling them costs, the second a third of the rest, the third a seventh.
+
+def _pipelines() -> tuple[dict[str, object], dict[str, object]]:
+    """Return the options of functions that are only ever inlined, and those of kernels.
+
+    Inner functions have no code by which Python would call them. If this version of Numba lets us, they have
+    no optimised code of their own either, which nobody would run, are linked once, into their kernel, and
+    keep less on the stack; and kernels are optimised once. The first is half of what compiling costs, the
+    others together half of the rest.
     """
-    options: dict[str, object] = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    inner: dict[str, object] = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     try:
         from numba._dynfunc import make_function
         from numba.core.analysis import compute_cfg_from_blocks, compute_use_defs, must_use_alloca
@@ -303,24 +323,62 @@ def _inlined() -> dict[str, object]:
         from numba.core.compiler_machinery import register_pass
         from numba.core.ir import Assign
         from numba.core.lowering import Lower
-        from numba.core.typed_passes import NativeLowering, NopythonRewrites
+        from numba.core.typed_passes import NativeLowering
     except ImportError:
-        return options
+        return inner, {}
 
-    class Library(JITCodeLibrary):
-        """LLVM's code of a function, as it is linked into what calls it: there it is optimised."""
+    class InnerLibrary(JITCodeLibrary):
+        """LLVM's code of a function, as it is linked into a kernel: there it is optimised."""
 
         def _optimize_functions(self, ll_module: binding.ModuleRef) -> None:
             """Set the layout of data alone: the kernel optimises."""
             ll_module.data_layout = self._codegen._data_layout
 
-        def _optimize_final_module(self) -> None:
-            """Optimise nothing: the kernel does."""
-
-        def _finalize_final_module(self) -> None:
-            """End without machine code."""
-            self._finalize_dynamic_globals()
+        def finalize(self) -> None:
+            """End without machine code, and without the code of what the function calls."""
             self._finalized = True
+
+        def _get_module_for_linking(self) -> binding.ModuleRef:
+            """Return the code of the function and of all that it calls, directly or through others."""
+            whole = self._alone().clone()
+            for one in self._called():
+                inner = isinstance(one, InnerLibrary)
+                whole.link_in(one._alone() if inner else one._get_module_for_linking(), preserve=True)
+            return whole
+
+        def _alone(self) -> binding.ModuleRef:
+            """Return the code of the function, of which several libraries may have a copy."""
+            for function in self._final_module.functions:
+                if function.linkage == binding.Linkage.external and not function.is_declaration:
+                    function.linkage = binding.Linkage.linkonce_odr
+            return self._final_module
+
+        def _called(self) -> list[JITCodeLibrary]:
+            """Return the libraries of all functions that are called from this one, each once."""
+            found: list[JITCodeLibrary] = []
+            left = [*self._linking_libraries]
+            while left:
+                one = left.pop()
+                if one not in found:
+                    found.append(one)
+                    if isinstance(one, InnerLibrary):
+                        left.extend(one._linking_libraries)
+            return found
+
+    class KernelLibrary(JITCodeLibrary):
+        """Code of a kernel, which is optimised once: the kernel counts no references.
+
+        Numba optimises twice, at first to find the references that need not be counted.
+        """
+
+        def _optimize_functions(self, ll_module: binding.ModuleRef) -> None:
+            """Set the layout of data alone, as nothing is inlined yet."""
+            ll_module.data_layout = self._codegen._data_layout
+
+        def _optimize_final_module(self) -> None:
+            """Optimise the code of the kernel with that of all that it calls."""
+            manager, builder = self._codegen._module_pass_manager()
+            manager.run(self._final_module, builder)
 
     class ValueLower(Lower):
         """Keeps what is assigned once as a value; Numba writes it to the stack if another block reads it."""
@@ -352,7 +410,7 @@ def _inlined() -> dict[str, object]:
 
         def run_pass(self, state: StateDict) -> bool:
             context, function = state.targetctx, state.func_id
-            state.library = Library(context.codegen(), function.func_qualname)
+            state.library = InnerLibrary(context.codegen(), function.func_qualname)
             state.flags.no_compile = True
             super().run_pass(state)
             lowered = state.cr
@@ -363,24 +421,40 @@ def _inlined() -> dict[str, object]:
             state.cr = lowered._replace(cfunc=entry)
             return True
 
-    class InnerCompiler(Compiler):
-        """Numba's compiler, which ends with `InnerLowering`."""
+    @register_pass(mutates_CFG=True, analysis_only=False)
+    class KernelLowering(NativeLowering):
+        """Numba's lowering, into a `KernelLibrary`."""
+
+        _name = "kernel_lowering"
+
+        def run_pass(self, state: StateDict) -> bool:
+            state.library = KernelLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+            state.library.enable_object_caching()
+            return super().run_pass(state)
+
+    class KernelCompiler(Compiler):
+        """Numba's compiler, which ends with another pass than `NativeLowering`."""
+
+        lowering = KernelLowering
 
         def define_pipelines(self) -> list[PassManager]:
             (passes,) = super().define_pipelines()
             passes.passes[:] = [
-                (InnerLowering if one is NativeLowering else one, why)
+                (self.lowering if one is NativeLowering else one, why)
                 for one, why in passes.passes
-                if one is not NopythonRewrites  # of expressions of whole arrays: these would be allocated
+                if one.__name__ not in NEEDLESS
             ]
             passes._finalized = False
             passes.finalize()
             return [passes]
 
-    return {**options, "pipeline_class": InnerCompiler}
+    class InnerCompiler(KernelCompiler):
+        lowering = InnerLowering
+
+    return {**inner, "pipeline_class": InnerCompiler}, {"pipeline_class": KernelCompiler}
 
 
-INLINED = _inlined()
+INNER, OUTER = _pipelines()
 
 
 def compiled(function: Callable[..., Any]) -> Any:
@@ -390,7 +464,7 @@ def compiled(function: Callable[..., Any]) -> Any:
     """
     if INTERPRETED:
         return _interpreted(function, function)
-    dispatcher = numba.njit(**OPTIONS, **INLINED)(function)
+    dispatcher = numba.njit(**OPTIONS, **INNER)(function)
     dispatcher.__class__ = Inner
     return dispatcher
 
@@ -405,7 +479,7 @@ def kernel(function: Callable[..., Any]) -> Any:
                 return function(*arguments)
 
         return _interpreted(run, function)
-    dispatcher = numba.njit(**OPTIONS, nogil=True, no_cfunc_wrapper=True)(function)
+    dispatcher = numba.njit(**OPTIONS, **OUTER, nogil=True, no_cfunc_wrapper=True)(function)
     if not LACKING:
         dispatcher._cache = DigestKeyedCache(function)
         dispatcher.__class__ = Kept
