@@ -23,7 +23,7 @@ from numba.core.compiler_lock import global_compiler_lock
 from springgym import integrators
 from springgym.bodies import cube
 from springgym.core import compiling
-from springgym.core.blocks import at, block_array
+from springgym.core.blocks import WIDTH, at, block_array
 from springgym.core.compiling import SameTypes, _checksum, cache_directory, compiled, kernel
 from springgym.core.lanes import any_lane, load, store
 from springgym.core.vectors import dot
@@ -648,7 +648,7 @@ def test_bounds_are_checked_when_that_is_asked_for(
     """As ``NUMBA_BOUNDSCHECK=1`` does."""
     monkeypatch.setattr(numba.config, "BOUNDSCHECK", 1)
     again = kernel(function.py_func)
-    array = block_array(20, (4, 3), float)
+    array = block_array(WIDTH[np.dtype(float)] + 1, (4, 3), float)
     again(array, 1, 2)
     with pytest.raises(IndexError, match=r"index outside of its array; the numbers are printed"):
         again(array, block, i)

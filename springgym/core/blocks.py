@@ -8,13 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
-from springgym.core.compiling import kernel
+from springgym.core.compiling import REGISTER, kernel
 from springgym.core.lanes import at as at
 from springgym.core.lanes import block_dtype
 
-WIDTH = {np.dtype(np.float64): 16, np.dtype(np.float32): 32}
-"""Copies in a block of a batch: two AVX-512 registers, four of AVX2. While one of a pair waits for the result
-of the operation before, the other goes on: dampers, one after another, cost half of what they do in one."""
+WIDTH = {np.dtype(kind): 2 * REGISTER // np.dtype(kind).itemsize for kind in (np.float64, np.float32)}
+"""Copies in a block of a batch: two registers of the processor. While one of them waits for the result of the
+operation before, the other goes on: dampers, one after another, cost half of what they do in one. In more
+registers values are written to memory and read again, and more copies wait for those that touch something.
+Copies have the same bits in blocks of any width."""
 
 CACHE_LINE = 64
 """[bytes]"""

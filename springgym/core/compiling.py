@@ -150,6 +150,11 @@ LEVEL = _level(os.environ.get("SPRINGGYM_CPU", ""), features())
 if LEVEL is not None:  # before Numba compiles anything; the key of an entry holds both
     numba.config.CPU_NAME, numba.config.CPU_FEATURES = LEVEL, ""
 
+_FITS = LEVEL or fitting_level(binding.get_host_cpu_name(), features())
+
+REGISTER = 64 if _FITS is not None and "avx512f" in LEVELS[_FITS] else 32
+"""Size of a vector register of the processors that code is made for [bytes]."""
+
 OPTIONS = {"error_model": "numpy", "_nrt": False}
 """IEEE arithmetic (no fastmath); no allocation, hence no counting of references to arrays, which cost as
 much as the physics where small functions hand arrays on."""
