@@ -10,6 +10,10 @@ import numpy as np
 import pytest
 
 from springgym import simulator
+from springgym.core.blocks import WIDTH
+
+WIDE = WIDTH[np.dtype(float)]
+"""Copies in a block."""
 
 
 def batch(copies: int, **options: Any) -> Any:
@@ -35,7 +39,7 @@ def test_threads_find_the_same(copies: int, observation: str, monkeypatch: pytes
     monkeypatch.setattr(two.episodes, "_judge", lambda *given: (parts.append(given[:2]), judge(*given)))
     for action in np.random.default_rng(0).uniform(-1, 1, (5, copies, 3)).astype(np.float32):
         same(one.step(action), two.step(action))
-    assert len(set(parts)) == (1 if copies % 16 == 1 else 2)
+    assert len(set(parts)) == (1 if copies % WIDE == 1 else 2)
 
 
 @pytest.mark.parametrize(("copies", "which"), [(5, 3), (49, 20), (49, 48)])
@@ -63,12 +67,18 @@ def test_a_copy_that_begins_alone(copies: int, which: int) -> None:
 
 @pytest.mark.parametrize(
     ("begun", "parts"),
-    [([3], [(0, 16)]), ([40, 5], [(0, 16), (32, 48)]), ([80], [(64, 81)]), ([0, 20, 40], [(0, 81)])],
+    [
+        ([3], [(0, 1)]),
+        ([2 * WIDE + 3, 5], [(0, 1), (2, 3)]),
+        ([5 * WIDE], [(4, 6)]),  # the last block, of one copy, with the one before
+        ([0, WIDE + 4, 2 * WIDE + 4], [(0, 6)]),
+    ],
     ids=str,
 )
 def test_few_copies_begin_in_their_blocks(begun: list[int], parts: list[tuple[int, int]]) -> None:
     """They are what they are where all copies are looked at, and the others stay as they were."""
-    blocks, whole = (batch(81) for _ in range(2))
+    copies = 5 * WIDE + 1
+    blocks, whole = (batch(copies) for _ in range(2))
     whole.unwrapped.episodes._sees_parts = False  # as functions of a user's own are taken
     found = []
     look = blocks.episodes._look
@@ -80,9 +90,9 @@ def test_few_copies_begin_in_their_blocks(begun: list[int], parts: list[tuple[in
         envs.reset(seed=0)
         envs.episodes.elapsed[begun] = 499
     found.clear()
-    for action in np.random.default_rng(0).uniform(-1, 1, (3, 81, 3)).astype(np.float32):
+    for action in np.random.default_rng(0).uniform(-1, 1, (3, copies, 3)).astype(np.float32):
         same(blocks.step(action), whole.step(action))
-    assert sorted(found[2:-1]) == parts
+    assert sorted(found[2:-1]) == [(WIDE * first, min(WIDE * behind, copies)) for first, behind in parts]
 
 
 def test_what_was_returned_stays() -> None:

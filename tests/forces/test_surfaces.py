@@ -13,7 +13,7 @@ from numba import njit
 
 from springgym.contact import surfaces as of_surfaces
 from springgym.core import compiled, load, vec
-from springgym.core.blocks import block_array, numbers
+from springgym.core.blocks import WIDTH, block_array, numbers
 from springgym.core.lanes import store
 from springgym.core.vectors import dot, row, set_row
 from springgym.packing import surfaces_of
@@ -75,12 +75,12 @@ def evaluate(x: Any, found: Any, surfaces: Any) -> None:
 @pytest.mark.parametrize("surfaces", EACH)
 @pytest.mark.often("planes", "several kinds")
 def test_compiled_heights_and_gradients_are_those_of_the_surface(surfaces: tuple[Surface, ...]) -> None:
-    draw = np.random.default_rng(1)
-    ends = draw.uniform(-0.6, 0.6, (2, 16, 3))
+    copies, draw = WIDTH[np.dtype(float)], np.random.default_rng(1)
+    ends = draw.uniform(-0.6, 0.6, (2, copies, 3))
     ends[:, 0] += [5.0, -4.0, 0.0]  # beyond the grid
-    blocks = block_array(16, (2, 3), float)[0]
+    blocks = block_array(copies, (2, 3), float)[0]
     numbers(blocks)[:] = ends.transpose(0, 2, 1)
-    found = block_array(16, (3 * len(surfaces), 3), float)[0]
+    found = block_array(copies, (3 * len(surfaces), 3), float)[0]
     packed = surfaces_of(surfaces)._replace(reach=0.01)
     evaluate(blocks, found, packed)
     kinds = list(dict.fromkeys(map(type, surfaces)))
