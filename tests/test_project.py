@@ -195,6 +195,19 @@ def test_workflows_try_what_is_promised() -> None:
     assert {systems[row["os"]] for row in rows} == {w[-1] for w in promised if w[0] == "Operating System"}
 
 
+def test_every_test_belongs_to_one_part_of_the_slow_ones() -> None:
+    job = yaml.safe_load(text(".github/workflows/nightly.yml"))["jobs"]["slow"]
+    assert job["steps"][-1]["run"] == "nox -s slow -- ${{ matrix.part }}"
+    found = [
+        file
+        for part in job["strategy"]["matrix"]["part"]
+        for pattern in part.split()
+        for path in ROOT.glob(pattern)
+        for file in (path.rglob("test_*.py") if path.is_dir() else [path])
+    ]
+    assert sorted(found) == sorted((ROOT / "tests").rglob("test_*.py"))
+
+
 def test_the_rehearsal_tries_lower_bounds_and_tests_that_there_are() -> None:
     bounds = [re.match(r"(\w+)>=([\d.]+)", wanted) for wanted in project()["dependencies"]]
     lowest = {bound[1]: bound[2] for bound in bounds if bound}
