@@ -479,6 +479,22 @@ def test_functions_of_users_link_all_that_inner_functions_call() -> None:
     assert both(9.0) == 5.0
 
 
+def test_inner_functions_may_hold_functions() -> None:
+    @compiled
+    def fourth_power(a: float) -> float:
+        def square(b: float) -> float:
+            return b * b
+
+        return square(square(a))
+
+    @kernel
+    def one_more(a: float) -> float:
+        increase = lambda b: b + 1.0  # noqa: E731
+        return increase(fourth_power(a))
+
+    assert one_more(2.0) == 17.0
+
+
 @compiled
 def wander(a: float, n: int) -> float:
     """Values that other blocks read: made before, within and after loops, and in one branch of two."""

@@ -292,32 +292,25 @@ class Kept(type(SAMPLE)):  # type: ignore[misc]
                 self._cache.stop_waiting()
 
 
-NEEDLESS = frozenset(
-    {
-        "DumpParforDiagnostics",
-        "FindLiterallyCalls",
-        "InlineClosureLikes",
-        "InlineInlinables",
-        "LiteralPropagationSubPipelinePass",
-        "LiteralUnroll",
-        "MakeFunctionToJitFunction",
-        "NoPythonSupportedFeatureValidation",
-        "NopythonRewrites",
-        "RewriteDynamicRaises",
-        "WithLifting",
-    }
+NEEDLESS = (
+    "DumpParforDiagnostics",
+    "InlineInlinables",
+    "LiteralPropagationSubPipelinePass",
+    "NoPythonSupportedFeatureValidation",
+    "NopythonRewrites",
+    "RewriteDynamicRaises",
+    "WithLifting",
 )
-"""Passes of Numba's compiler for what compiled functions do not have: closures, expressions of whole arrays
-(which would be allocated), messages put together as they are raised, and the like."""
+"""Passes of Numba's compiler for what compiled functions cannot have, such as expressions of whole arrays
+(these would be allocated) or messages that are put together as they are raised."""
 
 
 def _pipelines() -> tuple[dict[str, object], dict[str, object]]:
     """Return the options of functions that are only ever inlined, and those of kernels.
 
-    Inner functions have no code by which Python would call them. If this version of Numba lets us, they have
-    no optimised code of their own either, which nobody would run, are linked once, into their kernel, and
-    keep less on the stack; and kernels are optimised once. The first is half of what compiling costs, the
-    others together half of the rest.
+    No code is made by which Python would call inner functions: that is half of what compiling costs. If this
+    version of Numba lets us, no optimised code is made of them either, which nobody would run; they are
+    linked once, into their kernel, and keep less on the stack; and kernels are optimised once.
     """
     inner: dict[str, object] = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     try:
@@ -333,7 +326,7 @@ def _pipelines() -> tuple[dict[str, object], dict[str, object]]:
         return inner, {}
 
     class InnerLibrary(JITCodeLibrary):
-        """LLVM's code of a function, as it is linked into a kernel: there it is optimised."""
+        """Holds LLVM's code of a function, as it is linked into a kernel: there it is optimised."""
 
         def _optimize_functions(self, ll_module: binding.ModuleRef) -> None:
             """Set the layout of data alone: the kernel optimises."""
@@ -371,9 +364,9 @@ def _pipelines() -> tuple[dict[str, object], dict[str, object]]:
             return found
 
     class KernelLibrary(JITCodeLibrary):
-        """Code of a kernel, which is optimised once: the kernel counts no references.
+        """Holds the code of a kernel, and optimises it once.
 
-        Numba optimises twice, at first to find the references that need not be counted.
+        Numba does so twice, the first time to find references that need not be counted: kernels count none.
         """
 
         def _optimize_functions(self, ll_module: binding.ModuleRef) -> None:
