@@ -457,7 +457,7 @@ def test_inner_functions_are_lowered_as_far_as_numba_lets_us(
 
 
 def test_functions_of_users_link_all_that_inner_functions_call() -> None:
-    """Numba links what a function calls itself; inner functions bring what they call with them."""
+    """A function that a user compiles with Numba gets all that inner functions call, directly or not."""
 
     @compiled
     def third(a: float) -> float:

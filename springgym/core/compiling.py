@@ -262,7 +262,10 @@ CHECKED = bool(numba.config.BOUNDSCHECK)
 
 
 class Inner(type(SAMPLE)):  # type: ignore[misc]
-    """A compiled function that only other compiled functions call; see `_pipelines`."""
+    """A function that is compiled for other compiled functions alone: Python cannot call it.
+
+    See `_pipelines`.
+    """
 
     def __call__(self, *args: object, **kwargs: object) -> NoReturn:
         raise TypeError(
@@ -301,8 +304,8 @@ NEEDLESS = (
     "RewriteDynamicRaises",
     "WithLifting",
 )
-"""Passes of Numba's compiler for what compiled functions cannot have, such as expressions of whole arrays
-(these would be allocated) or messages that are put together as they are raised."""
+"""Names of the passes of Numba's compiler that are left out. They handle what compiled functions cannot have,
+such as expressions of whole arrays (these would be allocated) or messages made as they are raised."""
 
 
 def _pipelines() -> tuple[dict[str, object], dict[str, object]]:
@@ -326,10 +329,10 @@ def _pipelines() -> tuple[dict[str, object], dict[str, object]]:
         return inner, {}
 
     class InnerLibrary(JITCodeLibrary):
-        """Holds LLVM's code of a function, as it is linked into a kernel: there it is optimised."""
+        """A library that holds LLVM's code of a function, not optimised, for kernels to link."""
 
         def _optimize_functions(self, ll_module: binding.ModuleRef) -> None:
-            """Set the layout of data alone: the kernel optimises."""
+            """Set the module's data layout, and optimise nothing: the kernel's library does that."""
             ll_module.data_layout = self._codegen._data_layout
 
         def finalize(self) -> None:
@@ -364,13 +367,13 @@ def _pipelines() -> tuple[dict[str, object], dict[str, object]]:
             return found
 
     class KernelLibrary(JITCodeLibrary):
-        """Holds the code of a kernel, and optimises it once.
+        """A library that holds the code of a kernel, and optimises it once.
 
         Numba does so twice, the first time to find references that need not be counted: kernels count none.
         """
 
         def _optimize_functions(self, ll_module: binding.ModuleRef) -> None:
-            """Set the layout of data alone, as nothing is inlined yet."""
+            """Set the module's data layout, and optimise nothing: no function is inlined yet."""
             ll_module.data_layout = self._codegen._data_layout
 
         def _optimize_final_module(self) -> None:
@@ -401,7 +404,7 @@ def _pipelines() -> tuple[dict[str, object], dict[str, object]]:
 
     @register_pass(mutates_CFG=True, analysis_only=False)
     class InnerLowering(NativeLowering):
-        """Numba's lowering to LLVM's code, and no further."""
+        """A compiler pass that lowers a function to LLVM's code, and makes no machine code of it."""
 
         _name = "inner_lowering"
         lowering_class = ValueLower
@@ -421,7 +424,7 @@ def _pipelines() -> tuple[dict[str, object], dict[str, object]]:
 
     @register_pass(mutates_CFG=True, analysis_only=False)
     class KernelLowering(NativeLowering):
-        """Numba's lowering, into a `KernelLibrary`."""
+        """A compiler pass that lowers a kernel to LLVM's code, in a `KernelLibrary`."""
 
         _name = "kernel_lowering"
 

@@ -121,9 +121,11 @@ class Exchange(NamedTuple):
     kept: Rows
     """the positions before the node of bodies that sleep in some copies only [m]"""
     expected: Rows
-    """half of the change of velocity that contact was expected to give these bodies [m/s]"""
+    """half of the change of velocity that contact was expected to give bodies that sleep in some copies only
+    [m/s]"""
     entered: Numbers
-    """(bodies × `LEDGER`,) the ledger of these bodies before the node [J]"""
+    """(bodies × `LEDGER`,) the energy ledger, before the node, of bodies that sleep in some copies
+    only [J]"""
     ready: Numbers
     """(bodies,) 1 where a body may sleep, else 0"""
 

@@ -199,7 +199,7 @@ def rests(node: Node, sleep: Sleep | None) -> bool:
 
 @compiled
 def count_nodes(bodies: Bodies, passed: bool) -> None:
-    """Take the damping cycles of all bodies a step further, if the call has ``passed`` a node already."""
+    """Advance the damping cycles of all bodies by a step, if the call has ``passed`` a node already."""
     if passed:
         for body in range(bodies_of(bodies.x)):
             count_node(of_body(bodies.terms, body).cycle)

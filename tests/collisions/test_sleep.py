@@ -1,4 +1,4 @@
-"""Bodies that rest fall asleep and wake, and no call, copy or state can tell the difference."""
+"""Resting bodies fall asleep and wake again; calls of any length, batches and restored states agree."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def scene(fallen: float = FALLEN, blocks: int = 4, **more: Any) -> Scene:
 
 
 def everything(simulator: Simulator) -> list[np.ndarray]:
-    """Return all arrays that a simulator returns of its copies."""
+    """Return what a simulator reports about its copies, as arrays that two simulators can be compared by."""
     return [
         simulator.positions,
         simulator.velocities,
@@ -224,7 +224,7 @@ def test_copies_sleep_as_if_alone(sleep: float | None) -> None:
 
 @pytest.mark.slow
 def test_what_sleeps_is_told_with_its_contacts() -> None:
-    """Contacts nearly carry the weights of bodies that sleep: these stopped while they swayed a little."""
+    """Contact forces on sleeping bodies balance their weights, but for what they swayed when they stopped."""
     simulator = Simulator(scene(0.0), sleep=LIMIT)
     simulator.advance(2500)
     assert simulator.asleep.all()

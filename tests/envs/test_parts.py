@@ -13,7 +13,7 @@ from springgym import simulator
 from springgym.core.blocks import WIDTH
 
 WIDE = WIDTH[np.dtype(float)]
-"""Copies in a block."""
+"""The number of copies in a block in double precision."""
 
 
 def batch(copies: int, **options: Any) -> Any:
