@@ -14,7 +14,7 @@ from springgym.checks import HUGE, TINY
 from springgym.contact.cone import Resistance, law_of, resistance_of
 from springgym.contact.lists import Lists, new_lists
 from springgym.contact.overlap import Outlines, outlines
-from springgym.contact.pairs import Pairs, longest_edge, most_contacts, packed_shapes, parallel, sweeps_for
+from springgym.contact.pairs import Pairs, longest_edge, most_contacts, packed_shapes, parallel
 from springgym.contact.round import Rolling, packed_rounds
 from springgym.contact.rows import ContactRows, new_contacts
 from springgym.contact.sleep import Sleep
@@ -22,6 +22,7 @@ from springgym.contact.solids import Solids
 from springgym.contact.spheres import new_spheres
 from springgym.contact.surfaces import Surfaces
 from springgym.contact.totals import ENTRIES, Collisions, empty_totals
+from springgym.contact.warm import new_warm_start
 from springgym.core.blocks import aligned_zeros, get_copies, numbers, set_copies
 from springgym.core.kinds import Ragged
 from springgym.core.lanes import block_dtype
@@ -251,7 +252,8 @@ def _collisions(scene: Scene, options: Options) -> Collisions | None:
     if options.sleep is not None:
         pinned = np.array([not part.free.any() for part in scene.parts])
         sleep = Sleep(options.blocks(len(scene.bodies)), options.sleep, pinned)
-    collisions = Collisions(pairs, totals, totals_before, changing, sleep)
+    warm = new_warm_start(pairs, len(scene.bodies), options.blocks)
+    collisions = Collisions(pairs, totals, totals_before, changing, sleep, warm)
     empty_totals(collisions, slice(None))
     return collisions
 
@@ -286,7 +288,6 @@ def pack_pairs(scene: Scene, options: Options) -> Pairs:
         loss=options.parameter({"restitution"} & varying, loss_of(restitutions)) if loses else None,
         shapes=packed_shapes(scene.shapes, scene.starts[:-1].tolist()),
         most=most_contacts(met, scene.shapes)[0],
-        sweeps=sweeps_for(len(scene.bodies)),
     )
 
 
@@ -498,8 +499,11 @@ def marks(terms: Terms) -> list[np.ndarray]:
     """Return the arrays that are zero in copies which begin anew from where they are and how they move."""
     kept: list[np.ndarray | Ragged] = [term.marks for term in (terms.memory, terms.cycle) if term is not None]
     found = [of.values if isinstance(of, Ragged) else of for of in kept]
-    if terms.collisions is not None and terms.collisions.sleep is not None:
-        found.append(terms.collisions.sleep.rested)
+    if terms.collisions is not None:
+        if terms.collisions.sleep is not None:
+            found.append(terms.collisions.sleep.rested)
+        if terms.collisions.warm is not None:
+            found.append(terms.collisions.warm.pair)
     return found
 
 

@@ -20,10 +20,11 @@ PARALLEL = 2.0
 MOST_PARALLEL = 0.2
 
 
-FEW, SWEEPS, MORE_SWEEPS = 10, 2, 8
-"""Sweeps in which the impulses of contacts are found: `SWEEPS` for up to `FEW` bodies of a scene, and
-`MORE_SWEEPS` for more. A sweep carries what one contact holds to the next, and each node begins anew: with
-two, a pile of three hundred creeps by millimetres a second; with eight it rests."""
+SWEEPS = 2
+"""Sweeps in which the impulses of contacts are found, there and back."""
+
+FEW = 10
+"""Most bodies of a scene in which each node finds them from nothing: see `springgym.contact.warm`."""
 
 
 class Shapes(NamedTuple):
@@ -72,8 +73,6 @@ class Pairs(NamedTuple):
     shapes: Shapes
     most: int
     """how many contacts a copy can have"""
-    sweeps: int
-    """in how many sweeps impulses are found"""
 
 
 def packed_shapes(shapes: Sequence[Shape], first: Sequence[int]) -> Shapes:
@@ -95,11 +94,6 @@ def packed_shapes(shapes: Sequence[Shape], first: Sequence[int]) -> Shapes:
         rods if rods.any() else None,
         balls if balls.any() else None,
     )
-
-
-def sweeps_for(bodies: int) -> int:
-    """Return the number of sweeps that the solver makes in a scene of so many bodies."""
-    return SWEEPS if bodies <= FEW else MORE_SWEEPS
 
 
 def longest_edge(body: Body, shape: Shape) -> float:

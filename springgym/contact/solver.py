@@ -7,8 +7,8 @@ at the positions of the node, so that they keep momentum and angular momentum to
 size.
 
 Each contact's impulse J follows from the gaps h₀ = d − (h/2) u₀ and a = h₀ + h (u₀ + u)/2, with u the
-speed along its normal after all other impulses (`springgym.contact.law`). Sweeps, there and
-back, find all (Gauss and Seidel's): two, or more among many bodies (`springgym.contact.pairs`).
+speed along its normal after all other impulses (`springgym.contact.law`). Sweeps, there and back, find all
+(Gauss and Seidel's); among many bodies they start from what the last node gave (`springgym.contact.warm`).
 
 The strength of an edge's contact depends on where it is met: the force of this energy's gradient acts,
 too. Its size is q = h Ū/(1 + h² Ū G/2), G = Σ |∇ᵢΦ|²/mᵢ, so bounded that a step cannot gain more of it

@@ -18,6 +18,7 @@ from springgym.core.lanes import any_lane, load, select, store
 
 if TYPE_CHECKING:
     from springgym.contact.sleep import Sleep
+    from springgym.contact.warm import WarmStart
 
 TOUCHING, IMPULSE, GAP, ENERGY, CONTACT, FRICTION, MISSES, FAST, OVERFLOW, FASTEST = range(10)
 """The totals of a pair: whether it touches; the sum of J [N·s]; the least gap [m]; the energy in the barriers
@@ -69,6 +70,8 @@ class Collisions(NamedTuple):
     before the last node; the totals of all others stay as they are"""
     sleep: Sleep | None = None
     """which bodies sleep; None if none can"""
+    warm: WarmStart | None = None
+    """the impulses of the last node; None if contacts start from nothing"""
 
 
 @compiled

@@ -32,6 +32,7 @@ import numpy as np
 from springgym.contact.friction import rub
 from springgym.contact.law import Span
 from springgym.contact.lists import Lists
+from springgym.contact.pairs import SWEEPS
 from springgym.contact.points import Given, impulses, lifted, near, nothing_given
 from springgym.contact.round import RoundProblem, lifted_feature, roll, rolls
 from springgym.contact.rows import MET, ContactRows, Problem
@@ -41,6 +42,7 @@ from springgym.contact.solver import add_totals, lift_apart, prepare, start_tota
 from springgym.contact.spheres import as_seen, put_together, share_first, share_touched, take_apart
 from springgym.contact.surfaces import coefficient, energy_at
 from springgym.contact.totals import ENERGY, ENTRIES, Collisions, entry_of, list_changing
+from springgym.contact.warm import keep_impulses, start_warm
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Mask, Number, Numbers, Rows, Vector
 from springgym.core.lanes import any_lane, bodies_of, load, maximum, of_body, select, store
@@ -711,6 +713,8 @@ def meet_each_other(bodies: Bodies, node: Node, problem: Problem | None, exchang
         add_totals(velocity, problem, changing)
         if problem.rows > 0:
             record_losses(bodies.ledger, problem)
+        if node.stage == PASSES:
+            keep_impulses(problem, bodies.terms.collisions.warm, bodies.terms.collisions.sleep)
         if node.stage == READS:
             shift = exchange.shift.values
             for i in range(shift.shape[0]):
@@ -741,7 +745,10 @@ def find_impulses(bodies: Bodies, problem: Problem, exchange: Exchange) -> None:
     """Find what surfaces and bodies give at a node that is reached with velocities v₋."""
     pairs, velocity, terms = problem.pairs, exchange.velocity.values, bodies.terms
     x, spheres = bodies.x.values, problem.contacts.spheres
-    first, last = True, pairs.sweeps + 1
+    first, last = True, SWEEPS + 1
+    put_together(x, velocity, problem.rows, spheres)
+    start_warm(velocity, problem, terms.collisions.warm)
+    take_apart(x, velocity, problem.rows, spheres)
     for turn in range(last + 1):  # in one loop, as each call is compiled where it stands
         if surfaces_take(last - turn, problem.rows, terms.surfaces, pairs.friction):
             for n in range(bodies_of(bodies.x)):
@@ -750,7 +757,7 @@ def find_impulses(bodies: Bodies, problem: Problem, exchange: Exchange) -> None:
                     push_by_surfaces(own, problem.span, first, turn == last, own.space.exchange)
             first = False
         put_together(x, velocity, problem.rows, spheres)
-        if turn < pairs.sweeps:
+        if turn < SWEEPS:
             sweep(velocity, turn % 2 == 1, problem)
         if turn == 1:
             taper(velocity, problem, pairs.shapes.edges)

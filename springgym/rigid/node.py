@@ -23,6 +23,7 @@ import numpy as np
 
 from springgym.contact.friction import rub
 from springgym.contact.lists import Lists
+from springgym.contact.pairs import SWEEPS
 from springgym.contact.points import lifted
 from springgym.contact.round import Rounds, lifted_feature, rolls
 from springgym.contact.rows import ContactRows, Problem
@@ -32,6 +33,7 @@ from springgym.contact.solver import add_totals, lift_apart, prepare, sweep, tap
 from springgym.contact.spheres import as_seen
 from springgym.contact.surfaces import coefficient, count
 from springgym.contact.totals import list_changing, remember_totals
+from springgym.contact.warm import keep_impulses, start_warm
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Mask, Number, Rows, Vector
 from springgym.core.lanes import any_lane, bodies_of, epsilon, load, maximum, minimum, of_body, select, store
@@ -542,6 +544,7 @@ def find_impulses(problem: Problem, space: Company, twins: Twin) -> None:
     enough = AGREED + 64 * epsilon(one)
     store(turns, GOING, one)
     store(space.changed, 0, one)
+    start_warm(velocity, problem, terms.collisions.warm)
     going, turn = problem.rows > 0, 0
     while True:
         last = not going or turn == TURNS
@@ -567,7 +570,7 @@ def find_impulses(problem: Problem, space: Company, twins: Twin) -> None:
         turn += 1
     if problem.rows > 0:
         store(turns, GOING, one)
-        rub(velocity, pairs.sweeps, problem, pairs.friction)
+        rub(velocity, SWEEPS, problem, pairs.friction)
 
 
 @compiled
@@ -644,6 +647,8 @@ def pass_together(phase: Phase, node: Node, first: bool, space: Company, twins: 
     add_totals(space.velocity, problem, collisions.changing)
     if problem.rows > 0:
         record_losses(ledger, problem)
+    if not last:
+        keep_impulses(problem, collisions.warm, None)
     if last:
         for n in range(2 * count):
             set_row(space.shift, n, vec(0.0, 0.0, 0.0))

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from springgym.bodies import Body, cube, top
-from springgym.contact.pairs import sweeps_for
 from springgym.contact.totals import PairReadings
 from springgym.core.blocks import numbers
 from springgym.scene import Placed, Scene, WrenchActuator
@@ -351,11 +350,6 @@ def test_three_hundred_cubes_do_not_creep() -> None:
     fastest = [speeds[own].max() for own in plan.scene.slices]
     assert np.quantile(fastest, 0.9) < 2e-4
     assert simulator.pairs().misses.sum() == 0
-
-
-@pytest.mark.parametrize(("bodies", "sweeps"), [(2, 2), (10, 2), (11, 8), (300, 8)])
-def test_impulses_among_many_bodies_are_found_in_more_sweeps(bodies: int, sweeps: int) -> None:
-    assert sweeps_for(bodies) == sweeps
 
 
 @pytest.mark.slow

@@ -1,0 +1,231 @@
+"""Start the impulses of contacts from those of the last node: a warm start, in scenes of many bodies.
+
+A sweep carries what one contact gives to the next. From nothing, a pile needs many sweeps before what lies
+below carries what lies above. From what held it a step ago it needs few, and as steps go on, the impulses of
+what rests become those that no sweep changes any more.
+
+Each copy keeps the impulses of a node in a table, by which contact they are of. That of a vertex is known by
+the pair and the vertex, whichever face of the other body it meets; that of two edges by their four ends. A
+contact that is not in the table starts from nothing. All this is a first guess: sweeps solve for each impulse
+as they do for any other.
+
+The node where the state is read is made anew by the next call, from the same table: it enters nothing. Of
+pairs that sleep nothing is looked for, so that their impulses stay in the table.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from springgym.contact.friction import crosses, push_across
+from springgym.contact.pairs import FEW
+from springgym.contact.rows import FAR
+from springgym.contact.solver import push_apart
+from springgym.contact.turning import twist
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Mask, Number, Rows, Vector
+from springgym.core.lanes import any_lane, load, load_each, minimum, nearest, select, store, store_each
+from springgym.core.vectors import choose, dot, row, row_each, set_row, set_row_each
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from springgym.contact.pairs import Pairs
+    from springgym.contact.rows import Problem
+    from springgym.contact.sleep import Sleep
+
+ROWS_OF_A_BODY = 16
+"""Rows that the table has for each body, at least."""
+
+PROBES = 4
+"""Rows in which the impulses of a contact may be; where all are taken, they are not kept."""
+
+OF_PAIR, OF_ENDS = 61.0, (17.0, 7.0, 5.0, 3.0)
+"""Factors of the numbers of pair and particles, by which contacts are spread over the table."""
+
+
+class WarmStart(NamedTuple):
+    """The impulses of contacts at the last node: a table of each copy, of a power of 2 of rows."""
+
+    pair: np.ndarray
+    """(rows,) one more than the pair of the contact; 0 of an empty row"""
+    first: np.ndarray
+    """(rows,) the first particle of the contact"""
+    others: np.ndarray
+    """(rows,) a number that the other ends of two edges make; 0 of the contact of a vertex"""
+    impulse: np.ndarray
+    """(rows,) J along the normal [N·s]"""
+    friction: np.ndarray | None
+    """(rows, 3) the impulse of friction [N·s]; None if no pair rubs"""
+    couple: np.ndarray | None
+    """(rows, 3) the angular impulse of the couple [N·m·s]; None if no turning is resisted"""
+
+
+class Key(NamedTuple):
+    """Which contact it is, and where in the table it may be."""
+
+    pair: int
+    """one more than the pair"""
+    first: Number
+    others: Number
+    place: Number
+    """the first row that may have it"""
+
+
+def new_warm_start(pairs: Pairs, bodies: int, blocks: Callable[..., np.ndarray]) -> WarmStart | None:
+    """Return an empty table for the contacts of a scene; None for few bodies, which start from nothing."""
+    if bodies <= FEW:
+        return None
+    rows = 1 << (ROWS_OF_A_BODY * bodies - 1).bit_length()
+    return WarmStart(
+        pair=blocks(rows),
+        first=blocks(rows),
+        others=blocks(rows),
+        impulse=blocks(rows),
+        friction=None if pairs.friction is None else blocks(rows, 3),
+        couple=None if pairs.resistance is None else blocks(rows, 3),
+    )
+
+
+# --- Keys ---------------------------------------------------------------------------------------------
+
+
+@compiled
+def key_of(k: int, problem: Problem, rows: int) -> Key:
+    """Return the key of contact k, for a table of so many rows."""
+    contacts, pair = problem.contacts, problem.contacts.pair[k]
+    i, j = load(contacts.particle, 4 * k), load(contacts.particle, 4 * k + 1)
+    m, n = load(contacts.particle, 4 * k + 2), load(contacts.particle, 4 * k + 3)
+    others = OF_ENDS[1] * j + OF_ENDS[2] * m + OF_ENDS[3] * n
+    if contacts.members[k] == 4:
+        others = select(crosses(k, contacts), others, 0.0)
+    elif contacts.members[k] == 3:
+        others = 0.0 * others
+    spread = (OF_PAIR * pair + OF_ENDS[0] * i) + others
+    place = spread - rows * nearest(spread * (1.0 / rows) - 0.5)
+    return Key(pair + 1, i, others, within_table(place, rows))
+
+
+@compiled
+def within_table(place: Number, rows: int) -> Number:
+    """Return a place in the table, which goes round."""
+    return select(place < rows - 0.5, place, place - rows)
+
+
+@compiled
+def is_of(key: Key, place: Number, table: WarmStart) -> Mask:
+    """Return where a row of the table has the impulses of a contact."""
+    pair, first = load_each(table.pair, place) - key.pair, load_each(table.first, place) - key.first
+    others = load_each(table.others, place) - key.others
+    return pair * pair + first * first + others * others <= 0.0
+
+
+# --- Starting -----------------------------------------------------------------------------------------
+
+
+@compiled
+def start_warm(v: Rows, problem: Problem, table: WarmStart | None) -> None:
+    """Give all contacts what they gave at the last node, and change the velocities ``v`` (N, 3) by it."""
+    if table is not None:
+        contacts = problem.contacts
+        for k in range(problem.rows):
+            key = key_of(k, problem, table.pair.size)
+            place, none = key.place, 0.0 * key.place
+            looks = select(load(contacts.gap, k) < 0.5 * FAR, 1.0 + none, 0.0)
+            at = none - 1.0
+            for _ in range(PROBES):
+                found = select(is_of(key, place, table), looks, 0.0) > 0.5
+                at, looks = select(found, place, at), select(found, 0.0, looks)
+                if not any_lane(looks > 0.5):
+                    break
+                place = within_table(place + 1.0, table.pair.size)
+            there = at > -0.5
+            if any_lane(there):
+                at = select(there, at, 0.0)
+                impulse, n = select(there, load_each(table.impulse, at), 0.0), row(contacts.normal, k)
+                store(contacts.impulse, k, impulse)
+                push_apart(v, k, impulse * n, there, problem, contacts.solids)
+                start_friction(v, k, at, there, problem, table.friction)
+                start_couple(v, k, at, there, problem, table.couple)
+
+
+@compiled
+def start_friction(
+    v: Rows, k: int, at: Number, there: Mask, problem: Problem, kept: np.ndarray | None
+) -> None:
+    """Start the friction of contact k from rows ``at`` of the table, across the normal of today."""
+    if kept is not None:
+        contacts, n = problem.contacts, row(problem.contacts.normal, k)
+        friction = row_each(kept, at)
+        friction = friction - dot(friction, n) * n
+        friction = choose(there, friction, 0.0 * n)
+        set_row(contacts.friction, k, friction)
+        push_across(v, k, friction, there, problem, contacts.solids)
+
+
+@compiled
+def start_couple(v: Rows, k: int, at: Number, there: Mask, problem: Problem, kept: np.ndarray | None) -> None:
+    """Start the couple of contact k, where turning is resisted, from rows ``at`` of the table."""
+    if kept is not None:
+        contacts = problem.contacts
+        couple = choose(there, row_each(kept, at), 0.0 * row(contacts.normal, k))
+        set_row(contacts.couple, k, couple)
+        twist(v, k, couple, there, problem, contacts.solids, contacts.spheres)
+
+
+# --- Keeping ------------------------------------------------------------------------------------------
+
+
+@compiled
+def keep_impulses(problem: Problem, table: WarmStart | None, sleep: Sleep | None) -> None:
+    """Enter what all contacts gave, in place of what they gave at the last node."""
+    if table is not None:
+        contacts, rows = problem.contacts, table.pair.size
+        for place in range(rows):
+            forget(place, problem.pairs, table, sleep)
+        for k in range(problem.rows):
+            key, impulse = key_of(k, problem, rows), load(contacts.impulse, k)
+            place, left = key.place, select(impulse > 0.0, 1.0 + 0.0 * impulse, 0.0)
+            for _ in range(PROBES):
+                if not any_lane(left > 0.5):
+                    break
+                enters = select(load_each(table.pair, place) < 0.5, left, 0.0) > 0.5
+                if any_lane(enters):
+                    enter(table.pair, place, key.pair + 0.0 * place, enters)
+                    enter(table.first, place, key.first, enters)
+                    enter(table.others, place, key.others, enters)
+                    enter(table.impulse, place, impulse, enters)
+                    enter_row(table.friction, place, row(contacts.friction, k), enters)
+                    if table.couple is not None:
+                        enter_row(table.couple, place, row(contacts.couple, k), enters)
+                    left = select(enters, 0.0, left)
+                place = within_table(place + 1.0, rows)
+
+
+@compiled
+def forget(place: int, pairs: Pairs, table: WarmStart, sleep: Sleep | None) -> None:
+    """Empty a row of the table, where its pair does not sleep."""
+    if sleep is None:
+        store(table.pair, place, 0.0)
+    else:
+        pair = load(table.pair, place)
+        if any_lane(pair > 0.5):
+            p = select(pair > 0.5, pair - 1.0, 0.0)
+            a, b = load_each(pairs.first, p), load_each(pairs.second, p)
+            rested = minimum(load_each(sleep.rested, a), load_each(sleep.rested, b))
+            store(table.pair, place, select(rested < 0.0, pair, 0.0))
+
+
+@compiled
+def enter(array: np.ndarray, place: Number, value: Number, enters: Mask) -> None:
+    """Enter a number in each copy's own row of the table, in some copies."""
+    store_each(array, place, select(enters, value, load_each(array, place)))
+
+
+@compiled
+def enter_row(array: np.ndarray | None, place: Number, value: Vector, enters: Mask) -> None:
+    """Enter a vector in each copy's own row of the table, if it has any, in some copies."""
+    if array is not None:
+        set_row_each(array, place, choose(enters, value, row_each(array, place)))

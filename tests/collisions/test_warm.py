@@ -1,0 +1,142 @@
+"""Contacts of many bodies start from what the last node gave."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from springgym.bodies import cube
+from springgym.contact.pairs import FEW
+from springgym.core.blocks import WIDTH
+from springgym.scene import Placed, Scene
+from springgym.simulator import Simulator
+from springgym.surfaces import Contact, floor
+
+BLOCK = cube(side=0.1, mass=0.5, stiffness=1e5, damping=30)
+REACH = 0.01 * BLOCK.swept
+GRAVITY = 9.81
+COUNT = FEW + 2
+
+
+@cache
+def column(askew: float = 1.0) -> Scene:
+    """Blocks on each other, so near that they touch; askew, each is turned, and beside the one below."""
+    bodies = []
+    for n in range(COUNT):
+        angle = askew * 0.1 * (n % 3)
+        turned = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+        start = (BLOCK.positions - BLOCK.positions.mean(axis=0)) @ turned.T
+        height = 0.05 + 0.5 * REACH + n * (0.1 + 0.5 * REACH)
+        aside = (askew * 0.003 * (n % 2), askew * 0.002 * (n % 3), height)
+        bodies.append(Placed(BLOCK, start + aside, name=f"block{n}"))
+    contact = Contact(friction=0.6, restitution=0.2)
+    return Scene(bodies=tuple(bodies), surfaces=(floor(),), contact=contact, collisions="all")
+
+
+def start(copies: int) -> Simulator:
+    """Return a simulator of copies each of which falls at a speed of its own."""
+    simulator = Simulator(column(), copies=copies)
+    speeds = 0.02 * np.arange(copies)[:, None, None] * np.array([0.3, 0.1, -1.0])
+    simulator.place(simulator.positions, simulator.velocities + speeds)
+    return simulator
+
+
+def everything(simulator: Simulator, copies: Any = slice(None)) -> list[np.ndarray]:
+    """Return what a simulator reports of copies, as arrays that two simulators can be compared by."""
+    found = [simulator.positions, simulator.velocities, *simulator.measure(), *simulator.pairs()]
+    return [np.array(array)[copies] for array in found]
+
+
+def same(one: list[np.ndarray], other: list[np.ndarray]) -> bool:
+    return all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
+
+
+def pushes_and_law(simulator: Simulator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the pair of each contact of two blocks, its force and what the law says of its gap [N]."""
+    found, meetings = simulator.contacts(), simulator.scene.meetings
+    between = found.there[0] & (found.second[0] >= 0)
+    pair = meetings.numbers(found.first[0][between], found.second[0][between])
+    push = (found.force * found.normal).sum(axis=-1)[0][between]
+    c, reach, gap = meetings.strength[pair], meetings.reach[pair], found.gap[0][between]
+    return pair, push, c / gap**2 - c / reach**2
+
+
+def held(simulator: Simulator) -> np.ndarray:
+    """Return the force with which each block holds the one above, over the weight above."""
+    pair, push, _ = pushes_and_law(simulator)
+    one, above = np.arange(COUNT - 1), np.arange(1, COUNT)
+    forces = np.bincount(pair, push)[simulator.scene.meetings.numbers(one, above)]
+    return np.array(forces / ((COUNT - above) * BLOCK.mass * GRAVITY))
+
+
+def test_what_rests_is_held_as_the_law_says() -> None:
+    """From nothing, eight sweeps leave half of the largest force open, and two leave more."""
+    simulator = Simulator(column(0.0))
+    simulator.advance(round(1.5 / simulator.step))
+    _, push, law = pushes_and_law(simulator)
+    assert np.abs(push - law).max() < 1e-3 * push.max()
+    np.testing.assert_allclose(held(simulator), 1.0, atol=2e-6)
+
+
+@pytest.mark.slow
+def test_what_sleeps_is_held() -> None:
+    """What pairs that sleep give each other stays in the table: the next look starts from it."""
+    simulator = Simulator(column(0.0), sleep=1e-3)
+    simulator.advance(round(1.5 / simulator.step))
+    assert simulator.asleep.all()
+    np.testing.assert_allclose(held(simulator), 1.0, atol=1e-3)
+
+
+def test_calls_of_any_length_are_one() -> None:
+    whole, cut = start(1), start(1)
+    whole.advance(200)
+    for steps in (1, 60, 9, 0, 130):
+        cut.advance(steps)
+    assert same(everything(whole), everything(cut))
+
+
+def test_looking_at_contacts_changes_nothing() -> None:
+    plain, looked = start(1), start(1)
+    for _ in range(20):
+        plain.advance(10)
+        looked.advance(10)
+        looked.contacts()
+    assert same(everything(plain), everything(looked))
+
+
+@pytest.mark.slow
+def test_copies_of_a_batch_are_single_ones_to_the_bit() -> None:
+    copies = WIDTH[np.dtype(float)] + 3
+    batch = start(copies)
+    batch.advance(250)
+    assert not np.any(batch.unresolved)
+    for copy in (0, 4, copies - 1):
+        single = Simulator(column())
+        single.place(start(copies).positions[copy], start(copies).velocities[copy])
+        single.advance(250)
+        assert same(everything(batch, copy), everything(single, 0))
+
+
+@pytest.mark.slow
+def test_states_hold_what_contacts_start_from() -> None:
+    one, other = start(3), start(2)
+    one.advance(200)
+    other.advance(77)
+    other.restore(one.state(copies=[2]), copies=[1])
+    one.advance(100)
+    other.advance(100)
+    assert same(everything(one, 2), everything(other, 1))
+
+
+@pytest.mark.slow
+def test_copies_that_are_placed_start_from_nothing() -> None:
+    fresh, placed = start(2), start(2)
+    x, v = placed.positions.copy(), placed.velocities.copy()
+    placed.advance(150)
+    placed.place(x[:1], v[:1], copies=[0])
+    fresh.advance(100)
+    placed.advance(100)
+    assert same(everything(fresh, 0), everything(placed, 0))
