@@ -36,11 +36,12 @@ if TYPE_CHECKING:
     from springgym.contact.rows import Problem
     from springgym.contact.sleep import Sleep
 
-ROWS_OF_A_BODY = 16
-"""Rows that the table has for each body, at least."""
+ROWS_OF_A_BODY = 32
+"""Rows that the table has for each body, at least: three times the contacts of a cube among others."""
 
-PROBES = 4
-"""Rows in which the impulses of a contact may be; where all are taken, they are not kept."""
+PROBES = 64
+"""Rows in which the impulses of a contact may be: the first that is empty has them. Where all are taken, they
+are not kept. What is left out so is missed: it is found again from nothing, a node after the other."""
 
 OF_PAIR, OF_ENDS = 61.0, (17.0, 7.0, 5.0, 3.0)
 """Factors of the numbers of pair and particles, by which contacts are spread over the table."""
@@ -126,7 +127,7 @@ def is_of(key: Key, place: Number, table: WarmStart) -> Mask:
 
 
 @compiled
-def start_warm(v: Rows, problem: Problem, table: WarmStart | None) -> None:
+def start_warm(v: Rows, problem: Problem, table: WarmStart | None, sleep: Sleep | None) -> None:
     """Give all contacts what they gave at the last node, and change the velocities ``v`` (N, 3) by it."""
     if table is not None:
         contacts = problem.contacts
@@ -138,6 +139,7 @@ def start_warm(v: Rows, problem: Problem, table: WarmStart | None) -> None:
             for _ in range(PROBES):
                 found = select(is_of(key, place, table), looks, 0.0) > 0.5
                 at, looks = select(found, place, at), select(found, 0.0, looks)
+                looks = looked_on(looks, place, table, sleep)
                 if not any_lane(looks > 0.5):
                     break
                 place = within_table(place + 1.0, table.pair.size)
@@ -149,6 +151,14 @@ def start_warm(v: Rows, problem: Problem, table: WarmStart | None) -> None:
                 push_apart(v, k, impulse * n, there, problem, contacts.solids)
                 start_friction(v, k, at, there, problem, table.friction)
                 start_couple(v, k, at, there, problem, table.couple)
+
+
+@compiled
+def looked_on(looks: Number, place: Number, table: WarmStart, sleep: Sleep | None) -> Number:
+    """Return where to look on behind a row: not behind an empty one, unless bodies sleep, whose rows stay."""
+    if sleep is None:
+        return select(load_each(table.pair, place) < 0.5, 0.0, looks)
+    return looks
 
 
 @compiled

@@ -747,7 +747,7 @@ def find_impulses(bodies: Bodies, problem: Problem, exchange: Exchange) -> None:
     x, spheres = bodies.x.values, problem.contacts.spheres
     first, last = True, SWEEPS + 1
     put_together(x, velocity, problem.rows, spheres)
-    start_warm(velocity, problem, terms.collisions.warm)
+    start_warm(velocity, problem, terms.collisions.warm, terms.collisions.sleep)
     take_apart(x, velocity, problem.rows, spheres)
     for turn in range(last + 1):  # in one loop, as each call is compiled where it stands
         if surfaces_take(last - turn, problem.rows, terms.surfaces, pairs.friction):

@@ -75,11 +75,16 @@ from springgym.rigid.surfaces import (
 if TYPE_CHECKING:
     from springgym.contact.law import Span
     from springgym.contact.surfaces import Surfaces
+    from springgym.contact.warm import WarmStart
     from springgym.forces.actuators import Thrust, Wrench
 
 
 TURNS = 40
 """How often surfaces and pairs are taken in turn, at the most, if they do not agree to `AGREED` before."""
+
+WARM_AGREED = 1e-3
+"""Change of a contact's speed by the last turn, as a share of Δ in a step, at which pairs agree among many
+bodies: from there the next node goes on (`springgym.contact.warm`)."""
 
 AXES, SPIN, POSITION, VELOCITY, CENTRE, MASS, GIVEN, TURNED, NEAR = 0, 3, 4, 5, 6, 7, 8, 9, 10
 """Rows of a body at the node: its `State` and `Solid`, with 1 over its mass behind the mass; the change of
@@ -530,9 +535,17 @@ def keep_given(body: int, given: Motion, going: Mask, space: Company) -> None:
 
 
 @compiled
-def takes_turns(contacts: Number, turn: int, surfaces: Surfaces | None) -> bool:
-    """Return whether surfaces have a turn before the last one."""
-    return surfaces is not None and contacts > 0 and turn < TURNS
+def agreement(table: WarmStart | None) -> float:
+    """Return the share of Δ to which pairs agree, after a step from nothing or from the last node."""
+    if table is None:
+        return AGREED
+    return WARM_AGREED
+
+
+@compiled
+def takes_turns(contacts: int, surfaces: Surfaces | None) -> bool:
+    """Return whether surfaces have turns before the last one."""
+    return surfaces is not None and contacts > 0
 
 
 @compiled
@@ -541,14 +554,14 @@ def find_impulses(problem: Problem, space: Company, twins: Twin) -> None:
     pairs, velocity, span = problem.pairs, space.velocity, problem.span
     turns, terms = problem.contacts.solids.turns, twins[2]
     one = 1.0 + 0.0 * span.out
-    enough = AGREED + 64 * epsilon(one)
+    enough = agreement(terms.collisions.warm) + 64 * epsilon(one)
     store(turns, GOING, one)
     store(space.changed, 0, one)
-    start_warm(velocity, problem, terms.collisions.warm)
+    start_warm(velocity, problem, terms.collisions.warm, None)
     going, turn = problem.rows > 0, 0
     while True:
         last = not going or turn == TURNS
-        if last or takes_turns(problem.rows, turn, terms.surfaces):
+        if last or takes_turns(problem.rows, terms.surfaces):
             for body in range(space.pushed.size):
                 twin = of_body(twins, body)
                 if twin[0].moves:

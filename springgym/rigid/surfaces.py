@@ -177,15 +177,15 @@ def warm_start(given: Motion, known: Mask, workspace: np.ndarray, solid: Solid) 
     nothing = 0.0 * given[0]
     for k in range(count(solid.terms.surfaces.kinds)):
         for i in range(solid.terms.particles.mass.size):
-            impulse = select(known, row(workspace[ARRAYS * k + PUSH], i)[0], 0.0)
+            push = choose(known, row(workspace[ARRAYS * k + PUSH], i), nothing)
             rub = choose(known, row(workspace[ARRAYS * k + RUB], i), nothing)
             n = choose(known, row(workspace[ARRAYS * k + NORMAL], i), nothing)
             arm = choose(known, row(workspace[ARRAYS * k + ARM], i), nothing)
-            set_row(workspace[ARRAYS * k + PUSH], i, vec(impulse, nothing[0], nothing[0]))
+            set_row(workspace[ARRAYS * k + PUSH], i, push)
             set_row(workspace[ARRAYS * k + RUB], i, rub)
             set_row(workspace[ARRAYS * k + NORMAL], i, n)
             set_row(workspace[ARRAYS * k + ARM], i, arm)
-            given = pushed(given, arm, plus_scaled(rub, impulse, n), solid)
+            given = pushed(given, arm, plus_scaled(rub, push[0], n), solid)
     return given
 
 

@@ -22,8 +22,11 @@ COUNT = FEW + 2
 
 
 @cache
-def column(askew: float = 1.0) -> Scene:
-    """Blocks on each other, so near that they touch; askew, each is turned, and beside the one below."""
+def column(askew: float = 1.0, above: float | None = None) -> Scene:
+    """Blocks on each other, so near that they touch; askew, each is turned, and beside the one below.
+
+    One more may fall from ``above`` [m], so that not all sleep.
+    """
     bodies = []
     for n in range(COUNT):
         angle = askew * 0.1 * (n % 3)
@@ -32,15 +35,23 @@ def column(askew: float = 1.0) -> Scene:
         height = 0.05 + 0.5 * REACH + n * (0.1 + 0.5 * REACH)
         aside = (askew * 0.003 * (n % 2), askew * 0.002 * (n % 3), height)
         bodies.append(Placed(BLOCK, start + aside, name=f"block{n}"))
+    if above is not None:
+        bodies.append(Placed(BLOCK, BLOCK.positions + np.array([3.0, 0.0, above]), name="falling"))
     contact = Contact(friction=0.6, restitution=0.2)
     return Scene(bodies=tuple(bodies), surfaces=(floor(),), contact=contact, collisions="all")
 
 
-def start(copies: int) -> Simulator:
-    """Return a simulator of copies each of which falls at a speed of its own."""
-    simulator = Simulator(column(), copies=copies)
+def falling(copies: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return positions and velocities (copies, N, 3) of columns each of which falls at a speed of its own."""
     speeds = 0.02 * np.arange(copies)[:, None, None] * np.array([0.3, 0.1, -1.0])
-    simulator.place(simulator.positions, simulator.velocities + speeds)
+    x = np.tile(column().positions, (copies, 1, 1))
+    return x, speeds + 0.0 * x
+
+
+def start(copies: int) -> Simulator:
+    """Return a simulator of columns that fall."""
+    simulator = Simulator(column(), copies=copies)
+    simulator.place(*falling(copies))
     return simulator
 
 
@@ -84,9 +95,10 @@ def test_what_rests_is_held_as_the_law_says() -> None:
 @pytest.mark.slow
 def test_what_sleeps_is_held() -> None:
     """What pairs that sleep give each other stays in the table: the next look starts from it."""
-    simulator = Simulator(column(0.0), sleep=1e-3)
+    simulator = Simulator(column(0.0, 30.0), sleep=1e-3)
     simulator.advance(round(1.5 / simulator.step))
-    assert simulator.asleep.all()
+    assert simulator.asleep[0, :COUNT].all()
+    assert not simulator.asleep[0, COUNT]
     np.testing.assert_allclose(held(simulator), 1.0, atol=1e-3)
 
 
@@ -107,17 +119,23 @@ def test_looking_at_contacts_changes_nothing() -> None:
     assert same(everything(plain), everything(looked))
 
 
-@pytest.mark.slow
-def test_copies_of_a_batch_are_single_ones_to_the_bit() -> None:
+def batch_is_single(**more: Any) -> None:
     copies = WIDTH[np.dtype(float)] + 3
-    batch = start(copies)
+    x, v = falling(copies)
+    batch = Simulator(column(), copies=copies, **more)
+    batch.place(x, v)
     batch.advance(250)
     assert not np.any(batch.unresolved)
     for copy in (0, 4, copies - 1):
-        single = Simulator(column())
-        single.place(start(copies).positions[copy], start(copies).velocities[copy])
+        single = Simulator(column(), **more)
+        single.place(x[copy], v[copy])
         single.advance(250)
         assert same(everything(batch, copy), everything(single, 0))
+
+
+@pytest.mark.slow
+def test_copies_of_a_batch_are_single_ones_to_the_bit() -> None:
+    batch_is_single()
 
 
 @pytest.mark.slow
@@ -134,9 +152,27 @@ def test_states_hold_what_contacts_start_from() -> None:
 @pytest.mark.slow
 def test_copies_that_are_placed_start_from_nothing() -> None:
     fresh, placed = start(2), start(2)
-    x, v = placed.positions.copy(), placed.velocities.copy()
+    x, v = falling(1)
     placed.advance(150)
-    placed.place(x[:1], v[:1], copies=[0])
+    placed.place(x, v, copies=[0])
     fresh.advance(100)
     placed.advance(100)
     assert same(everything(fresh, 0), everything(placed, 0))
+
+
+RIGID: dict[str, Any] = {"dynamics": "rigid", "step": 1e-3}
+
+
+@pytest.mark.slow
+def test_rigid_bodies_are_held_as_the_law_says() -> None:
+    """From nothing, turns that end where impulses change by 1e-9 of what they may leave a hundredth open."""
+    simulator = Simulator(column(0.0), **RIGID)
+    simulator.advance(2000)
+    _, push, law = pushes_and_law(simulator)
+    assert np.abs(push - law).max() < 1e-3 * push.max()
+    np.testing.assert_allclose(held(simulator), 1.0, atol=2e-5)
+
+
+@pytest.mark.slow
+def test_copies_of_rigid_bodies_are_single_ones_to_the_bit() -> None:
+    batch_is_single(**RIGID)
