@@ -40,8 +40,8 @@ ROWS_OF_A_BODY = 32
 """Rows that the table has for each body, at least: three times the contacts of a cube among others."""
 
 PROBES = 64
-"""Rows in which the impulses of a contact may be: the first that is empty has them. Where all are taken, they
-are not kept. What is left out so is missed: it is found again from nothing, a node after the other."""
+"""Rows in which the impulses of a contact may be: the first of them that was empty has them. If none was, they
+are not kept; such a contact would start from nothing at each node, and never hold all that it should."""
 
 OF_PAIR, OF_ENDS = 61.0, (17.0, 7.0, 5.0, 3.0)
 """Factors of the numbers of pair and particles, by which contacts are spread over the table."""
