@@ -14,6 +14,7 @@ from springgym.checks import HUGE, TINY
 from springgym.contact.cone import Resistance, law_of, resistance_of
 from springgym.contact.lists import Lists, new_lists
 from springgym.contact.overlap import Outlines, outlines
+from springgym.contact.ovoids import new_ovoids
 from springgym.contact.pairs import Pairs, longest_edge, most_contacts, packed_shapes, parallel, sweeps_for
 from springgym.contact.round import Rolling, packed_rounds
 from springgym.contact.rows import ContactRows, new_contacts
@@ -286,7 +287,7 @@ def pack_pairs(scene: Scene, options: Options) -> Pairs:
         loss=options.parameter({"restitution"} & varying, loss_of(restitutions)) if loses else None,
         shapes=packed_shapes(scene.shapes, scene.starts[:-1].tolist()),
         most=most_contacts(met, scene.shapes)[0],
-        sweeps=sweeps_for(len(scene.bodies)),
+        sweeps=sweeps_for(len(scene.bodies), bool(scene.ovoids.any())),
     )
 
 
@@ -313,8 +314,15 @@ def search_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> tuple[List
     resisted = np.zeros(len(scene.bodies), bool)
     for of in (pairs.first, pairs.second):
         resisted[of[scene.resisted]] = True
-    spheres = new_spheres(scene.starts, scene.shapes, resisted, dtype)
-    contacts = new_contacts(pairs, most, dtype)._replace(spheres=spheres)
+    shapes = [
+        shape._replace(ovoid=False, radius=0.0) if shape.ovoid and not meets else shape
+        for shape, meets in zip(scene.shapes, scene.ovoids, strict=True)
+    ]
+    spheres = new_spheres(scene.starts, shapes, resisted, dtype)
+    contacts = new_contacts(pairs, most, dtype)
+    bodies = [placed.body for placed in scene.bodies]
+    ovoids = new_ovoids(scene.starts, shapes, bodies, len(contacts.pair), dtype)
+    contacts = contacts._replace(spheres=spheres, ovoids=ovoids)
     return new_lists(pairs, len(scene.positions), dtype), contacts
 
 

@@ -97,9 +97,9 @@ def packed_shapes(shapes: Sequence[Shape], first: Sequence[int]) -> Shapes:
     )
 
 
-def sweeps_for(bodies: int) -> int:
-    """Return the number of sweeps that the solver makes in a scene of so many bodies."""
-    return SWEEPS if bodies <= FEW else MORE_SWEEPS
+def sweeps_for(bodies: int, ovoids: bool) -> int:
+    """Return the number of sweeps that the solver makes among so many bodies, with ``ovoids`` or not."""
+    return SWEEPS if bodies <= FEW and not ovoids else MORE_SWEEPS
 
 
 def longest_edge(body: Body, shape: Shape) -> float:
