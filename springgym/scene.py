@@ -426,7 +426,8 @@ class Scene(ReadOnly):
         bodies = [placed.body for placed in self.bodies]
         both = self.meetings.first, self.meetings.second
         ovoids = ellipsoids(self.shapes, bodies, self.starts, positions)
-        return tell_ovoids(self.shapes, self.starts, both, positions, ovoids, found)
+        met = as_met(self.shapes, bodies, self.starts, positions)
+        return tell_ovoids(self.shapes, self.starts, both, met, ovoids, found)
 
     @property
     def can_touch(self) -> bool:

@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 
 from springgym.bodies import Body, Round, surface
-from springgym.bodies.round import weights
 
 ABOUT = 1e-9
 """Share of its extent by which a sphere may be off its place, or off a sphere."""
@@ -131,9 +130,8 @@ def ellipsoids(
         body, x = bodies[n], positions[..., starts[n] : starts[n] + len(bodies[n].masses), :]
         feature = body.rounds[0]
         squares, axes = np.linalg.eigh(feature.matrix)
-        carriers = feature.carriers(len(body.masses))
-        _, slope = weights(body.masses, body.positions, carriers)
-        first, _, last = np.linalg.svd(np.einsum("...ni,nj->...ij", x[..., carriers, :], slope))
+        moments = body.masses[:, None] * (body.positions - body.centre)
+        first, _, last = np.linalg.svd(np.einsum("...ni,nj->...ij", x, moments))
         turn = first @ last
         middle = np.einsum("n,...ni->...i", body.masses / body.mass, x)
         rows = np.empty((*x.shape[:-2], 5, 3))

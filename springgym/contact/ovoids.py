@@ -5,12 +5,14 @@ the semi-axes aₖ along qₖ in the rest shape, which is no sphere about the ce
 sphere that turns (`springgym.contact.spheres`): by its centre of mass c, its velocity and ω, and all of an
 impulse is distributed as on a rigid body. What is its own is where the ellipsoid is. With the weights of
 `springgym.bodies.round`, F = Σ xᵢ ⊗ Bᵢ is how the particles turned and stretched. The ellipsoid is turned by
-the rotation R of the polar decomposition F = R U, and does not stretch:
+a rotation R, and does not stretch:
 
-    e = c + R (ξc − X̄),    axes R qₖ.
+    e = c + R (ξc − X̄),    axes R qₖ,    Σ mᵢ R (Xᵢ − X̄) × xᵢ = 0.
 
-R follows from F by Newton and Schulz's iteration F ← F (3 − Fᵀ F)/2. X̄ is the centre of mass of the masses
-that the copy has.
+X̄ is the centre of mass of the masses that the copy has. By the last condition, Eckart's (Phys. Rev. 47 (1935)
+552, doi:10.1103/PhysRev.47.552), vibrations have no angular momentum to first order, so that R turns with the
+ω = I⁻¹ L of the contacts. It is found from the rotation of the polar decomposition F = R U, by Newton and
+Schulz's iteration F ← F (3 − Fᵀ F)/2, and turned on by I⁻¹ times what the sum is.
 
 A contact's distance and normal follow from `springgym.core.ellipsoids`. One pair has one contact: of all
 faces of the other body, with their sides and corners, and of all its rods, the nearest counts. Two convex
@@ -83,8 +85,8 @@ if TYPE_CHECKING:
     from springgym.contact.law import Span
     from springgym.contact.rows import Problem
 
-ROUNDS = 5
-"""Turns in which the rotation is found: from strains of a tenth, to rounding."""
+ROUNDS, TURNS = 5, 2
+"""Turns in which axes are made upright, from strains of a tenth to rounding, and in which they turn on."""
 
 
 class Ovoids(NamedTuple):
@@ -176,6 +178,8 @@ def find_ovoids(
                 for begins in range(2):
                     back = -1.0 * begins * span.lead
                     f, g, h = turned_axes(first, behind, x, v, back, ovoids)
+                    for _ in range(TURNS):
+                        f, g, h = turned_on(body, (f, g, h), off, x, v, back, mass, spheres, ovoids)
                     at = 2 * body + begins
                     set_row(ovoids.axes, 3 * at, f)
                     set_row(ovoids.axes, 3 * at + 1, g)
@@ -202,12 +206,42 @@ def turned_axes(
             plus_scaled(h, slope[2], place),
         )
     for _ in range(ROUNDS):
-        ff, gg, hh, fg, fh, gh = dot(f, f), dot(g, g), dot(h, h), dot(f, g), dot(f, h), dot(g, h)
-        u = (1.5 - 0.5 * ff) * f - (0.5 * fg) * g - (0.5 * fh) * h
-        w = (1.5 - 0.5 * gg) * g - (0.5 * fg) * f - (0.5 * gh) * h
-        z = (1.5 - 0.5 * hh) * h - (0.5 * fh) * f - (0.5 * gh) * g
-        f, g, h = u, w, z
+        f, g, h = more_upright(f, g, h)
     return f, g, h
+
+
+@compiled
+def more_upright(f: Vector, g: Vector, h: Vector) -> tuple[Vector, Vector, Vector]:
+    """Return three vectors that are nearer to unit vectors across each other: of lengths 1 + ε, to 3/2 ε²."""
+    ff, gg, hh, fg, fh, gh = dot(f, f), dot(g, g), dot(h, h), dot(f, g), dot(f, h), dot(g, h)
+    return (
+        (1.5 - 0.5 * ff) * f - (0.5 * fg) * g - (0.5 * fh) * h,
+        (1.5 - 0.5 * gg) * g - (0.5 * fg) * f - (0.5 * gh) * h,
+        (1.5 - 0.5 * hh) * h - (0.5 * fh) * f - (0.5 * gh) * g,
+    )
+
+
+@compiled
+def turned_on(
+    body: int,
+    axes: tuple[Vector, Vector, Vector],
+    off: Vector,
+    x: Rows,
+    v: Rows,
+    back: Number,
+    mass: Numbers,
+    spheres: Spheres,
+    ovoids: Ovoids,
+) -> tuple[Vector, Vector, Vector]:
+    """Return the axes of an ellipsoid, turned on until Σ mᵢ (R Xᵢ) × xᵢ is 0; that is 1e-4 of it, or less."""
+    f, g, h = axes
+    twist = 0.0 * f
+    for i in range(spheres.start[body], spheres.start[body + 1]):
+        rest, place = row(ovoids.rest, i) + off, plus_scaled(row(x, i), back, row(v, i))
+        arm = plus_scaled(plus_scaled(rest[0] * f, rest[1], g), rest[2], h)
+        twist = plus_scaled(twist, load(mass, i), cross(arm, place))
+    turn = turned(body, twist, spheres)
+    return more_upright(f + cross(turn, f), g + cross(turn, g), h + cross(turn, h))
 
 
 @compiled

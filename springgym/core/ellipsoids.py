@@ -23,8 +23,10 @@ by an ellipse, at its centre. Else a side is.
 
 Ellipsoid. The distance is the largest separation s(n) = n · (c₂ − c₁) − w₁(n) − w₂(n) of all unit vectors n.
 As s is concave in n, Newton's method in the plane across n climbs. Of some shares of each step the best is
-taken: thin disks and needles turn their width within a small angle. If both overlap by a stationary n, all
-n with a larger separation lie on its other side, and the search begins anew there.
+taken: thin disks and needles turn their width within a small angle. It begins with the best of three: the way
+between the centres, and the normals of both towards the other's centre. If both overlap by a stationary n,
+all n with a larger separation lie on its other side, and the search begins anew there, from the best of the
+normals across an axis of each.
 
 Numbers of turns are bounded, and a copy that has found its number keeps it, whatever other copies need.
 """
@@ -44,7 +46,7 @@ from springgym.core.vectors import TINY, choose, cross, dot, plus_scaled, row, s
 TURNS = 30
 """The most turns of Newton's method; it takes some four to eight, where ellipsoids meet edge on some more."""
 
-ANEW = 3
+ANEW = 4
 """How often the search for the normal between two ellipsoids begins anew, at the most."""
 
 POINT, SEGMENT, TRIANGLE, ELLIPSOID = range(4)
@@ -315,16 +317,46 @@ def climb(n: Vector, among: Mask, first: Ellipsoid, second: Ellipsoid) -> Vector
         active = select(fine, 0.0, select(stuck, 0.0, active))
         if not any_lane(active > 0.5):
             break
-    return n
+    step, _ = newton_step(n, apart, first, second)
+    return choose(select(among, dot(step, step), FAR) < FINE * FINE, unit(n + step), n)
+
+
+@compiled
+def better_start(
+    n: Vector, s: Number, one: Vector, apart: Vector, first: Ellipsoid, second: Ellipsoid
+) -> tuple[Vector, Number]:
+    """Return one of two normals, and its separation: the one with the larger, where that of n is ``s``."""
+    value = separation(one, apart, first, second)
+    return choose(value > s, one, n), maximum(value, s)
+
+
+@compiled
+def begun_anew(n: Vector, apart: Vector, first: Ellipsoid, second: Ellipsoid) -> Vector:
+    """Return a normal on the other side of a stationary n along which two ellipsoids overlap."""
+    start = unit(apart)
+    start = unit(start - (2.0 * absolute(dot(start, n))) * n)
+    s = separation(start, apart, first, second)
+    for axis in first.axes:
+        for other in second.axes:
+            one = cross(axis, other)
+            size = sqrt(dot(one, one) + TINY)
+            one = select(dot(one, n) > 0.0, -1.0 / size, 1.0 / size) * one
+            parallel = size < 1e-3
+            start, s = better_start(start, s, choose(parallel, start, one), apart, first, second)
+    return start
 
 
 @compiled
 def gap_to_ellipsoid(first: Ellipsoid, second: Ellipsoid) -> tuple[Vector, Number]:
     """Return normal, from the first to the second, and distance of two ellipsoids [m]."""
     apart = second.centre - first.centre
-    begun = unit(apart)
-    n, most = begun, 0.0 * begun[0] - FAR
-    best = n
+    n = unit(apart)
+    s = separation(n, apart, first, second)
+    other, _ = gap_to_point(second.centre, first)
+    n, s = better_start(n, s, other, apart, first, second)
+    other, _ = gap_to_point(first.centre, second)
+    n, s = better_start(n, s, -1.0 * other, apart, first, second)
+    best, most = n, 0.0 * s - FAR
     for _ in range(ANEW):
         among = most <= 0.0
         n = climb(n, among, first, second)
@@ -333,7 +365,7 @@ def gap_to_ellipsoid(first: Ellipsoid, second: Ellipsoid) -> tuple[Vector, Numbe
         best, most = choose(better, n, best), select(better, s, most)
         if not any_lane(most <= 0.0):
             break
-        n = unit(begun - (2.0 * dot(begun, n)) * n)
+        n = begun_anew(n, apart, first, second)
     return best, most
 
 
