@@ -527,14 +527,14 @@ class Scene(ReadOnly):
             given = ", ".join(f"{name} {getattr(contact, name):g}" for name in RESISTANCES)
             if contact != self.contact:
                 raise ValueError(
-                    f"a contact in collisions has {given}, which acts on spheres and capsules; none meets "
-                    "another body by it"
+                    f"a contact in collisions has {given}, which acts on round features; none meets another "
+                    "body by it"
                 )
             if not rolls:
                 lacks = "no body has one" if self.surfaces else "the scene has no surfaces"
                 raise ValueError(
-                    f"the contact has {given}, which acts where round features meet surfaces, or spheres and "
-                    f"capsules other bodies; {lacks}, and no sphere or capsule meets another body by it"
+                    f"the contact has {given}, which acts where round features meet surfaces or other "
+                    f"bodies; {lacks}, and no round feature meets another body by it"
                 )
 
     def _check_heights(self, positions: np.ndarray, copies: np.ndarray | None = None) -> None:

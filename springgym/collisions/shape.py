@@ -1,4 +1,4 @@
-"""The features of a body that others meet: corners, faces and edges, or balls, spheres, capsules and rods."""
+"""The features of a body that others meet: corners, faces and edges, or balls, rods and what is round."""
 
 from __future__ import annotations
 

@@ -23,7 +23,8 @@ MOST_PARALLEL = 0.2
 FEW, SWEEPS, MORE_SWEEPS = 10, 2, 8
 """Sweeps in which the impulses of contacts are found: `SWEEPS` for up to `FEW` bodies of a scene, and
 `MORE_SWEEPS` for more. A sweep carries what one contact holds to the next, and each node begins anew: with
-two, a pile of three hundred creeps by millimetres a second; with eight it rests."""
+two, a pile of three hundred creeps by millimetres a second; with eight it rests. So many are made with
+ellipsoids, too, whose pushes and friction act on each other."""
 
 
 class Shapes(NamedTuple):
