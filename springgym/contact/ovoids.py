@@ -233,7 +233,7 @@ def turned_on(
     spheres: Spheres,
     ovoids: Ovoids,
 ) -> tuple[Vector, Vector, Vector]:
-    """Return the axes of an ellipsoid, turned on until Σ mᵢ (R Xᵢ) × xᵢ is 0; that is 1e-4 of it, or less."""
+    """Return the axes of an ellipsoid, turned on by what Σ mᵢ (R Xᵢ) × xᵢ says, which is to be 0."""
     f, g, h = axes
     twist = 0.0 * f
     for i in range(spheres.start[body], spheres.start[body + 1]):

@@ -353,9 +353,11 @@ def test_three_hundred_cubes_do_not_creep() -> None:
     assert simulator.pairs().misses.sum() == 0
 
 
-@pytest.mark.parametrize(("bodies", "sweeps"), [(2, 2), (10, 2), (11, 8), (300, 8)])
-def test_impulses_among_many_bodies_are_found_in_more_sweeps(bodies: int, sweeps: int) -> None:
-    assert sweeps_for(bodies) == sweeps
+@pytest.mark.parametrize(
+    ("bodies", "ovoids", "sweeps"), [(2, 0, 2), (10, 0, 2), (11, 0, 8), (300, 0, 8), (2, 1, 8)]
+)
+def test_impulses_among_many_bodies_are_found_in_more_sweeps(bodies: int, ovoids: int, sweeps: int) -> None:
+    assert sweeps_for(bodies, ovoids > 0) == sweeps
 
 
 @pytest.mark.slow
