@@ -2,7 +2,7 @@
 
 Boxes around the bodies are sorted by where they begin along an axis: only those that begin before another
 ends can overlap it (sweep and prune: Cohen et al. 1995, doi:10.1145/199404.199437). Bodies whose boxes
-overlap are compared feature by feature.
+overlap are compared feature by feature; ellipsoids by `springgym.core.ellipsoids`.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Found(NamedTuple):
     own: int
     """0 if they are the first body's, 1 if the second's"""
     members: np.ndarray
-    """(F, 1) or (F, 2) their particles"""
+    """(F, 1) or (F, 2) their particles; (1, 0) of an ellipsoid"""
     apart: np.ndarray
     """(k, F) [m], less the radii"""
     through: bool = False
@@ -127,8 +127,7 @@ def _nearest(
         for start in range(0, len(alike), chunk):
             some = alike[start : start + chunk]
             pairs = [_of_bodies(x, copy[some], starts, of[some], ovoids) for of in bodies]
-            found = [kind.apart.min(axis=1) for kind in _distances(both, *pairs)]
-            nearest[some] = np.min(found, axis=0)
+            nearest[some] = np.min([found.apart.min(axis=1) for found in _distances(both, *pairs)], axis=0)
     return nearest
 
 
@@ -197,10 +196,11 @@ def _refuse(found: list[Found], names: tuple[str, str], reach: float, of: str) -
     kind = min(others if deep else found, key=lambda each: float(each.apart.min()))
     d, feature = float(kind.apart.min()), kind.members[int(kind.apart[0].argmin())].tolist()
     where = f"{-d:g} m deep in each other" if d < 0 else f"only {abs(d):g} m apart"
-    what = "particle" if len(feature) == 1 else "the edge"
+    what = ("the skin", "particle", "the edge")[len(feature)]
+    what = f"{what} {'–'.join(map(str, feature))}".strip()
     raise ValueError(
         f"bodies {names[0]!r} and {names[1]!r} start {where}{of}, by "
-        f"{what} {'–'.join(map(str, feature))} of {names[kind.own]!r}; "
+        f"{what} of {names[kind.own]!r}; "
         f"they must be at least {NEAREST * reach:g} m apart; their contact ends at {reach:g} m. "
         "Move one, or say collisions=None to let bodies pass through each other"
     )
@@ -216,7 +216,7 @@ def _distances(shapes: tuple[Shape, Shape], first: _Bodies, second: _Bodies) -> 
     if shapes[0].ovoid or shapes[1].ovoid:
         own = 0 if shapes[0].ovoid else 1
         apart = _from_ovoid(bodies[own].ovoids, bodies[1 - own], shapes[1 - own])
-        yield Found(own, np.zeros((1, 1), int), apart[:, None])
+        yield Found(own, np.zeros((1, 0), int), apart[:, None])
     else:
         yield from _between_features(shapes, first.x, second.x)
 
