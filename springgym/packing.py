@@ -14,6 +14,7 @@ from springgym.checks import HUGE, TINY
 from springgym.contact.cone import Resistance, law_of, resistance_of
 from springgym.contact.lists import Lists, new_lists
 from springgym.contact.overlap import Outlines, outlines
+from springgym.contact.ovoids import new_ovoids
 from springgym.contact.pairs import Pairs, longest_edge, most_contacts, packed_shapes, parallel
 from springgym.contact.round import Rolling, packed_rounds
 from springgym.contact.rows import ContactRows, new_contacts
@@ -22,7 +23,7 @@ from springgym.contact.solids import Solids
 from springgym.contact.spheres import new_spheres
 from springgym.contact.surfaces import Surfaces
 from springgym.contact.totals import ENTRIES, Collisions, empty_totals
-from springgym.contact.warm import new_warm_start
+from springgym.contact.warm import FEW, new_warm_start
 from springgym.core.blocks import aligned_zeros, get_copies, numbers, set_copies
 from springgym.core.kinds import Ragged
 from springgym.core.lanes import block_dtype
@@ -119,7 +120,7 @@ def pack(scene: Scene, twin: bool, options: Options) -> tuple[Terms, tuple[Any, 
     ValueError
         If a parameter cannot vary in this scene.
     """
-    shared = _shared(scene, options)._replace(collisions=_collisions(scene, options))
+    shared = _shared(scene, options)._replace(collisions=_collisions(scene, twin, options))
     parts = [
         _packed(part, scene, shared._replace(body=n), twin, options) for n, part in enumerate(scene.parts)
     ]
@@ -241,7 +242,7 @@ def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Optio
     return Packed(part, order, terms, rigid_body)
 
 
-def _collisions(scene: Scene, options: Options) -> Collisions | None:
+def _collisions(scene: Scene, twin: bool, options: Options) -> Collisions | None:
     """Return the bodies of a scene that collide, with empty totals; None if none do."""
     if not scene.meetings:
         return None
@@ -252,7 +253,9 @@ def _collisions(scene: Scene, options: Options) -> Collisions | None:
     if options.sleep is not None:
         pinned = np.array([not part.free.any() for part in scene.parts])
         sleep = Sleep(options.blocks(len(scene.bodies)), options.sleep, pinned)
-    warm = new_warm_start(pairs, len(scene.bodies), options.blocks)
+    warm = None
+    if len(scene.bodies) > FEW or (scene.ovoids.any() and not twin):
+        warm = new_warm_start(pairs, len(scene.bodies), options.blocks)
     collisions = Collisions(pairs, totals, totals_before, changing, sleep, warm)
     empty_totals(collisions, slice(None))
     return collisions
@@ -314,8 +317,15 @@ def search_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> tuple[List
     resisted = np.zeros(len(scene.bodies), bool)
     for of in (pairs.first, pairs.second):
         resisted[of[scene.resisted]] = True
-    spheres = new_spheres(scene.starts, scene.shapes, resisted, dtype)
-    contacts = new_contacts(pairs, most, dtype)._replace(spheres=spheres)
+    shapes = [
+        shape._replace(ovoid=False, radius=0.0) if shape.ovoid and not meets else shape
+        for shape, meets in zip(scene.shapes, scene.ovoids, strict=True)
+    ]
+    spheres = new_spheres(scene.starts, shapes, resisted, dtype)
+    contacts = new_contacts(pairs, most, dtype)
+    bodies = [placed.body for placed in scene.bodies]
+    ovoids = new_ovoids(scene.starts, shapes, bodies, len(contacts.pair), dtype)
+    contacts = contacts._replace(spheres=spheres, ovoids=ovoids)
     return new_lists(pairs, len(scene.positions), dtype), contacts
 
 

@@ -15,7 +15,17 @@ import numpy as np
 
 from springgym.bodies import Body, Round
 from springgym.checks import TINY, array, chosen, flag, indices, instance, number, shown, whole, whole_array
-from springgym.collisions import Collisions, Meetings, Shape, as_met, check_apart, meetings, shape
+from springgym.collisions import (
+    Collisions,
+    Meetings,
+    Shape,
+    as_met,
+    check_apart,
+    ellipsoids,
+    meetings,
+    shape,
+    tell_ovoids,
+)
 from springgym.collisions.meeting import ALL, Meeting, Named
 from springgym.core.compiling import kernel
 from springgym.identity import digest
@@ -400,6 +410,25 @@ class Scene(ReadOnly):
         each = [shape(body) for body in self._different]
         return tuple(each[kind] for kind in self.kinds)
 
+    @cached_property
+    def ovoids(self) -> np.ndarray:
+        """Return which bodies meet others as ellipsoids, (bodies,)."""
+        meets = np.zeros(len(self.bodies), bool)
+        meets[self.meetings.first] = meets[self.meetings.second] = True
+        return meets & np.array([shape.ovoid for shape in self.shapes], bool)
+
+    def tell_ovoids(self, positions: np.ndarray, found: np.ndarray) -> bool:
+        """Find in which pairs that may meet an ellipsoid and another body are in each other.
+
+        The ``positions`` (k, N, 3) are of all particles [m]. What is found of these pairs is stored in
+        ``found`` (k, pairs). Returns whether it says so of any pair.
+        """
+        bodies = [placed.body for placed in self.bodies]
+        both = self.meetings.first, self.meetings.second
+        ovoids = ellipsoids(self.shapes, bodies, self.starts, positions)
+        met = as_met(self.shapes, bodies, self.starts, positions)
+        return tell_ovoids(self.shapes, self.starts, both, met, ovoids, found)
+
     @property
     def can_touch(self) -> bool:
         """Return whether any body can touch a surface or another body."""
@@ -498,14 +527,14 @@ class Scene(ReadOnly):
             given = ", ".join(f"{name} {getattr(contact, name):g}" for name in RESISTANCES)
             if contact != self.contact:
                 raise ValueError(
-                    f"a contact in collisions has {given}, which acts on spheres and capsules; none meets "
-                    "another body by it"
+                    f"a contact in collisions has {given}, which acts on round features; none meets another "
+                    "body by it"
                 )
             if not rolls:
                 lacks = "no body has one" if self.surfaces else "the scene has no surfaces"
                 raise ValueError(
-                    f"the contact has {given}, which acts where round features meet surfaces, or spheres and "
-                    f"capsules other bodies; {lacks}, and no sphere or capsule meets another body by it"
+                    f"the contact has {given}, which acts where round features meet surfaces or other "
+                    f"bodies; {lacks}, and no round feature meets another body by it"
                 )
 
     def _check_heights(self, positions: np.ndarray, copies: np.ndarray | None = None) -> None:
@@ -541,7 +570,8 @@ class Scene(ReadOnly):
         names = [placed.name for placed in self.bodies]
         bodies = [placed.body for placed in self.bodies]
         met = as_met(self.shapes, bodies, self.starts, positions)
-        check_apart(self.shapes, names, self.starts, self.meetings, met, copies)
+        ovoids = ellipsoids(self.shapes, bodies, self.starts, positions)
+        check_apart(self.shapes, names, self.starts, self.meetings, met, ovoids, copies)
 
     @cached_property
     def faithful_speed(self) -> float:

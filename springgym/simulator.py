@@ -896,7 +896,10 @@ class Simulator:
         copies = slice(start, min(last * self.width, self.copies))
         shown = self._shown[copies]
         place, pairs = self.readout.positions[copies], collisions.pairs
-        if tell_shown(place, pairs.first, pairs.second, self._outlines, self._boxes[thread], shown):
+        found = tell_shown(place, pairs.first, pairs.second, self._outlines, self._boxes[thread], shown)
+        if self.scene.ovoids.any():
+            found = self.scene.tell_ovoids(place, shown)
+        if found:
             totals.count_shown(collisions, start, shown)
         lanes = numbers(collisions.totals)[first:last]
         totals.tell_unresolved(lanes, pairs.reach, self.step, self.unresolved[copies])

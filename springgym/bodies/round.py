@@ -41,8 +41,8 @@ FLAT = 1e-9
 class Round(ReadOnly):
     """An ellipsoid that particles of a body carry, and with which the body meets surfaces.
 
-    Other bodies meet a single sphere about the centre of mass, or a capsule: two spheres of one radius about
-    two particles, and all between them. All particles carry these. Other bodies meet no other feature.
+    Other bodies meet a single one, anywhere in the body, or a capsule: two spheres of one radius about two
+    particles, and all between them. All particles carry these. Other bodies meet no other feature.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The features of a body that others meet: corners, faces and edges, or balls, spheres, capsules and rods."""
+"""The features of a body that others meet: corners, faces and edges, or balls, rods and what is round."""
 
 from __future__ import annotations
 
@@ -34,7 +34,9 @@ class Shape(NamedTuple):
     """whether the body is a sphere that turns, whose first particle contacts see at its centre of mass, see
     `as_met`"""
     skin: bool = False
-    """whether friction acts at its skin, and so turns it: a sphere or a capsule"""
+    """whether friction acts at its skin, and so turns it: a sphere, a capsule or an ellipsoid"""
+    ovoid: bool = False
+    """whether the body is an ellipsoid, seen as a sphere about all of it that turns"""
 
 
 @lru_cache(maxsize=1024)
@@ -50,7 +52,11 @@ def shape(body: Body) -> Shape:
             rod = ends[None]
             return Shape(ends, body.triangles, rod, body.rounds[0].extent, rod, skin=True)
         radius = _radius_about_centre(body)
-        return Shape(np.zeros(1, int), body.triangles, none, radius, none, turns=True, skin=True)
+        ovoid = radius == 0 and _is_ovoid(body)
+        if ovoid:
+            feature = body.rounds[0]
+            radius = feature.extent + float(np.linalg.norm(feature.centre - body.centre))
+        return Shape(np.zeros(1, int), body.triangles, none, radius, none, turns=True, skin=True, ovoid=ovoid)
     return Shape(np.arange(len(body.masses)), body.triangles, body.springs, body.radius, body.springs)
 
 
@@ -60,6 +66,11 @@ def _radius_about_centre(body: Body) -> float:
     about = np.abs(feature.centre - body.centre).max() <= ABOUT * feature.extent
     whole = _is_ball(feature) and _carried(feature, body)
     return feature.extent if len(body.rounds) == 1 and about and whole else 0.0
+
+
+def _is_ovoid(body: Body) -> bool:
+    """Tell whether a body's only feature is an ellipsoid that all its particles carry."""
+    return len(body.rounds) == 1 and _carried(body.rounds[0], body)
 
 
 def _ends_of_capsule(body: Body) -> np.ndarray:
@@ -107,6 +118,30 @@ def as_met(
     return positions
 
 
+def ellipsoids(
+    shapes: Sequence[Shape], bodies: Sequence[Body], starts: np.ndarray, positions: np.ndarray
+) -> dict[int, np.ndarray]:
+    """Return centre, axes and semi-axes (…, 5, 3) [m] of each ellipsoid, by the numbers of their bodies.
+
+    The ``positions`` (…, N, 3) are of all particles; see `springgym.contact.ovoids`.
+    """
+    found = {}
+    for n in (n for n, shape in enumerate(shapes) if shape.ovoid):
+        body, x = bodies[n], positions[..., starts[n] : starts[n] + len(bodies[n].masses), :]
+        feature = body.rounds[0]
+        squares, axes = np.linalg.eigh(feature.matrix)
+        moments = body.masses[:, None] * (body.positions - body.centre)
+        first, _, last = np.linalg.svd(np.einsum("...ni,nj->...ij", x, moments))
+        turn = first @ last
+        middle = np.einsum("n,...ni->...i", body.masses / body.mass, x)
+        rows = np.empty((*x.shape[:-2], 5, 3))
+        rows[..., 0, :] = middle + turn @ (feature.centre - body.centre)
+        rows[..., 1:4, :] = np.swapaxes(turn @ axes, -1, -2)
+        rows[..., 4, :] = np.sqrt(np.maximum(squares, 0.0))
+        found[n] = rows
+    return found
+
+
 def check_shape(name: str, body: Body, reach: float, held: bool = False) -> None:
     """Refuse a body that cannot collide with a reach Δ [m]; ``held`` says that it is pinned in part.
 
@@ -126,13 +161,12 @@ def _unfit(body: Body, reach: float, held: bool) -> str | None:
     """Return why a body cannot collide with a reach Δ; None if it can."""
     given = shape(body)
     if given.skin and held:
-        return "it is a sphere or a capsule, and only some of its particles are pinned; pin all or none"
+        return "it is round, and only some of its particles are pinned; pin all or none"
     if given.turns:
         if given.radius == 0:
             return (
-                "of round features, others meet a single sphere about the centre of mass, as `rolling_ball` "
-                "makes it, or two of one radius about two particles, as `capsule` does; all particles carry "
-                "them"
+                "of round features, others meet a single ellipsoid, or two spheres of one radius about two "
+                "particles, as `capsule` has; all particles carry them"
             )
     elif not len(given.triangles):
         if given.radius == 0:

@@ -17,7 +17,7 @@ stays.
 
 A law is this file and its numbers in `springgym.surfaces.Contact`: its named tuple, `law_of` and `weakened`.
 
-Where a round feature meets a surface (`springgym.contact.round`), or a sphere or a capsule another body
+Where a round feature meets a surface (`springgym.contact.round`), or what is round another body
 (`springgym.contact.turning`), a couple q may resist its turning, too: by
 up to ρ J what turns it about tangents, by up to τ J what turns it about the normal. ρ and τ are lengths: what
 yields carries its load by ρ ahead of its middle, and a patch of radius a, under an even pressure, takes the

@@ -23,9 +23,6 @@ MOST_PARALLEL = 0.2
 SWEEPS = 2
 """Sweeps in which the impulses of contacts are found, there and back."""
 
-FEW = 10
-"""Most bodies of a scene in which each node finds them from nothing: see `springgym.contact.warm`."""
-
 
 class Shapes(NamedTuple):
     """The features of all bodies, one body after another, by the numbers of the scene's particles."""

@@ -23,7 +23,8 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
-from springgym.contact.spheres import body_of, is_capsule, lever, own_weight
+from springgym.contact.ovoids import set_place
+from springgym.contact.spheres import body_of, is_capsule, lever, meets_ovoid, own_weight
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Rows, Vector
 from springgym.core.lanes import load, maximum, select, sqrt, store
@@ -31,6 +32,7 @@ from springgym.core.vectors import choose, cross, dot, multiplied, plus_scaled, 
 
 if TYPE_CHECKING:
     from springgym.contact.law import Span
+    from springgym.contact.ovoids import Ovoids
     from springgym.contact.rows import Problem
     from springgym.contact.spheres import Spheres
 
@@ -70,6 +72,7 @@ def set_arms(k: int, problem: Problem, solids: Solids) -> Number:
     p = contacts.pair[k]
     a, b = pairs.first[p], pairs.second[p]
     n, place = row(contacts.normal, k), midpoint(k, problem)
+    set_place(k, 0.0 * n[0], problem, contacts.spheres, contacts.ovoids)
     if solids.balls[a]:
         place = row(problem.x, solids.start[a])
     elif solids.balls[b]:
@@ -99,12 +102,23 @@ def midpoint(k: int, problem: Problem) -> Vector:
 def on_skin(place: Vector, n: Vector, k: int, problem: Problem, spheres: Spheres | None) -> Vector:
     """Return where contact k touches one of its bodies, if that is a sphere or a capsule; else a place."""
     if spheres is not None:
-        for side in range(2):
-            body = body_of(1 - side, k, problem)
-            if spheres.skin[body] > 0.0:
-                along = lever(body, k, problem, spheres) * n
-                axis = on_axis(body, k, problem, spheres)
-                place = axis + along if side == 0 else axis - along
+        return on_skins(place, n, k, problem, spheres, problem.contacts.ovoids)
+    return place
+
+
+@compiled
+def on_skins(
+    place: Vector, n: Vector, k: int, problem: Problem, spheres: Spheres, ovoids: Ovoids | None
+) -> Vector:
+    """Return where contact k touches one of its bodies, if that is round; else a place."""
+    if ovoids is not None and meets_ovoid(k, problem, ovoids):
+        return row(ovoids.place, k)
+    for side in range(2):
+        body = body_of(1 - side, k, problem)
+        if spheres.skin[body] > 0.0:
+            along = lever(body, k, problem, spheres, ovoids) * n
+            axis = on_axis(body, k, problem, spheres)
+            place = axis + along if side == 0 else axis - along
     return place
 
 

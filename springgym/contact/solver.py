@@ -24,6 +24,7 @@ import numpy as np
 from springgym.contact.features import TAPER, smooth
 from springgym.contact.friction import lay_out
 from springgym.contact.law import barrier_energy, meet
+from springgym.contact.ovoids import set_gap, set_place, turn_by_push, with_turning, without_turning_by_push
 from springgym.contact.rows import FAR, MET, add_loss
 from springgym.contact.solids import (
     among_going,
@@ -66,7 +67,7 @@ from springgym.core.vectors import (
 )
 
 if TYPE_CHECKING:
-    from springgym.contact.rows import Problem
+    from springgym.contact.rows import ContactRows, Problem
     from springgym.contact.solids import Ends, Solids
 
 
@@ -96,6 +97,7 @@ def prepare(problem: Problem, touched: Numbers) -> None:
     for k in range(problem.rows):
         store(contacts.inverse_mass, k, weigh(k, problem, touched, contacts.solids))
         u = speed(problem.before, k, problem, contacts.solids)
+        set_gap(k, u, problem, contacts.ovoids)
         store(contacts.approach, k, u)
         store(contacts.impulse, k, 0.0)
         set_row(contacts.friction, k, vec(0.0, 0.0, 0.0))
@@ -121,6 +123,7 @@ def weigh(k: int, problem: Problem, touched: Numbers, solids: Solids | None) -> 
             store_each(touched, i, select(there, 1.0 + 0.0 * weight, load_each(touched, i)))
             store(contacts.gain, 4 * k + j, gain)
             inverse = inverse + weight * gain
+        inverse = set_place(k, inverse, problem, contacts.spheres, contacts.ovoids)
         lay_out(k, problem, problem.pairs.friction, contacts.spheres)
         return inverse
     raise LookupError("neither rigid bodies nor particles that move by themselves")
@@ -135,7 +138,8 @@ def speed(v: Rows, k: int, problem: Problem, solids: Solids | None) -> Number:
     u = 0.0 * row(contacts.normal, k)
     for j in range(contacts.members[k]):
         u = plus_scaled(u, load(contacts.weight, 4 * k + j), row_each(v, load(contacts.particle, 4 * k + j)))
-    return dot(row(contacts.normal, k), u)
+    u = dot(row(contacts.normal, k), u)
+    return with_turning(u, v, k, problem, contacts.spheres, contacts.ovoids)
 
 
 @compiled
@@ -151,10 +155,16 @@ def push_apart(v: Rows, k: int, impulse: Vector, on: Mask, problem: Problem, sol
     if solids is not None:
         push_both(v, k, impulse, on, problem, solids)
     else:
-        contacts = problem.contacts
-        for j in range(contacts.members[k]):
-            i = load(contacts.particle, 4 * k + j)
-            push_one(v, i, load(contacts.gain, 4 * k + j), impulse, on)
+        push_members(v, k, impulse, on, problem.contacts)
+        turn_by_push(v, k, impulse, on, problem, problem.contacts.spheres, problem.contacts.ovoids)
+
+
+@compiled
+def push_members(v: Rows, k: int, impulse: Vector, on: Mask, contacts: ContactRows) -> None:
+    """Give the particles of contact k an impulse by their weights, in some lanes."""
+    for j in range(contacts.members[k]):
+        i = load(contacts.particle, 4 * k + j)
+        push_one(v, i, load(contacts.gain, 4 * k + j), impulse, on)
 
 
 @compiled
@@ -419,7 +429,7 @@ def shift_apart(
 ) -> None:
     """Shift what contact k touches by ``short`` [m] in all along its normal, in some lanes: the heavier less.
 
-    Rigid bodies are not turned.
+    What turns as one is not turned.
     """
     pairs, contacts = problem.pairs, problem.contacts
     n = row(contacts.normal, k)
@@ -430,4 +440,5 @@ def shift_apart(
         push_body(shift, a, size, n, 0.0 * n, on, solids)
         push_body(shift, b, -1.0 * size, n, 0.0 * n, on, solids)
     else:
-        push_apart(shift, k, short / (load(contacts.inverse_mass, k) + TINY) * n, on, problem, solids)
+        inverse = without_turning_by_push(k, problem, contacts.ovoids)
+        push_members(shift, k, short / (inverse + TINY) * n, on, contacts)

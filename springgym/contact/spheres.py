@@ -1,4 +1,4 @@
-"""How contacts move spheres and capsules, which friction turns.
+"""How contacts move spheres and capsules, which friction turns; of ellipsoids see `ovoids`, too.
 
 Friction acts at the skin of such a body, at the arm r = −ρ n from a sphere's centre, or from a capsule's
 axis, with the unit normal n from the other body. The inertia I is that of the body's particles as they lie at
@@ -56,6 +56,7 @@ from springgym.core.vectors import (
 
 if TYPE_CHECKING:
     from springgym.collisions import Shape
+    from springgym.contact.ovoids import Ovoids
     from springgym.contact.rows import Problem
 
 
@@ -265,10 +266,32 @@ def both_turn(k: int, problem: Problem, spheres: Spheres) -> bool:
 
 
 @compiled
+def meets_ovoid(k: int, problem: Problem, ovoids: Ovoids | None) -> bool:
+    """Tell whether contact k is of an ellipsoid, see `springgym.contact.ovoids`."""
+    if ovoids is None:
+        return False
+    return bool(ovoids.there[body_of(0, k, problem)] or ovoids.there[body_of(1, k, problem)])
+
+
+@compiled
+def arm_of_ovoid(body: int, k: int, spheres: Spheres, ovoids: Ovoids) -> Vector:
+    """Return the arm from the centre of mass of an ellipsoid to where contact k acts [m]."""
+    return row(ovoids.place, k) - row(spheres.centre, body)
+
+
+@compiled
+def side_of(side: int, k: int, problem: Problem, ovoids: Ovoids) -> float:
+    """Return the sign of the ellipsoid on a side of contact k: 1 where its normal points to it, else −1."""
+    return -1.0 if side == 1 and ovoids.there[body_of(0, k, problem)] else 1.0
+
+
+@compiled
 def at_one_point(k: int, problem: Problem, spheres: Spheres | None) -> bool:
     """Tell whether friction acts on both bodies of contact k at one point, so that it leaves no torque."""
     if spheres is None:
         return False
+    if meets_ovoid(k, problem, problem.contacts.ovoids):
+        return bool(problem.contacts.members[k] < 4)
     capsule = is_capsule(body_of(0, k, problem), spheres) or is_capsule(body_of(1, k, problem), spheres)
     return (capsule and problem.contacts.members[k] == 3) or both_turn(k, problem, spheres)
 
@@ -280,9 +303,19 @@ def skins(k: int, problem: Problem, spheres: Spheres) -> float:
 
 
 @compiled
-def lever(body: int, k: int, problem: Problem, spheres: Spheres) -> Number:
+def left_to_face(d: Number, k: int, problem: Problem, spheres: Spheres, ovoids: Ovoids | None) -> Number:
+    """Return what skins leave of the distance ``d`` of contact k to the face or rod [m]."""
+    if ovoids is not None and meets_ovoid(k, problem, ovoids):
+        return load(ovoids.left, k)
+    return d - skins(k, problem, spheres)
+
+
+@compiled
+def lever(body: int, k: int, problem: Problem, spheres: Spheres, ovoids: Ovoids | None) -> Number:
     """Return ρ of a sphere or capsule in contact k [m]; 0 of other bodies."""
     between, skin = load(problem.contacts.gap, k), spheres.skin[body]
+    if ovoids is not None and meets_ovoid(k, problem, ovoids):
+        return 0.5 * (load(ovoids.left, k) + skin)
     share = 0.0
     if at_one_point(k, problem, spheres):
         whole = skins(k, problem, spheres)
@@ -309,22 +342,47 @@ def slip_by_turning(v: Rows, k: int, problem: Problem, spheres: Spheres) -> Vect
         body = body_of(side, k, problem)
         if spheres.skin[body] > 0.0:
             spin = spin_of(body, v, problem, spheres)
-            slip = plus_scaled(slip, lever(body, k, problem, spheres), cross(n, spin))
+            slip = with_skin(slip, spin, side, k, problem, spheres, problem.contacts.ovoids)
     return slip
+
+
+@compiled
+def with_skin(
+    slip: Vector, spin: Vector, side: int, k: int, problem: Problem, spheres: Spheres, ovoids: Ovoids | None
+) -> Vector:
+    """Return a slip [m/s] with that of the skin on a side of contact k, of a body that turns by ``spin``."""
+    body = body_of(side, k, problem)
+    if ovoids is not None and ovoids.there[body]:
+        arm = arm_of_ovoid(body, k, spheres, ovoids)
+        return plus_scaled(slip, side_of(side, k, problem, ovoids), cross(spin, arm))
+    across = cross(row(problem.contacts.normal, k), spin)
+    return plus_scaled(slip, lever(body, k, problem, spheres, ovoids), across)
 
 
 @compiled
 def inverse_mass_by_turning(along: Vector, k: int, problem: Problem, spheres: Spheres) -> Number:
     """Return what the turning of spheres and capsules adds to K of contact k along a unit vector [1/kg]."""
-    across = cross(row(problem.contacts.normal, k), along)
-    total = 0.0 * across[0]
+    total = 0.0 * along[0]
     for side in range(2):
         body = body_of(side, k, problem)
         if spheres.skin[body] > 0.0:
-            rho, spun = lever(body, k, problem, spheres), turned(body, across, spheres)
-            total = total + rho * rho * dot(across, spun)
-            if is_capsule(body, spheres):
-                total = total - 2.0 * rho * dot(spun, moment_of_ends(body, along, k, problem, spheres))
+            total = with_turned(total, along, body, k, problem, spheres, problem.contacts.ovoids)
+    return total
+
+
+@compiled
+def with_turned(
+    total: Number, along: Vector, body: int, k: int, problem: Problem, spheres: Spheres, ovoids: Ovoids | None
+) -> Number:
+    """Return a ``total`` with what the turning of a body adds to K of contact k [1/kg]."""
+    if ovoids is not None and ovoids.there[body]:
+        moment = cross(arm_of_ovoid(body, k, spheres, ovoids), along)
+        return total + dot(moment, turned(body, moment, spheres))
+    across = cross(row(problem.contacts.normal, k), along)
+    rho, spun = lever(body, k, problem, spheres, ovoids), turned(body, across, spheres)
+    total = total + rho * rho * dot(across, spun)
+    if is_capsule(body, spheres):
+        total = total - 2.0 * rho * dot(spun, moment_of_ends(body, along, k, problem, spheres))
     return total
 
 
@@ -355,12 +413,30 @@ def turned(body: int, moment: Vector, spheres: Spheres) -> Vector:
 @compiled
 def turn_by_friction(v: Rows, k: int, j: Vector, acts: Mask, problem: Problem, spheres: Spheres) -> None:
     """Turn the spheres and capsules of contact k by an impulse across its normal, in some lanes."""
-    moment = cross(row(problem.contacts.normal, k), j)
     for side in range(2):
-        body = body_of(side, k, problem)
-        if spheres.skin[body] > 0.0:
-            spun = turned(body, moment, spheres)
-            turn_body(v, body, -lever(body, k, problem, spheres), spun, acts, problem, spheres)
+        if spheres.skin[body_of(side, k, problem)] > 0.0:
+            turn_skin(v, side, k, j, acts, problem, spheres, problem.contacts.ovoids)
+
+
+@compiled
+def turn_skin(
+    v: Rows,
+    side: int,
+    k: int,
+    j: Vector,
+    acts: Mask,
+    problem: Problem,
+    spheres: Spheres,
+    ovoids: Ovoids | None,
+) -> None:
+    """Turn the body on a side of contact k by an impulse across its normal, in some lanes."""
+    body = body_of(side, k, problem)
+    if ovoids is not None and ovoids.there[body]:
+        spun = turned(body, cross(arm_of_ovoid(body, k, spheres, ovoids), j), spheres)
+        turn_body(v, body, side_of(side, k, problem, ovoids), spun, acts, problem, spheres)
+    else:
+        spun = turned(body, cross(row(problem.contacts.normal, k), j), spheres)
+        turn_body(v, body, -lever(body, k, problem, spheres, ovoids), spun, acts, problem, spheres)
 
 
 @compiled

@@ -6,8 +6,9 @@ what rests become those that no sweep changes any more.
 
 Each copy keeps the impulses of a node in a table, by which contact they are of. That of a vertex is known by
 the pair and the vertex, whichever face of the other body it meets; that of two edges by their four ends. A
-contact that is not in the table starts from nothing. All this is a first guess: sweeps solve for each impulse
-as they do for any other.
+contact that is not in the table starts from nothing, and so do all in scenes of few bodies. Ellipsoids of
+springs start warm even there: their pushes and friction act on each other, so that two sweeps from nothing
+are too few. All this is a first guess: sweeps solve for each impulse as they do for any other.
 
 The node where the state is read is made anew by the next call, from the same table: it enters nothing. Of
 pairs that sleep nothing is looked for, so that their impulses stay in the table.
@@ -20,7 +21,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from springgym.contact.friction import crosses, push_across
-from springgym.contact.pairs import FEW
 from springgym.contact.rows import FAR
 from springgym.contact.solver import push_apart
 from springgym.contact.turning import twist
@@ -36,12 +36,15 @@ if TYPE_CHECKING:
     from springgym.contact.rows import Problem
     from springgym.contact.sleep import Sleep
 
+FEW = 10
+"""Most bodies of a scene in which contacts start from nothing at each node, unless there are ellipsoids."""
+
 ROWS_OF_A_BODY = 32
 """Rows that the table has for each body, at least: three times the contacts of a cube among others."""
 
 PROBES = 64
-"""Rows in which the impulses of a contact may be: the first of them that was empty has them. If none was, they
-are not kept; such a contact would start from nothing at each node, and never hold all that it should."""
+"""Rows in which the impulses of a contact may be: the first of them that was empty has them. If none was,
+they are not kept; such a contact would start from nothing at each node, and never hold all that it should."""
 
 OF_PAIR, OF_ENDS = 61.0, (17.0, 7.0, 5.0, 3.0)
 """Factors of the numbers of pair and particles, by which contacts are spread over the table."""
@@ -75,10 +78,8 @@ class Key(NamedTuple):
     """the first row that may have it"""
 
 
-def new_warm_start(pairs: Pairs, bodies: int, blocks: Callable[..., np.ndarray]) -> WarmStart | None:
-    """Return an empty table for the contacts of a scene; None for few bodies, which start from nothing."""
-    if bodies <= FEW:
-        return None
+def new_warm_start(pairs: Pairs, bodies: int, blocks: Callable[..., np.ndarray]) -> WarmStart:
+    """Return an empty table for the contacts of so many bodies."""
     rows = 1 << (ROWS_OF_A_BODY * bodies - 1).bit_length()
     return WarmStart(
         pair=blocks(rows),

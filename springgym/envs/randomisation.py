@@ -103,8 +103,7 @@ def weight_of(mass: Any, factors: Mapping[str, float]) -> Any:
 def stretched(scene: Scene, scale: float | np.ndarray) -> np.ndarray:
     """Return what the lengths of all springs (…, S) are multiplied by, for factors () or (…, 1).
 
-    That is ``scale``, but 1 in spheres and capsules that other bodies meet: their radius does not
-    vary.
+    That is ``scale``, but 1 in bodies whose round features other bodies meet: their radii do not vary.
     """
     met = {n for of in (scene.meetings.first, scene.meetings.second) for n in of.tolist()}
     spheres = [n in met and shape.skin for n, shape in enumerate(scene.shapes)]

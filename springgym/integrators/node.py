@@ -32,6 +32,7 @@ import numpy as np
 from springgym.contact.friction import rub
 from springgym.contact.law import Span
 from springgym.contact.lists import Lists
+from springgym.contact.ovoids import find_ovoids
 from springgym.contact.pairs import SWEEPS
 from springgym.contact.points import Given, impulses, lifted, near, nothing_given
 from springgym.contact.round import RoundProblem, lifted_feature, roll, rolls
@@ -649,6 +650,8 @@ def find_touching(bodies: Bodies, node: Node, exchange: Exchange | None) -> Prob
         particles.inverse_mass.values,
         contacts.spheres,
     )
+    x, v, mass = bodies.x.values, bodies.v.values, particles.mass.values
+    find_ovoids(x, v, mass, node.span, contacts.spheres, contacts.ovoids)
     found_in = exchange.lists, contacts
     collisions, passes = bodies.terms.collisions, node.stage == PASSES
     return find_contacts(places, before, before, inverse_mass, node.span, collisions, found_in, passes)

@@ -23,6 +23,7 @@ import numpy as np
 
 from springgym.contact.friction import rub
 from springgym.contact.lists import Lists
+from springgym.contact.ovoids import find_ovoids
 from springgym.contact.pairs import SWEEPS
 from springgym.contact.points import lifted
 from springgym.contact.round import Rounds, lifted_feature, rolls
@@ -645,6 +646,7 @@ def pass_together(phase: Phase, node: Node, first: bool, space: Company, twins: 
         x.values, v.values, particles.mass.values, particles.inverse_mass.values, contacts.spheres
     )
     span = node.span
+    find_ovoids(x.values, v.values, particles.mass.values, span, contacts.spheres, contacts.ovoids)
     problem = find_contacts(places, reached, space.before, inverse_mass, span, collisions, found_in, False)
     if node.stage == STARTS:
         start_together(collisions, terms.memory, node.phase, problem)

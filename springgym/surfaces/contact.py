@@ -53,9 +53,9 @@ class Contact:
         of slip [m/s] at which μ is halfway between both. By default μ does not depend on the speed. If copies
         vary ``friction``, the kinetic μ varies by the same factor.
     rolling_resistance, torsional_resistance
-        ρ and τ [m] of round features on surfaces, and of spheres and capsules on other bodies. With the push
-        J, a couple of at most ρ J opposes turning about tangents of the surface (rolling), and one of at most
-        τ J turning about its normal (spinning). They stop what turns, and no more: a ball of radius R rests
+        ρ and τ [m] of round features on surfaces and on other bodies. With the push J, a couple of at most
+        ρ J opposes turning about tangents of the surface (rolling), and one of at most τ J turning about its
+        normal (spinning). They stop what turns, and no more: a ball of radius R rests
         on slopes up to the angle arctan ρ/R. Their loss is friction's. They do not act on particles.
 
     Raises

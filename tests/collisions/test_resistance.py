@@ -157,9 +157,9 @@ def test_resistance_without_effect_is_refused() -> None:
     with pytest.raises(ValueError, match="no friction"):
         Scene(bodies=(body_at(BALL, (0, 0, 0)), body_at(BLOCK, (1, 0, 0))), contact=ice)
     blocks = body_at(BLOCK, (0, 0, 0)), body_at(BLOCK, (1, 0, 0))
-    with pytest.raises(ValueError, match="no sphere or capsule meets another body"):
+    with pytest.raises(ValueError, match="no round feature meets another body"):
         Scene(bodies=blocks, contact=HOW)
-    with pytest.raises(ValueError, match="no sphere or capsule meets another body"):
+    with pytest.raises(ValueError, match="no round feature meets another body"):
         Scene(bodies=(body_at(BALL, (0, 0, 0)), body_at(BALL, (1, 0, 0))), contact=HOW, collisions=None)
     for collisions in (HOW, (Pair(0, 1, HOW),)):
         with pytest.raises(

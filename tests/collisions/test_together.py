@@ -342,13 +342,13 @@ def test_balls_meet_surfaces_at_their_own() -> None:
 
 @pytest.mark.slow
 def test_three_hundred_cubes_do_not_creep() -> None:
-    """After 2.5 s nine cubes in ten are slower than 0.2 mm/s; with two sweeps they were at 0.4 mm/s."""
+    """After 2.5 s all rest; with two sweeps from nothing one in ten was faster than 0.4 mm/s."""
     plan = load("pile-300")
     simulator = Simulator(plan.scene, step=plan.step)
     simulator.advance(round(2.5 / simulator.step))
     speeds = np.linalg.norm(simulator.velocities[0], axis=1)
     fastest = [speeds[own].max() for own in plan.scene.slices]
-    assert np.quantile(fastest, 0.9) < 2e-4
+    assert max(fastest) < 1e-6
     assert simulator.pairs().misses.sum() == 0
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from springgym.bodies import cube
-from springgym.contact.pairs import FEW
+from springgym.contact.warm import FEW
 from springgym.core.blocks import WIDTH
 from springgym.scene import Placed, Scene
 from springgym.simulator import Simulator

@@ -570,5 +570,6 @@ def test_what_round_features_cannot_do_is_refused() -> None:
         Simulator(scene.with_(contact=PaperContact(strength=1e-4, reach=1e-3)), integrator="rk4")
     block = Placed(cube(0.1), cube(0.1).positions + np.array([1, 0, 0.06]))
     coin = Placed(disk(), disk().positions + np.array([0, 0, 0.2]))
-    with pytest.raises(ValueError, match="a single sphere about the centre of mass"):
-        Scene(bodies=(coin, block), surfaces=(floor(),), contact=GRIP)
+    several = replace(coin, body=coin.body.with_(rounds=(coin.body.rounds[0], sphere(0.05))))
+    with pytest.raises(ValueError, match="a single ellipsoid, or two spheres"):
+        Scene(bodies=(several, block), surfaces=(floor(),), contact=GRIP)

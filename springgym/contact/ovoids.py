@@ -1,0 +1,494 @@
+"""How ellipsoids, disks among them, meet other bodies, and how contacts turn them.
+
+An ovoid is a body with one round feature that all its particles carry, an ellipsoid with the centre ξc and
+the semi-axes aₖ along qₖ in the rest shape, which is no sphere about the centre of mass. Contacts see it as a
+sphere that turns (`springgym.contact.spheres`): by its centre of mass c, its velocity and ω, and all of an
+impulse is distributed as on a rigid body. What is its own is where the ellipsoid is. With the weights of
+`springgym.bodies.round`, F = Σ xᵢ ⊗ Bᵢ is how the particles turned and stretched. The ellipsoid is turned by
+a rotation R, and does not stretch:
+
+    e = c + R (ξc − X̄),    axes R qₖ,    Σ mᵢ R (Xᵢ − X̄) × xᵢ = 0.
+
+X̄ is the centre of mass of the masses that the copy has. By the last condition, Eckart's (Phys. Rev. 47 (1935)
+552, doi:10.1103/PhysRev.47.552), vibrations have no angular momentum to first order, so that R turns with the
+ω = I⁻¹ L of the contacts. It is found from the rotation of the polar decomposition F = R U, by Newton and
+Schulz's iteration F ← F (3 − Fᵀ F)/2, and turned on by I⁻¹ times what the sum is.
+
+A contact's distance and normal follow from `springgym.core.ellipsoids`. One pair has one contact: of all
+faces of the other body, with their sides and corners, and of all its rods, the nearest counts. Two convex
+bodies have one nearest place, and it moves continuously. A face counts if the ovoid's centre is in front of
+it, or was when the step began.
+
+A contact touches the ovoid at the arm r from c, which is not along n. So its normal impulse turns it,
+
+    u = n · (v + ω × r) − …,    W = 1/M + (r × n) · I⁻¹ (r × n) + …,    δω = I⁻¹ (r × j),
+
+and so does friction. The arm follows from the normal. Opposite a face the place is on the ovoid's skin, and
+what is left of the gap is up to the face, as of a sphere. Of two bodies that turn it is halfway between both
+skins, and opposite a rope or a ball, which do not turn, at their middle: there both have one place. All of
+these lie on the line along n through the other body's point, so that momenta are kept to rounding.
+
+While the ovoid turns in half a step, the place that touches moves over its skin, and the gap changes by what
+its speed at the node does not tell. It is told by the gap where the step begins, as at surfaces
+(`springgym.contact.round`): the gap d of a contact is the one with which d − (h/2) u₀ is that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import DTypeLike
+
+from springgym.bodies import Body
+from springgym.bodies.round import weights
+from springgym.contact.features import add_contact, corners, put, tips
+from springgym.contact.lists import Near, Search, Touch
+from springgym.contact.rows import FAR
+from springgym.contact.spheres import (
+    Spheres,
+    arm_of_ovoid,
+    body_of,
+    meets_ovoid,
+    side_of,
+    spin_of,
+    turn_body,
+    turned,
+)
+from springgym.core.blocks import aligned_zeros
+from springgym.core.compiling import compiled
+from springgym.core.ellipsoids import (
+    Ellipsoid,
+    gap_to_ellipsoid,
+    gap_to_point,
+    gap_to_segment,
+    gap_to_triangle,
+    support,
+)
+from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
+from springgym.core.lanes import any_lane, filled, load, maximum, minimum, select, sqrt, store
+from springgym.core.vectors import (
+    choose,
+    cross,
+    dot,
+    mass_centre,
+    plus_scaled,
+    row,
+    row_each,
+    set_row,
+    vec,
+)
+
+if TYPE_CHECKING:
+    from springgym.collisions import Shape
+    from springgym.contact.law import Span
+    from springgym.contact.rows import Problem
+
+ROUNDS, TURNS = 5, 2
+"""Turns in which axes are made upright, from strains of a tenth to rounding, and in which they turn on."""
+
+
+class Ovoids(NamedTuple):
+    """The ellipsoids among bodies that collide, at a node, and what contacts with them have of their own."""
+
+    there: np.ndarray
+    """(bodies,) whether a body is one"""
+    semi: np.ndarray
+    """(bodies, 3) semi-axes [m]; 0 of others"""
+    rest: np.ndarray
+    """(N, 3) particles from the ellipsoid's centre in the rest shape, along its axes [m]"""
+    slope: np.ndarray
+    """(N, 3) B along its axes [1/m]"""
+    centre: Rows
+    """(2 bodies, 3) e of each body at the node, and where the step begins [m]"""
+    axes: Rows
+    """(6 bodies, 3) its axes at the node, and where the step begins"""
+    turning: Numbers
+    """(bodies,) how fast its skin turns, at most [m/s]"""
+    began: Numbers
+    """(rows,) gaps of contacts where the step begins [m]"""
+    place: Rows
+    """(rows, 3) where contacts act [m]"""
+    middle: Rows
+    """(rows, 3) halfway between the points of both bodies that are nearest to each other [m]"""
+    left: Numbers
+    """(rows,) what of the gap is left to a face [m]"""
+    straight: Numbers
+    """(rows,) W of contacts without what they turn [1/kg]"""
+
+
+def new_ovoids(
+    start: np.ndarray, shapes: Sequence[Shape], bodies: Sequence[Body], rows: int, dtype: DTypeLike
+) -> Ovoids | None:
+    """Return a workspace for the ellipsoids among ``bodies``; None without any. Contacts have ``rows``."""
+    there = np.array([shape.ovoid for shape in shapes])
+    if not there.any():
+        return None
+    semi, rest, slope = np.zeros((len(shapes), 3)), np.zeros((start[-1], 3)), np.zeros((start[-1], 3))
+    for n in np.flatnonzero(there).tolist():
+        body, own = bodies[n], slice(start[n], start[n + 1])
+        feature = body.rounds[0]
+        squares, axes = np.linalg.eigh(feature.matrix)
+        axes[:, 2] *= np.sign(np.linalg.det(axes))
+        carriers = feature.carriers(len(body.masses))
+        semi[n] = np.sqrt(np.maximum(squares, 0.0))
+        rest[own] = (body.positions - feature.centre) @ axes
+        slope[own][carriers] = weights(body.masses, body.positions, carriers)[1] @ axes
+
+    def lanes(*shape: int) -> np.ndarray:
+        return aligned_zeros(shape, dtype)
+
+    return Ovoids(
+        there=there,
+        semi=semi,
+        rest=rest,
+        slope=slope,
+        centre=lanes(2 * len(shapes), 3),
+        axes=lanes(6 * len(shapes), 3),
+        turning=lanes(len(shapes)),
+        began=lanes(rows),
+        place=lanes(rows, 3),
+        middle=lanes(rows, 3),
+        left=lanes(rows),
+        straight=lanes(rows),
+    )
+
+
+# --- Where they are ---------------------------------------------------------------------------------------
+
+
+@compiled
+def find_ovoids(
+    x: Rows, v: Rows, mass: Numbers, span: Span, spheres: Spheres | None, ovoids: Ovoids | None
+) -> None:
+    """Find where all ellipsoids are at a node of particles at ``x`` with velocities ``v`` (N, 3), and where
+    its step begins."""
+    if ovoids is not None and spheres is not None:
+        for body in range(ovoids.there.size):
+            if ovoids.there[body]:
+                first, behind = spheres.start[body], spheres.start[body + 1]
+                own = mass[first:behind]
+                centre, speed = mass_centre(x[first:behind], own), mass_centre(v[first:behind], own)
+                total, off = 0.0 * centre[0], 0.0 * centre
+                for i in range(first, behind):
+                    total = total + load(mass, i)
+                    off = plus_scaled(off, -1.0 * load(mass, i), row(ovoids.rest, i))
+                off = 1.0 / total * off
+                for begins in range(2):
+                    back = -1.0 * begins * span.lead
+                    f, g, h = turned_axes(first, behind, x, v, back, ovoids)
+                    for _ in range(TURNS):
+                        f, g, h = turned_on(body, (f, g, h), off, x, v, back, mass, spheres, ovoids)
+                    at = 2 * body + begins
+                    set_row(ovoids.axes, 3 * at, f)
+                    set_row(ovoids.axes, 3 * at + 1, g)
+                    set_row(ovoids.axes, 3 * at + 2, h)
+                    middle = plus_scaled(centre, back, speed)
+                    middle = plus_scaled(plus_scaled(middle, off[0], f), off[1], g)
+                    set_row(ovoids.centre, at, plus_scaled(middle, off[2], h))
+                spin = row(spheres.before, first + 1)
+                store(ovoids.turning, body, spheres.radius[body] * sqrt(dot(spin, spin)))
+
+
+@compiled
+def turned_axes(
+    first: int, behind: int, x: Rows, v: Rows, back: Number, ovoids: Ovoids
+) -> tuple[Vector, Vector, Vector]:
+    """Return the axes of the ellipsoid that particles ``first`` to ``behind`` carry, ``back`` seconds on."""
+    f = 0.0 * row(x, first)
+    g, h = f, f
+    for i in range(first, behind):
+        place, slope = plus_scaled(row(x, i), back, row(v, i)), row(ovoids.slope, i)
+        f, g, h = (
+            plus_scaled(f, slope[0], place),
+            plus_scaled(g, slope[1], place),
+            plus_scaled(h, slope[2], place),
+        )
+    for _ in range(ROUNDS):
+        f, g, h = more_upright(f, g, h)
+    return f, g, h
+
+
+@compiled
+def more_upright(f: Vector, g: Vector, h: Vector) -> tuple[Vector, Vector, Vector]:
+    """Return three vectors that are nearer to unit vectors across each other: of lengths 1 + ε, to 3/2 ε²."""
+    ff, gg, hh, fg, fh, gh = dot(f, f), dot(g, g), dot(h, h), dot(f, g), dot(f, h), dot(g, h)
+    return (
+        (1.5 - 0.5 * ff) * f - (0.5 * fg) * g - (0.5 * fh) * h,
+        (1.5 - 0.5 * gg) * g - (0.5 * fg) * f - (0.5 * gh) * h,
+        (1.5 - 0.5 * hh) * h - (0.5 * fh) * f - (0.5 * gh) * g,
+    )
+
+
+@compiled
+def turned_on(
+    body: int,
+    axes: tuple[Vector, Vector, Vector],
+    off: Vector,
+    x: Rows,
+    v: Rows,
+    back: Number,
+    mass: Numbers,
+    spheres: Spheres,
+    ovoids: Ovoids,
+) -> tuple[Vector, Vector, Vector]:
+    """Return the axes of an ellipsoid, turned on by what Σ mᵢ (R Xᵢ) × xᵢ says, which is to be 0."""
+    f, g, h = axes
+    twist = 0.0 * f
+    for i in range(spheres.start[body], spheres.start[body + 1]):
+        rest, place = row(ovoids.rest, i) + off, plus_scaled(row(x, i), back, row(v, i))
+        arm = plus_scaled(plus_scaled(rest[0] * f, rest[1], g), rest[2], h)
+        twist = plus_scaled(twist, load(mass, i), cross(arm, place))
+    turn = turned(body, twist, spheres)
+    return more_upright(f + cross(turn, f), g + cross(turn, g), h + cross(turn, h))
+
+
+@compiled
+def ellipsoid_at(begins: int, body: int, ovoids: Ovoids) -> Ellipsoid:
+    """Return the ellipsoid of a body at the node, or where its step ``begins``: 0 or 1."""
+    at, none = 2 * body + begins, 0.0 * load(ovoids.turning, body)
+    axes = row(ovoids.axes, 3 * at), row(ovoids.axes, 3 * at + 1), row(ovoids.axes, 3 * at + 2)
+    semi = vec(none + ovoids.semi[body, 0], none + ovoids.semi[body, 1], none + ovoids.semi[body, 2])
+    return Ellipsoid(row(ovoids.centre, at), axes, semi)
+
+
+# --- Contacts ---------------------------------------------------------------------------------------------
+
+
+@compiled
+def is_ovoid(body: int, ovoids: Ovoids | None) -> bool:
+    """Tell whether a body is an ellipsoid that meets others."""
+    if ovoids is None:
+        return False
+    return ovoids.there[body]
+
+
+@compiled
+def farthest(near: Near) -> Number:
+    """Return up to which distance a contact counts [m]."""
+    return select(near.reach > 0.0, near.reach - near.radius, -FAR)
+
+
+@compiled
+def ovoid_faces(count: int, first: int, m: int, side: int, near: Near, seen: Search, ovoids: Ovoids) -> int:
+    """List the contact of the ellipsoid in row ``m``, of a ``side``, with the nearest of its candidates."""
+    lists, body = seen.lists, near.bodies[side]
+    i, limit = load(lists.vertex_particle, m), farthest(near)
+    here, before = ellipsoid_at(0, body, ovoids), ellipsoid_at(1, body, ovoids)
+    longest = maximum(maximum(here.semi[0], here.semi[1]), here.semi[2])
+    wide = 2.0 * (maximum(limit, 0.0) + longest)
+    began, best, face = 0.0 * i + FAR, 0.0 * i + FAR, 0.0 * i
+    second, third, normal = 0.0 * i, 0.0 * i, 0.0 * row(lists.point, m)
+    for candidate in range(lists.faces[m, 0], lists.faces[m, 1]):
+        n = lists.candidate[candidate]
+        corner, u, q = row(lists.corner, n), row(lists.first, n), row(lists.second, n)
+        height, square = dot(row(lists.normal, n), here.centre - corner), load(lists.square, n)
+        close = height * height < wide * wide * square
+        if any_lane(close):
+            a, b, c = sides_before(n, near.lead, seen)
+            earlier = dot(cross(b, c), before.centre - a)
+            close = select(close, maximum(height, earlier), -1.0) > 0.0
+            met = gap_to_triangle(corner, u, q, here)
+            gap = select(close, met.gap, FAR)
+            close = gap < limit
+            if any_lane(close):
+                better = gap < best
+                best, face = select(better, gap, best), select(better, 1.0 * n, face)
+                second, third = select(better, met.second, second), select(better, met.third, third)
+                normal = choose(better, -1.0 * met.normal, normal)
+                met = gap_to_triangle(a, b, c, before)
+                began = minimum(began, select(select(close, earlier, -1.0) > 0.0, met.gap, FAR))
+    won = best < limit
+    if any_lane(won):
+        a, b, c = corners(filled(won, face), lists)
+        one = 1.0 + 0.0 * best
+        weights = (one, second + third - 1.0, -1.0 * second, -1.0 * third)
+        met = Touch((i, a, b, c), weights, normal, best, select(won, one, 0.0))
+        count = add_ovoid(count, first, 4, met, began, near, seen, ovoids)
+    return count
+
+
+@compiled
+def sides_before(n: int, lead: Number, seen: Search) -> tuple[Vector, Vector, Vector]:
+    """Return the first corner of the triangle in row ``n`` and its sides from there, ``lead`` seconds ago."""
+    lists, w = seen.lists, seen.w
+    a, b, c = corners(0.0 * lead + n, lists)
+    speed, back = row_each(w, a), -1.0 * lead
+    return (
+        plus_scaled(row(lists.corner, n), back, speed),
+        plus_scaled(row(lists.first, n), back, row_each(w, b) - speed),
+        plus_scaled(row(lists.second, n), back, row_each(w, c) - speed),
+    )
+
+
+@compiled
+def ovoid_rods(count: int, first: int, m: int, side: int, near: Near, seen: Search, ovoids: Ovoids) -> int:
+    """List the contact of the ellipsoid in row ``m``, of a ``side``, with the nearest rod of the other."""
+    lists, w, other = seen.lists, seen.w, 1 - side
+    i, limit = load(lists.vertex_particle, m), farthest(near)
+    radius = seen.pairs.shapes.radius[near.bodies[other]]
+    here, before = ellipsoid_at(0, near.bodies[side], ovoids), ellipsoid_at(1, near.bodies[side], ovoids)
+    began, best, rod = 0.0 * i + FAR, 0.0 * i + FAR, 0.0 * i
+    t, normal, back = 0.0 * i, 0.0 * row(lists.point, m), -1.0 * near.lead
+    for n in range(lists.ends[near.pair, 2, other], lists.ends[near.pair, 2, other + 1]):
+        start, way = row(lists.start, n), row(lists.way, n)
+        away, d, share = gap_to_segment(start, way, here)
+        gap = d - radius
+        close = gap < limit
+        if any_lane(close):
+            better = gap < best
+            best, rod = select(better, gap, best), select(better, 1.0 * n, rod)
+            t, normal = select(better, share, t), choose(better, -1.0 * away, normal)
+            a, b = tips(filled(close, 0.0 * gap + n), lists)
+            speed = row_each(w, a)
+            start, way = plus_scaled(start, back, speed), plus_scaled(way, back, row_each(w, b) - speed)
+            _, d, _ = gap_to_segment(start, way, before)
+            began = minimum(began, select(close, d - radius, FAR))
+    won = best < limit
+    if any_lane(won):
+        a, b = tips(filled(won, rod), lists)
+        one = 1.0 + 0.0 * best
+        weights = (one, t - 1.0, -1.0 * t, 0.0 * t)
+        met = Touch((i, a, b, i), weights, normal, best, select(won, one, 0.0))
+        count = add_ovoid(count, first, 3, met, began, near, seen, ovoids)
+    return count
+
+
+@compiled
+def ovoid_ball(count: int, i: int, j: int, near: Near, seen: Search, ovoids: Ovoids) -> int:
+    """List the contact of an ellipsoid with another, or with a sphere or a ball, by their particles."""
+    limit, (a, b) = farthest(near), near.bodies
+    if not ovoids.there[a]:
+        a, b, i, j = b, a, j, i
+    here, before = ellipsoid_at(0, a, ovoids), ellipsoid_at(1, a, ovoids)
+    if ovoids.there[b]:
+        away, gap = gap_to_ellipsoid(here, ellipsoid_at(0, b, ovoids))
+        meets = gap < limit
+        began = gap
+        if any_lane(meets):
+            _, began = gap_to_ellipsoid(before, ellipsoid_at(1, b, ovoids))
+    else:
+        radius, place = seen.pairs.shapes.radius[b], row(seen.x, j)
+        away, d = gap_to_point(place, here)
+        gap = d - radius
+        meets = gap < limit
+        _, d = gap_to_point(plus_scaled(place, -1.0 * near.lead, row(seen.w, j)), before)
+        began = d - radius
+    if any_lane(meets):
+        one = 1.0 + 0.0 * gap
+        weights = (one, -1.0 * one, 0.0 * one, 0.0 * one)
+        met = Touch((i, j, i, j), weights, -1.0 * away, gap, select(meets, one, 0.0))
+        count = add_ovoid(count, count, 2, met, began, near, seen, ovoids)
+    return count
+
+
+@compiled
+def add_ovoid(
+    count: int, first: int, members: int, met: Touch, began: Number, near: Near, seen: Search, ovoids: Ovoids
+) -> int:
+    """List a contact as `springgym.contact.features.add_contact` does, and the gap where the step begins."""
+    contacts = seen.contacts
+    had = load(contacts.have, 1)
+    count = add_contact(count, first, members, met, near, seen)
+    added = load(contacts.have, 1) > had
+    if any_lane(added):
+        put(ovoids.began, filled(added, had + first), added, began)
+    return count
+
+
+# --- Impulses ---------------------------------------------------------------------------------------------
+
+
+@compiled
+def set_place(
+    k: int, inverse: Number, problem: Problem, spheres: Spheres | None, ovoids: Ovoids | None
+) -> Number:
+    """Find where contact k acts, if it is of an ellipsoid; returns W [1/kg] with what turns.
+
+    ``inverse`` is W without. The normal points to the first particle, which is that of an ellipsoid.
+    """
+    if ovoids is not None and spheres is not None and meets_ovoid(k, problem, ovoids):
+        contacts = problem.contacts
+        body, other = body_of(0, k, problem), body_of(1, k, problem)
+        if not ovoids.there[body]:
+            body, other = other, body
+        n = row(contacts.normal, k)
+        skin = support(-1.0 * n, ellipsoid_at(0, body, ovoids))
+        if ovoids.there[other]:
+            place = 0.5 * (skin + support(n, ellipsoid_at(0, other, ovoids)))
+            left, halfway = 0.0 * inverse, place
+        else:
+            middle = 0.0 * n
+            for j in range(1, contacts.members[k]):
+                weight, i = load(contacts.weight, 4 * k + j), load(contacts.particle, 4 * k + j)
+                middle = plus_scaled(middle, -1.0 * weight, row_each(problem.x, i))
+            left = dot(n, skin - middle)
+            half = 0.5 * (left + problem.pairs.shapes.radius[other])
+            share = 0.0 * left
+            if contacts.members[k] == 4:
+                share = left
+            elif spheres.skin[other] > 0.0:
+                share = half
+            place, halfway = plus_scaled(middle, share, n), plus_scaled(middle, half, n)
+        set_row(ovoids.place, k, place)
+        set_row(ovoids.middle, k, halfway)
+        store(ovoids.left, k, left)
+        store(ovoids.straight, k, inverse)
+        for side in range(2):
+            body = body_of(side, k, problem)
+            if ovoids.there[body]:
+                moment = cross(arm_of_ovoid(body, k, spheres, ovoids), n)
+                inverse = inverse + dot(moment, turned(body, moment, spheres))
+    return inverse
+
+
+@compiled
+def set_gap(k: int, u: Number, problem: Problem, ovoids: Ovoids | None) -> None:
+    """Set the gap of contact k, if it is of an ellipsoid, by that where the step begins; u₀ is ``u``."""
+    if ovoids is not None and meets_ovoid(k, problem, ovoids):
+        gap, began = load(problem.contacts.gap, k), load(ovoids.began, k)
+        known = select(gap < 0.5 * FAR, began, FAR) < 0.5 * FAR
+        store(problem.contacts.gap, k, select(known, began + problem.span.lead * u, gap))
+
+
+@compiled
+def with_turning(
+    u: Number, v: Rows, k: int, problem: Problem, spheres: Spheres | None, ovoids: Ovoids | None
+) -> Number:
+    """Return the speed of contact k [m/s] with what the turning of ellipsoids adds to it."""
+    if ovoids is not None and spheres is not None and meets_ovoid(k, problem, ovoids):
+        n = row(problem.contacts.normal, k)
+        for side in range(2):
+            body = body_of(side, k, problem)
+            if ovoids.there[body]:
+                moment = cross(arm_of_ovoid(body, k, spheres, ovoids), n)
+                u = u + side_of(side, k, problem, ovoids) * dot(moment, spin_of(body, v, problem, spheres))
+    return u
+
+
+@compiled
+def turn_by_push(
+    v: Rows,
+    k: int,
+    impulse: Vector,
+    on: Mask,
+    problem: Problem,
+    spheres: Spheres | None,
+    ovoids: Ovoids | None,
+) -> None:
+    """Turn the ellipsoids of contact k by an impulse along its normal, in some lanes."""
+    if ovoids is not None and spheres is not None and meets_ovoid(k, problem, ovoids):
+        for side in range(2):
+            body = body_of(side, k, problem)
+            if ovoids.there[body]:
+                spun = turned(body, cross(arm_of_ovoid(body, k, spheres, ovoids), impulse), spheres)
+                turn_body(v, body, side_of(side, k, problem, ovoids), spun, on, problem, spheres)
+
+
+@compiled
+def without_turning_by_push(k: int, problem: Problem, ovoids: Ovoids | None) -> Number:
+    """Return W of contact k without what the turning of ellipsoids adds to it [1/kg]."""
+    if ovoids is not None and meets_ovoid(k, problem, ovoids):
+        return load(ovoids.straight, k)
+    return load(problem.contacts.inverse_mass, k)
