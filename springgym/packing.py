@@ -15,7 +15,15 @@ from springgym.contact.cone import Resistance, law_of, resistance_of
 from springgym.contact.lists import Lists, new_lists
 from springgym.contact.overlap import Outlines, outlines
 from springgym.contact.ovoids import new_ovoids
-from springgym.contact.pairs import Pairs, longest_edge, most_contacts, packed_shapes, parallel
+from springgym.contact.pairs import (
+    MORE_SWEEPS,
+    SWEEPS,
+    Pairs,
+    longest_edge,
+    most_contacts,
+    packed_shapes,
+    parallel,
+)
 from springgym.contact.round import Rolling, packed_rounds
 from springgym.contact.rows import ContactRows, new_contacts
 from springgym.contact.sleep import Sleep
@@ -23,7 +31,7 @@ from springgym.contact.solids import Solids
 from springgym.contact.spheres import new_spheres
 from springgym.contact.surfaces import Surfaces
 from springgym.contact.totals import ENTRIES, Collisions, empty_totals
-from springgym.contact.warm import FEW, new_warm_start
+from springgym.contact.warm import new_warm_start
 from springgym.core.blocks import aligned_zeros, get_copies, numbers, set_copies
 from springgym.core.kinds import Ragged
 from springgym.core.lanes import block_dtype
@@ -120,7 +128,7 @@ def pack(scene: Scene, twin: bool, options: Options) -> tuple[Terms, tuple[Any, 
     ValueError
         If a parameter cannot vary in this scene.
     """
-    shared = _shared(scene, options)._replace(collisions=_collisions(scene, twin, options))
+    shared = _shared(scene, options)._replace(collisions=_collisions(scene, options))
     parts = [
         _packed(part, scene, shared._replace(body=n), twin, options) for n, part in enumerate(scene.parts)
     ]
@@ -242,7 +250,7 @@ def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Optio
     return Packed(part, order, terms, rigid_body)
 
 
-def _collisions(scene: Scene, twin: bool, options: Options) -> Collisions | None:
+def _collisions(scene: Scene, options: Options) -> Collisions | None:
     """Return the bodies of a scene that collide, with empty totals; None if none do."""
     if not scene.meetings:
         return None
@@ -253,9 +261,7 @@ def _collisions(scene: Scene, twin: bool, options: Options) -> Collisions | None
     if options.sleep is not None:
         pinned = np.array([not part.free.any() for part in scene.parts])
         sleep = Sleep(options.blocks(len(scene.bodies)), options.sleep, pinned)
-    warm = None
-    if len(scene.bodies) > FEW or (scene.ovoids.any() and not twin):
-        warm = new_warm_start(pairs, len(scene.bodies), options.blocks)
+    warm = new_warm_start(pairs, len(scene.bodies), options.blocks)
     collisions = Collisions(pairs, totals, totals_before, changing, sleep, warm)
     empty_totals(collisions, slice(None))
     return collisions
@@ -291,6 +297,7 @@ def pack_pairs(scene: Scene, options: Options) -> Pairs:
         loss=options.parameter({"restitution"} & varying, loss_of(restitutions)) if loses else None,
         shapes=packed_shapes(scene.shapes, scene.starts[:-1].tolist()),
         most=most_contacts(met, scene.shapes)[0],
+        sweeps=MORE_SWEEPS if scene.ovoids.any() else SWEEPS,
     )
 
 

@@ -27,7 +27,6 @@ from typing import TYPE_CHECKING
 
 from springgym.contact.cone import within_cone
 from springgym.contact.ovoids import without_turning_by_push
-from springgym.contact.pairs import SWEEPS
 from springgym.contact.round import PASSES
 from springgym.contact.rows import add_loss
 from springgym.contact.solids import among_going, between, inverse_mass_of_both, push_both
@@ -132,11 +131,11 @@ def rub(v: Rows, turn: int, problem: Problem, friction: Numbers) -> None:
             limit = load(friction, p) * pressed(k, problem, contacts.solids, contacts.spheres)
             given = row(contacts.friction, k)
             acts = limit > 0.0
-            if turn < SWEEPS:
+            if turn < pairs.sweeps:
                 acts = maximum(limit, dot(given, given)) > 0.0  # what was given may have to be taken back
             acts = among_going(acts, contacts.solids)
             if any_lane(acts):
-                if turn < SWEEPS:
+                if turn < pairs.sweeps:
                     hold(v, k, limit, acts, problem, pairs.resistance)
                 else:
                     slip = slip_of(v, k, problem, contacts.solids)

@@ -20,8 +20,9 @@ PARALLEL = 2.0
 MOST_PARALLEL = 0.2
 
 
-SWEEPS = 2
-"""Sweeps in which the impulses of contacts are found, there and back."""
+SWEEPS, MORE_SWEEPS = 2, 8
+"""Sweeps, there and back, in which the impulses of contacts are found; and with ellipsoids, whose pushes and
+friction act on each other."""
 
 
 class Shapes(NamedTuple):
@@ -70,6 +71,8 @@ class Pairs(NamedTuple):
     shapes: Shapes
     most: int
     """how many contacts a copy can have"""
+    sweeps: int
+    """in how many sweeps impulses are found"""
 
 
 def packed_shapes(shapes: Sequence[Shape], first: Sequence[int]) -> Shapes:

@@ -6,9 +6,8 @@ what rests become those that no sweep changes any more.
 
 Each copy keeps the impulses of a node in a table, by which contact they are of. That of a vertex is known by
 the pair and the vertex, whichever face of the other body it meets; that of two edges by their four ends. A
-contact that is not in the table starts from nothing, and so do all in scenes of few bodies. Ellipsoids of
-springs start warm even there: their pushes and friction act on each other, so that two sweeps from nothing
-are too few. All this is a first guess: sweeps solve for each impulse as they do for any other.
+contact that is not in the table starts from nothing, and so do all in scenes of few bodies. All this is a
+first guess: sweeps solve for each impulse as they do for any other.
 
 The node where the state is read is made anew by the next call, from the same table: it enters nothing. Of
 pairs that sleep nothing is looked for, so that their impulses stay in the table.
@@ -37,7 +36,7 @@ if TYPE_CHECKING:
     from springgym.contact.sleep import Sleep
 
 FEW = 10
-"""Most bodies of a scene in which contacts start from nothing at each node, unless there are ellipsoids."""
+"""Most bodies of a scene in which contacts start from nothing at each node."""
 
 ROWS_OF_A_BODY = 32
 """Rows that the table has for each body, at least: three times the contacts of a cube among others."""
@@ -78,8 +77,10 @@ class Key(NamedTuple):
     """the first row that may have it"""
 
 
-def new_warm_start(pairs: Pairs, bodies: int, blocks: Callable[..., np.ndarray]) -> WarmStart:
-    """Return an empty table for the contacts of so many bodies."""
+def new_warm_start(pairs: Pairs, bodies: int, blocks: Callable[..., np.ndarray]) -> WarmStart | None:
+    """Return an empty table for the contacts of a scene; None for few bodies, which start from nothing."""
+    if bodies <= FEW:
+        return None
     rows = 1 << (ROWS_OF_A_BODY * bodies - 1).bit_length()
     return WarmStart(
         pair=blocks(rows),

@@ -33,7 +33,6 @@ from springgym.contact.friction import rub
 from springgym.contact.law import Span
 from springgym.contact.lists import Lists
 from springgym.contact.ovoids import find_ovoids
-from springgym.contact.pairs import SWEEPS
 from springgym.contact.points import Given, impulses, lifted, near, nothing_given
 from springgym.contact.round import RoundProblem, lifted_feature, roll, rolls
 from springgym.contact.rows import MET, ContactRows, Problem
@@ -748,7 +747,7 @@ def find_impulses(bodies: Bodies, problem: Problem, exchange: Exchange) -> None:
     """Find what surfaces and bodies give at a node that is reached with velocities v₋."""
     pairs, velocity, terms = problem.pairs, exchange.velocity.values, bodies.terms
     x, spheres = bodies.x.values, problem.contacts.spheres
-    first, last = True, SWEEPS + 1
+    first, last = True, pairs.sweeps + 1
     put_together(x, velocity, problem.rows, spheres)
     start_warm(velocity, problem, terms.collisions.warm, terms.collisions.sleep)
     take_apart(x, velocity, problem.rows, spheres)
@@ -760,7 +759,7 @@ def find_impulses(bodies: Bodies, problem: Problem, exchange: Exchange) -> None:
                     push_by_surfaces(own, problem.span, first, turn == last, own.space.exchange)
             first = False
         put_together(x, velocity, problem.rows, spheres)
-        if turn < SWEEPS:
+        if turn < pairs.sweeps:
             sweep(velocity, turn % 2 == 1, problem)
         if turn == 1:
             taper(velocity, problem, pairs.shapes.edges)

@@ -24,7 +24,6 @@ import numpy as np
 from springgym.contact.friction import rub
 from springgym.contact.lists import Lists
 from springgym.contact.ovoids import find_ovoids
-from springgym.contact.pairs import SWEEPS
 from springgym.contact.points import lifted
 from springgym.contact.round import Rounds, lifted_feature, rolls
 from springgym.contact.rows import ContactRows, Problem
@@ -584,7 +583,7 @@ def find_impulses(problem: Problem, space: Company, twins: Twin) -> None:
         turn += 1
     if problem.rows > 0:
         store(turns, GOING, one)
-        rub(velocity, SWEEPS, problem, pairs.friction)
+        rub(velocity, pairs.sweeps, problem, pairs.friction)
 
 
 @compiled

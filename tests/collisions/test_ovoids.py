@@ -10,6 +10,7 @@ from unittest import mock
 import numpy as np
 import pytest
 
+from springgym import packing
 from springgym.bodies import (
     Body,
     ball,
@@ -23,7 +24,6 @@ from springgym.bodies import (
     sphere,
 )
 from springgym.collisions import shape
-from springgym.contact import pairs
 from springgym.core.ellipsoids import ELLIPSOID, TRIANGLE, gaps
 from springgym.scene import Placed, Scene
 from springgym.simulator import Simulator, UnresolvedContactError
@@ -129,7 +129,7 @@ def test_ellipsoid_of_equal_axes_moves_as_a_sphere() -> None:
     found = []
     for body in (sphere_like, round_one):
         on = body_at(body, (0, 0, 0.354), velocity=(1.0, 0.3, -0.5), omega=(0, 3.0, 9.0))
-        with mock.patch.object(pairs, "SWEEPS", pairs.MORE_SWEEPS):
+        with mock.patch.object(packing, "SWEEPS", packing.MORE_SWEEPS):
             simulator = full(scene(on, body_at(BLOCK, (0, 0, 0)), gravity=(0, 0, -2.0)), copies=2, step=2e-4)
         simulator.advance(1000)
         assert simulator.pairs().friction_loss[0].max() > 0.05

@@ -12,7 +12,7 @@ import numpy as np
 
 from springgym.contact.friction import rub
 from springgym.contact.law import Span
-from springgym.contact.pairs import SWEEPS, Pairs
+from springgym.contact.pairs import Pairs
 from springgym.contact.rows import Problem
 from springgym.contact.search import find
 from springgym.contact.solver import add_totals, prepare, sweep, taper
@@ -82,14 +82,14 @@ def one_step(
     rows = find(x, w, seen, pairs, lists, contacts, None, False)
     problem = Problem(span, rows, x, w, inverse_mass, pairs, contacts, collisions.totals)
     prepare(problem, touched)
-    for turn in range(1 if lacks == SINGLE else SWEEPS):
+    for turn in range(1 if lacks == SINGLE else pairs.sweeps):
         sweep(v, turn % 2 == 1, problem)
     if lacks != UNTAPERED:
         taper(v, problem, pairs.shapes.edges)
     if lacks == PLAIN:
         rub_plainly(v, pairs.friction, problem)
     else:
-        for turn in range(SWEEPS + 1):
+        for turn in range(pairs.sweeps + 1):
             rub(v, turn, problem, pairs.friction)
     list_changing(contacts, collisions.changing)
     add_totals(v, problem, collisions.changing)
