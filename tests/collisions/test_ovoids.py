@@ -117,6 +117,33 @@ def test_push_off_the_middle_turns_an_ellipsoid() -> None:
     assert np.abs(w[0]).max() > 1.0
 
 
+@pytest.mark.parametrize("other", ["sphere", "ellipsoid", "ball"])
+def test_push_without_friction_is_found_in_one_sweep(other: str) -> None:
+    """The inverse mass W of a contact says by how much its impulse changes its speed."""
+    found = []
+    for sweeps in (1, pairs.MORE_SWEEPS):
+        with mock.patch.object(pairs, "MORE_SWEEPS", sweeps):
+            simulator = full(strikes(other, replace(HOW, friction=0.0)), copies=2, step=2e-4)
+        simulator.advance(1500)
+        assert simulator.pairs().impulse[0].max() > 0.3
+        found.append(simulator.velocities[0])
+    np.testing.assert_allclose(found[0], found[1], rtol=0, atol=1e-9)
+
+
+def test_tip_of_a_fast_bar_is_met_in_time() -> None:
+    """How far to look for contacts follows from how fast the skin turns: here up to 0.7 Δ in a step."""
+    bar, ends = ellipsoid((0.3, 0.04, 0.04), 1.0, damping=0.0), []
+    met = body_at(rolling_ball(0.1, 1.0, damping=0.0), (0.237, 0.2295, 0))
+    of = scene(body_at(bar, (0, 0, 0), omega=(0, 0, 40.0)), met, contact=replace(HOW, friction=0.0))
+    for step in np.linspace(2e-4, 2.03e-4, 6):
+        simulator = full(of, copies=2, step=float(step))
+        before = simulator.measure().balance[0]
+        simulator.advance(300)
+        assert simulator.pairs().impulse[0].max() > 3.0
+        ends.append(simulator.measure().balance[0] / before - 1)
+    np.testing.assert_allclose(ends, 0.0, atol=2e-3)
+
+
 # --- Compared with others -------------------------------------------------------------------------------
 
 
