@@ -28,9 +28,9 @@ what is left of the gap is up to the face, as of a sphere. Of two bodies that tu
 skins, and opposite a rope or a ball, which do not turn, at their middle: there both have one place. All of
 these lie on the line along n through the other body's point, so that momenta are kept to rounding.
 
-While the ovoid turns in half a step, the place that touches moves over its skin, and the gap changes by what
-its speed at the node does not tell. It is told by the gap where the step begins, as at surfaces
-(`springgym.contact.round`): the gap d of a contact is the one with which d − (h/2) u₀ is that.
+The gaps of a step are those of straight ways at the speed of the node, though the place that touches moves
+over the skin within the step. So an impulse does just the work that its barrier gives. With the gap where the
+step really begins, as at surfaces, the energy balance of impacts is several times as far off.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from numpy.typing import DTypeLike
 
 from springgym.bodies import Body
 from springgym.bodies.round import weights
-from springgym.contact.features import add_contact, corners, put, tips
+from springgym.contact.features import add_contact, corners, tips
 from springgym.contact.lists import Near, Search, Touch
 from springgym.contact.rows import FAR
 from springgym.contact.spheres import (
@@ -67,12 +67,11 @@ from springgym.core.ellipsoids import (
     support,
 )
 from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
-from springgym.core.lanes import any_lane, filled, load, maximum, minimum, select, sqrt, store
+from springgym.core.lanes import any_lane, filled, load, maximum, select, sqrt, store
 from springgym.core.vectors import (
     choose,
     cross,
     dot,
-    mass_centre,
     plus_scaled,
     row,
     row_each,
@@ -82,7 +81,6 @@ from springgym.core.vectors import (
 
 if TYPE_CHECKING:
     from springgym.collisions import Shape
-    from springgym.contact.law import Span
     from springgym.contact.rows import Problem
 
 ROUNDS, TURNS = 5, 2
@@ -101,13 +99,11 @@ class Ovoids(NamedTuple):
     slope: np.ndarray
     """(N, 3) B along its axes [1/m]"""
     centre: Rows
-    """(2 bodies, 3) e of each body at the node, and where the step begins [m]"""
+    """(bodies, 3) e of each body [m]"""
     axes: Rows
-    """(6 bodies, 3) its axes at the node, and where the step begins"""
+    """(3 bodies, 3) its axes"""
     turning: Numbers
     """(bodies,) how fast its skin turns, at most [m/s]"""
-    began: Numbers
-    """(rows,) gaps of contacts where the step begins [m]"""
     place: Rows
     """(rows, 3) where contacts act [m]"""
     middle: Rows
@@ -144,10 +140,9 @@ def new_ovoids(
         semi=semi,
         rest=rest,
         slope=slope,
-        centre=lanes(2 * len(shapes), 3),
-        axes=lanes(6 * len(shapes), 3),
+        centre=lanes(len(shapes), 3),
+        axes=lanes(3 * len(shapes), 3),
         turning=lanes(len(shapes)),
-        began=lanes(rows),
         place=lanes(rows, 3),
         middle=lanes(rows, 3),
         left=lanes(rows),
@@ -159,52 +154,40 @@ def new_ovoids(
 
 
 @compiled
-def find_ovoids(
-    x: Rows, v: Rows, mass: Numbers, span: Span, spheres: Spheres | None, ovoids: Ovoids | None
-) -> None:
-    """Find where all ellipsoids are at a node of particles at ``x`` with velocities ``v`` (N, 3), and where
-    its step begins."""
+def find_ovoids(x: Rows, mass: Numbers, spheres: Spheres | None, ovoids: Ovoids | None) -> None:
+    """Find where all ellipsoids are at a node of particles at ``x`` (N, 3)."""
     if ovoids is not None and spheres is not None:
         for body in range(ovoids.there.size):
             if ovoids.there[body]:
                 first, behind = spheres.start[body], spheres.start[body + 1]
-                own = mass[first:behind]
-                centre, speed = mass_centre(x[first:behind], own), mass_centre(v[first:behind], own)
-                total, off = 0.0 * centre[0], 0.0 * centre
+                middle = row(spheres.centre, body)
+                total, off = 0.0 * middle[0], 0.0 * middle
                 for i in range(first, behind):
                     total = total + load(mass, i)
                     off = plus_scaled(off, -1.0 * load(mass, i), row(ovoids.rest, i))
                 off = 1.0 / total * off
-                for begins in range(2):
-                    back = -1.0 * begins * span.lead
-                    f, g, h = turned_axes(first, behind, x, v, back, ovoids)
-                    for _ in range(TURNS):
-                        f, g, h = turned_on(body, (f, g, h), off, x, v, back, mass, spheres, ovoids)
-                    at = 2 * body + begins
-                    set_row(ovoids.axes, 3 * at, f)
-                    set_row(ovoids.axes, 3 * at + 1, g)
-                    set_row(ovoids.axes, 3 * at + 2, h)
-                    middle = plus_scaled(centre, back, speed)
-                    middle = plus_scaled(plus_scaled(middle, off[0], f), off[1], g)
-                    set_row(ovoids.centre, at, plus_scaled(middle, off[2], h))
+                f, g, h = turned_axes(first, behind, x, ovoids)
+                for _ in range(TURNS):
+                    f, g, h = turned_on(body, (f, g, h), off, x, mass, spheres, ovoids)
+                set_row(ovoids.axes, 3 * body, f)
+                set_row(ovoids.axes, 3 * body + 1, g)
+                set_row(ovoids.axes, 3 * body + 2, h)
+                middle = plus_scaled(plus_scaled(middle, off[0], f), off[1], g)
+                set_row(ovoids.centre, body, plus_scaled(middle, off[2], h))
                 spin = row(spheres.before, first + 1)
                 store(ovoids.turning, body, spheres.radius[body] * sqrt(dot(spin, spin)))
 
 
 @compiled
-def turned_axes(
-    first: int, behind: int, x: Rows, v: Rows, back: Number, ovoids: Ovoids
-) -> tuple[Vector, Vector, Vector]:
-    """Return the axes of the ellipsoid that particles ``first`` to ``behind`` carry, ``back`` seconds on."""
+def turned_axes(first: int, behind: int, x: Rows, ovoids: Ovoids) -> tuple[Vector, Vector, Vector]:
+    """Return the axes of the ellipsoid that particles ``first`` to ``behind`` carry, by F."""
     f = 0.0 * row(x, first)
     g, h = f, f
     for i in range(first, behind):
-        place, slope = plus_scaled(row(x, i), back, row(v, i)), row(ovoids.slope, i)
-        f, g, h = (
-            plus_scaled(f, slope[0], place),
-            plus_scaled(g, slope[1], place),
-            plus_scaled(h, slope[2], place),
-        )
+        place, slope = row(x, i), row(ovoids.slope, i)
+        f = plus_scaled(f, slope[0], place)
+        g = plus_scaled(g, slope[1], place)
+        h = plus_scaled(h, slope[2], place)
     for _ in range(ROUNDS):
         f, g, h = more_upright(f, g, h)
     return f, g, h
@@ -227,8 +210,6 @@ def turned_on(
     axes: tuple[Vector, Vector, Vector],
     off: Vector,
     x: Rows,
-    v: Rows,
-    back: Number,
     mass: Numbers,
     spheres: Spheres,
     ovoids: Ovoids,
@@ -237,20 +218,20 @@ def turned_on(
     f, g, h = axes
     twist = 0.0 * f
     for i in range(spheres.start[body], spheres.start[body + 1]):
-        rest, place = row(ovoids.rest, i) + off, plus_scaled(row(x, i), back, row(v, i))
+        rest = row(ovoids.rest, i) + off
         arm = plus_scaled(plus_scaled(rest[0] * f, rest[1], g), rest[2], h)
-        twist = plus_scaled(twist, load(mass, i), cross(arm, place))
+        twist = plus_scaled(twist, load(mass, i), cross(arm, row(x, i)))
     turn = turned(body, twist, spheres)
     return more_upright(f + cross(turn, f), g + cross(turn, g), h + cross(turn, h))
 
 
 @compiled
-def ellipsoid_at(begins: int, body: int, ovoids: Ovoids) -> Ellipsoid:
-    """Return the ellipsoid of a body at the node, or where its step ``begins``: 0 or 1."""
-    at, none = 2 * body + begins, 0.0 * load(ovoids.turning, body)
-    axes = row(ovoids.axes, 3 * at), row(ovoids.axes, 3 * at + 1), row(ovoids.axes, 3 * at + 2)
+def ellipsoid_at(body: int, ovoids: Ovoids) -> Ellipsoid:
+    """Return the ellipsoid of a body at the node."""
+    none = 0.0 * load(ovoids.turning, body)
+    axes = row(ovoids.axes, 3 * body), row(ovoids.axes, 3 * body + 1), row(ovoids.axes, 3 * body + 2)
     semi = vec(none + ovoids.semi[body, 0], none + ovoids.semi[body, 1], none + ovoids.semi[body, 2])
-    return Ellipsoid(row(ovoids.centre, at), axes, semi)
+    return Ellipsoid(row(ovoids.centre, body), axes, semi)
 
 
 # --- Contacts ---------------------------------------------------------------------------------------------
@@ -273,127 +254,74 @@ def farthest(near: Near) -> Number:
 @compiled
 def ovoid_faces(count: int, first: int, m: int, side: int, near: Near, seen: Search, ovoids: Ovoids) -> int:
     """List the contact of the ellipsoid in row ``m``, of a ``side``, with the nearest of its candidates."""
-    lists, body = seen.lists, near.bodies[side]
-    i, limit = load(lists.vertex_particle, m), farthest(near)
-    here, before = ellipsoid_at(0, body, ovoids), ellipsoid_at(1, body, ovoids)
-    longest = maximum(maximum(here.semi[0], here.semi[1]), here.semi[2])
-    wide = 2.0 * (maximum(limit, 0.0) + longest)
-    began, best, face = 0.0 * i + FAR, 0.0 * i + FAR, 0.0 * i
-    second, third, normal = 0.0 * i, 0.0 * i, 0.0 * row(lists.point, m)
+    lists, w = seen.lists, seen.w
+    i, limit, of = load(lists.vertex_particle, m), farthest(near), ellipsoid_at(near.bodies[side], ovoids)
+    wide = 2.0 * (maximum(limit, 0.0) + maximum(maximum(of.semi[0], of.semi[1]), of.semi[2]))
+    best, face, second, third = 0.0 * i + FAR, 0.0 * i, 0.0 * i, 0.0 * i
+    normal = 0.0 * row(lists.point, m)
     for candidate in range(lists.faces[m, 0], lists.faces[m, 1]):
         n = lists.candidate[candidate]
-        corner, u, q = row(lists.corner, n), row(lists.first, n), row(lists.second, n)
-        height, square = dot(row(lists.normal, n), here.centre - corner), load(lists.square, n)
+        corner, across, square = row(lists.corner, n), row(lists.normal, n), load(lists.square, n)
+        height = dot(across, of.centre - corner)  # times |across|
         close = height * height < wide * wide * square
         if any_lane(close):
-            a, b, c = sides_before(n, near.lead, seen)
-            earlier = dot(cross(b, c), before.centre - a)
-            close = select(close, maximum(height, earlier), -1.0) > 0.0
-            met = gap_to_triangle(corner, u, q, here)
-            gap = select(close, met.gap, FAR)
-            close = gap < limit
-            if any_lane(close):
-                better = gap < best
-                best, face = select(better, gap, best), select(better, 1.0 * n, face)
-                second, third = select(better, met.second, second), select(better, met.third, third)
-                normal = choose(better, -1.0 * met.normal, normal)
-                met = gap_to_triangle(a, b, c, before)
-                began = minimum(began, select(select(close, earlier, -1.0) > 0.0, met.gap, FAR))
+            a, _, _ = corners(0.0 * i + n, lists)
+            earlier = height - near.lead * dot(across, row_each(w, i) - row_each(w, a))
+            nearest = gap_to_triangle(corner, row(lists.first, n), row(lists.second, n), of)
+            better = select(select(close, maximum(height, earlier), -1.0) > 0.0, nearest.gap, FAR) < best
+            best, face = select(better, nearest.gap, best), select(better, 1.0 * n, face)
+            second, third = select(better, nearest.second, second), select(better, nearest.third, third)
+            normal = choose(better, -1.0 * nearest.normal, normal)
     won = best < limit
     if any_lane(won):
         a, b, c = corners(filled(won, face), lists)
         one = 1.0 + 0.0 * best
         weights = (one, second + third - 1.0, -1.0 * second, -1.0 * third)
         met = Touch((i, a, b, c), weights, normal, best, select(won, one, 0.0))
-        count = add_ovoid(count, first, 4, met, began, near, seen, ovoids)
+        count = add_contact(count, first, 4, met, near, seen)
     return count
-
-
-@compiled
-def sides_before(n: int, lead: Number, seen: Search) -> tuple[Vector, Vector, Vector]:
-    """Return the first corner of the triangle in row ``n`` and its sides from there, ``lead`` seconds ago."""
-    lists, w = seen.lists, seen.w
-    a, b, c = corners(0.0 * lead + n, lists)
-    speed, back = row_each(w, a), -1.0 * lead
-    return (
-        plus_scaled(row(lists.corner, n), back, speed),
-        plus_scaled(row(lists.first, n), back, row_each(w, b) - speed),
-        plus_scaled(row(lists.second, n), back, row_each(w, c) - speed),
-    )
 
 
 @compiled
 def ovoid_rods(count: int, first: int, m: int, side: int, near: Near, seen: Search, ovoids: Ovoids) -> int:
     """List the contact of the ellipsoid in row ``m``, of a ``side``, with the nearest rod of the other."""
-    lists, w, other = seen.lists, seen.w, 1 - side
-    i, limit = load(lists.vertex_particle, m), farthest(near)
-    radius = seen.pairs.shapes.radius[near.bodies[other]]
-    here, before = ellipsoid_at(0, near.bodies[side], ovoids), ellipsoid_at(1, near.bodies[side], ovoids)
-    began, best, rod = 0.0 * i + FAR, 0.0 * i + FAR, 0.0 * i
-    t, normal, back = 0.0 * i, 0.0 * row(lists.point, m), -1.0 * near.lead
+    lists, other = seen.lists, 1 - side
+    i, limit, of = load(lists.vertex_particle, m), farthest(near), ellipsoid_at(near.bodies[side], ovoids)
+    best, rod, t, normal = 0.0 * i + FAR, 0.0 * i, 0.0 * i, 0.0 * row(lists.point, m)
     for n in range(lists.ends[near.pair, 2, other], lists.ends[near.pair, 2, other + 1]):
-        start, way = row(lists.start, n), row(lists.way, n)
-        away, d, share = gap_to_segment(start, way, here)
-        gap = d - radius
-        close = gap < limit
-        if any_lane(close):
-            better = gap < best
-            best, rod = select(better, gap, best), select(better, 1.0 * n, rod)
-            t, normal = select(better, share, t), choose(better, -1.0 * away, normal)
-            a, b = tips(filled(close, 0.0 * gap + n), lists)
-            speed = row_each(w, a)
-            start, way = plus_scaled(start, back, speed), plus_scaled(way, back, row_each(w, b) - speed)
-            _, d, _ = gap_to_segment(start, way, before)
-            began = minimum(began, select(close, d - radius, FAR))
+        away, d, share = gap_to_segment(row(lists.start, n), row(lists.way, n), of)
+        gap = d - seen.pairs.shapes.radius[near.bodies[other]]
+        better = gap < best
+        best, rod = select(better, gap, best), select(better, 1.0 * n, rod)
+        t, normal = select(better, share, t), choose(better, -1.0 * away, normal)
     won = best < limit
     if any_lane(won):
         a, b = tips(filled(won, rod), lists)
         one = 1.0 + 0.0 * best
         weights = (one, t - 1.0, -1.0 * t, 0.0 * t)
         met = Touch((i, a, b, i), weights, normal, best, select(won, one, 0.0))
-        count = add_ovoid(count, first, 3, met, began, near, seen, ovoids)
+        count = add_contact(count, first, 3, met, near, seen)
     return count
 
 
 @compiled
 def ovoid_ball(count: int, i: int, j: int, near: Near, seen: Search, ovoids: Ovoids) -> int:
     """List the contact of an ellipsoid with another, or with a sphere or a ball, by their particles."""
-    limit, (a, b) = farthest(near), near.bodies
+    a, b = near.bodies
     if not ovoids.there[a]:
         a, b, i, j = b, a, j, i
-    here, before = ellipsoid_at(0, a, ovoids), ellipsoid_at(1, a, ovoids)
+    of = ellipsoid_at(a, ovoids)
     if ovoids.there[b]:
-        away, gap = gap_to_ellipsoid(here, ellipsoid_at(0, b, ovoids))
-        meets = gap < limit
-        began = gap
-        if any_lane(meets):
-            _, began = gap_to_ellipsoid(before, ellipsoid_at(1, b, ovoids))
+        away, gap = gap_to_ellipsoid(of, ellipsoid_at(b, ovoids))
     else:
-        radius, place = seen.pairs.shapes.radius[b], row(seen.x, j)
-        away, d = gap_to_point(place, here)
-        gap = d - radius
-        meets = gap < limit
-        _, d = gap_to_point(plus_scaled(place, -1.0 * near.lead, row(seen.w, j)), before)
-        began = d - radius
+        away, d = gap_to_point(row(seen.x, j), of)
+        gap = d - seen.pairs.shapes.radius[b]
+    meets = gap < farthest(near)
     if any_lane(meets):
         one = 1.0 + 0.0 * gap
         weights = (one, -1.0 * one, 0.0 * one, 0.0 * one)
         met = Touch((i, j, i, j), weights, -1.0 * away, gap, select(meets, one, 0.0))
-        count = add_ovoid(count, count, 2, met, began, near, seen, ovoids)
-    return count
-
-
-@compiled
-def add_ovoid(
-    count: int, first: int, members: int, met: Touch, began: Number, near: Near, seen: Search, ovoids: Ovoids
-) -> int:
-    """List a contact as `springgym.contact.features.add_contact` does, and the gap where the step begins."""
-    contacts = seen.contacts
-    had = load(contacts.have, 1)
-    count = add_contact(count, first, members, met, near, seen)
-    added = load(contacts.have, 1) > had
-    if any_lane(added):
-        put(ovoids.began, filled(added, had + first), added, began)
+        count = add_contact(count, count, 2, met, near, seen)
     return count
 
 
@@ -414,9 +342,9 @@ def set_place(
         if not ovoids.there[body]:
             body, other = other, body
         n = row(contacts.normal, k)
-        skin = support(-1.0 * n, ellipsoid_at(0, body, ovoids))
+        skin = support(-1.0 * n, ellipsoid_at(body, ovoids))
         if ovoids.there[other]:
-            place = 0.5 * (skin + support(n, ellipsoid_at(0, other, ovoids)))
+            place = 0.5 * (skin + support(n, ellipsoid_at(other, ovoids)))
             left, halfway = 0.0 * inverse, place
         else:
             middle = 0.0 * n
@@ -441,15 +369,6 @@ def set_place(
                 moment = cross(arm_of_ovoid(body, k, spheres, ovoids), n)
                 inverse = inverse + dot(moment, turned(body, moment, spheres))
     return inverse
-
-
-@compiled
-def set_gap(k: int, u: Number, problem: Problem, ovoids: Ovoids | None) -> None:
-    """Set the gap of contact k, if it is of an ellipsoid, by that where the step begins; u₀ is ``u``."""
-    if ovoids is not None and meets_ovoid(k, problem, ovoids):
-        gap, began = load(problem.contacts.gap, k), load(ovoids.began, k)
-        known = select(gap < 0.5 * FAR, began, FAR) < 0.5 * FAR
-        store(problem.contacts.gap, k, select(known, began + problem.span.lead * u, gap))
 
 
 @compiled

@@ -24,7 +24,7 @@ import numpy as np
 from springgym.contact.features import TAPER, smooth
 from springgym.contact.friction import lay_out
 from springgym.contact.law import barrier_energy, meet
-from springgym.contact.ovoids import set_gap, set_place, turn_by_push, with_turning, without_turning_by_push
+from springgym.contact.ovoids import set_place, turn_by_push, with_turning, without_turning_by_push
 from springgym.contact.rows import FAR, MET, add_loss
 from springgym.contact.solids import (
     among_going,
@@ -97,7 +97,6 @@ def prepare(problem: Problem, touched: Numbers) -> None:
     for k in range(problem.rows):
         store(contacts.inverse_mass, k, weigh(k, problem, touched, contacts.solids))
         u = speed(problem.before, k, problem, contacts.solids)
-        set_gap(k, u, problem, contacts.ovoids)
         store(contacts.approach, k, u)
         store(contacts.impulse, k, 0.0)
         set_row(contacts.friction, k, vec(0.0, 0.0, 0.0))

@@ -649,8 +649,7 @@ def find_touching(bodies: Bodies, node: Node, exchange: Exchange | None) -> Prob
         particles.inverse_mass.values,
         contacts.spheres,
     )
-    x, v, mass = bodies.x.values, bodies.v.values, particles.mass.values
-    find_ovoids(x, v, mass, node.span, contacts.spheres, contacts.ovoids)
+    find_ovoids(bodies.x.values, particles.mass.values, contacts.spheres, contacts.ovoids)
     found_in = exchange.lists, contacts
     collisions, passes = bodies.terms.collisions, node.stage == PASSES
     return find_contacts(places, before, before, inverse_mass, node.span, collisions, found_in, passes)

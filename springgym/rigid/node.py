@@ -645,7 +645,7 @@ def pass_together(phase: Phase, node: Node, first: bool, space: Company, twins: 
         x.values, v.values, particles.mass.values, particles.inverse_mass.values, contacts.spheres
     )
     span = node.span
-    find_ovoids(x.values, v.values, particles.mass.values, span, contacts.spheres, contacts.ovoids)
+    find_ovoids(x.values, particles.mass.values, contacts.spheres, contacts.ovoids)
     problem = find_contacts(places, reached, space.before, inverse_mass, span, collisions, found_in, False)
     if node.stage == STARTS:
         start_together(collisions, terms.memory, node.phase, problem)
