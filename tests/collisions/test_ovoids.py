@@ -121,8 +121,8 @@ def test_push_off_the_middle_turns_an_ellipsoid() -> None:
 def test_push_without_friction_is_found_in_one_sweep(other: str) -> None:
     """The inverse mass W of a contact says by how much its impulse changes its speed."""
     found = []
-    for sweeps in (1, pairs.MORE_SWEEPS):
-        with mock.patch.object(pairs, "MORE_SWEEPS", sweeps):
+    for sweeps in (1, packing.MORE_SWEEPS):
+        with mock.patch.object(packing, "MORE_SWEEPS", sweeps):
             simulator = full(strikes(other, replace(HOW, friction=0.0)), copies=2, step=2e-4)
         simulator.advance(1500)
         assert simulator.pairs().impulse[0].max() > 0.3
@@ -277,6 +277,7 @@ def test_too_fast_is_told(other: str) -> None:
     assert run(of, 0.03, step=2e-4, unresolved="count").unresolved.sum() > 0
 
 
+@pytest.mark.slow
 def test_fallen_asleep_it_wakes() -> None:
     contact = Contact(friction=0.5, restitution=0.2, strength=STRENGTH, reach=REACH)
     egg = ellipsoid((0.1, 0.1, 0.06))
