@@ -224,7 +224,7 @@ def forget(place: int, pairs: Pairs, table: WarmStart, sleep: Sleep | None) -> N
     else:
         pair = load(table.pair, place)
         if any_lane(pair > 0.5):
-            p = select(pair > 0.5, pair - 1.0, 0.0)
+            p = minimum(select(pair > 0.5, pair - 1.0, 0.0), 1.0 * (pairs.first.size - 1))
             a, b = load_each(pairs.first, p), load_each(pairs.second, p)
             rested = minimum(load_each(sleep.rested, a), load_each(sleep.rested, b))
             store(table.pair, place, select(rested < 0.0, pair, 0.0))

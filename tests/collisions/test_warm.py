@@ -10,7 +10,7 @@ import pytest
 
 from springgym.bodies import cube
 from springgym.contact.warm import FEW
-from springgym.core.blocks import WIDTH
+from springgym.core.blocks import WIDTH, numbers
 from springgym.scene import Placed, Scene
 from springgym.simulator import Simulator
 from springgym.surfaces import Contact, floor
@@ -158,6 +158,22 @@ def test_copies_that_are_placed_start_from_nothing() -> None:
     fresh.advance(100)
     placed.advance(100)
     assert same(everything(fresh, 0), everything(placed, 0))
+
+
+@pytest.mark.slow
+def test_states_from_elsewhere_are_no_harm() -> None:
+    """A table may say anything: what is not in it starts from nothing."""
+    simulator = Simulator(column(0.0, 30.0), sleep=1e-3)
+    simulator.advance(10)
+    state = simulator.state()
+    tables = [array for name, array in state.items() if "warm" in name]
+    assert len(tables) == 5
+    for wrong in (1e6, -3.0):
+        for array in tables:
+            numbers(array)[...] = wrong
+        simulator.restore(state)
+        simulator.advance(20)
+        assert np.isfinite(simulator.velocities).all()
 
 
 RIGID: dict[str, Any] = {"dynamics": "rigid", "step": 1e-3}
