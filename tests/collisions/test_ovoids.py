@@ -147,6 +147,7 @@ def test_tip_of_a_fast_bar_is_met_in_time() -> None:
 # --- Compared with others -------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_ellipsoid_of_equal_axes_moves_as_a_sphere() -> None:
     """On a free block with friction, in as many sweeps; what is left is of second order in the step."""
     sphere_like = rolling_ball(0.1, 1.0, damping=0.0)

@@ -211,6 +211,7 @@ _TABLE: tuple[tuple[str, str, Change], ...] = (
         {"bodies.table.start.velocity": [0, 0, -20], "bodies.table.body.damping": 0, "step": 3e-4},
     ),
     ("pile", "pile", {"contact.restitution": 1, "contact.friction": 0, "duration": 2}),
+    ("pile-300", "pile", {"contact.restitution": 1, "contact.friction": 0, "duration": 2.3}),
     ("pile", "energy", {"step": 5.5e-4, "bodies.c35.start.velocity": [0, 0, -120], "duration": 0.2}),
     ("pile-300", "energy", {"step": 5.5e-4, "bodies.c300.start.velocity": [0, 0, -120], "duration": 0.2}),
     ("slab-holds", "slab", {"bodies.block.start.velocity": [-2, 0, -0.85]}),
