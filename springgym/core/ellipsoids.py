@@ -78,6 +78,7 @@ class Ellipsoid(NamedTuple):
 
 @compiled
 def absolute(a: Number) -> Number:
+    """Return |a|."""
     return maximum(a, -1.0 * a)
 
 

@@ -84,7 +84,7 @@ def held(simulator: Simulator) -> np.ndarray:
 
 
 def test_what_rests_is_held_as_the_law_says() -> None:
-    """From nothing, eight sweeps leave half of the largest force open, and two leave more."""
+    """From nothing, two sweeps leave four fifths of the largest force open, and eight a half."""
     simulator = Simulator(column(0.0))
     simulator.advance(round(1.5 / simulator.step))
     _, push, law = pushes_and_law(simulator)
@@ -181,7 +181,7 @@ RIGID: dict[str, Any] = {"dynamics": "rigid", "step": 1e-3}
 
 @pytest.mark.slow
 def test_rigid_bodies_are_held_as_the_law_says() -> None:
-    """From nothing, turns that end where impulses change by 1e-9 of what they may leave a hundredth open."""
+    """Turns from nothing that agree to 1e-9 Δ leave a hundredth of the largest force open."""
     simulator = Simulator(column(0.0), **RIGID)
     simulator.advance(2000)
     _, push, law = pushes_and_law(simulator)
