@@ -1,4 +1,4 @@
-"""Distances of ellipsoids, against places whose distance is known, and against SciPy's minimum of others."""
+"""Distances of ellipsoids agree with known ones, and with what SciPy's minimum says of others."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def test_overlaps_are_negative() -> None:
 
 @pytest.mark.parametrize("other", ["coin", "needle"])
 def test_distances_of_places_at_random(other: str) -> None:
-    """Compare with the least distance that SciPy finds of points of both, from several starts."""
+    """Gaps are the least distances of two points that SciPy finds, from several starts."""
     rng = np.random.default_rng(3)
     first, _, _ = drawn(rng, SHAPES["any"])
     second, _, _ = drawn(rng, SHAPES[other])

@@ -169,7 +169,7 @@ def _begun(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, n
 
 
 class _Bodies(NamedTuple):
-    """Bodies of equal shapes, one of each pair."""
+    """The bodies on one side of some pairs, which have equal shapes."""
 
     x: np.ndarray
     """(k, N, 3) their particles [m]"""
@@ -274,7 +274,7 @@ def tell_ovoids(
 
 
 def _between_features(shapes: tuple[Shape, Shape], first: np.ndarray, second: np.ndarray) -> Iterator[Found]:
-    """Find how far features of bodies without ellipsoids are from the other body."""
+    """Find the distances between features of two bodies, neither of which is an ellipsoid."""
     radius = shapes[0].radius + shapes[1].radius
     positions = (first, second)
     for own, other in ((0, 1), (1, 0)):

@@ -36,7 +36,8 @@ class Shape(NamedTuple):
     skin: bool = False
     """whether friction acts at its skin, and so turns it: a sphere, a capsule or an ellipsoid"""
     ovoid: bool = False
-    """whether the body is an ellipsoid, seen as a sphere about all of it that turns"""
+    """whether the body is an ellipsoid; the radius is then that of the sphere about its centre of mass that
+    encloses it"""
 
 
 @lru_cache(maxsize=1024)

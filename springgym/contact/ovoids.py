@@ -53,8 +53,9 @@ from springgym.contact.spheres import (
     meets_ovoid,
     side_of,
     spin_of,
-    turn_body,
+    turn_ovoid,
     turned,
+    turning_of_ovoid,
 )
 from springgym.core.blocks import aligned_zeros
 from springgym.core.compiling import compiled
@@ -97,13 +98,13 @@ class Ovoids(NamedTuple):
     rest: np.ndarray
     """(N, 3) particles from the ellipsoid's centre in the rest shape, along its axes [m]"""
     slope: np.ndarray
-    """(N, 3) B along its axes [1/m]"""
+    """(N, 3) the slope B of each particle's weight, along the ellipsoid's axes [1/m]"""
     centre: Rows
     """(bodies, 3) e of each body [m]"""
     axes: Rows
     """(3 bodies, 3) its axes"""
     turning: Numbers
-    """(bodies,) how fast its skin turns, at most [m/s]"""
+    """(bodies,) the speed at which the skin of each ellipsoid turns, at most [m/s]"""
     place: Rows
     """(rows, 3) where contacts act [m]"""
     middle: Rows
@@ -111,7 +112,7 @@ class Ovoids(NamedTuple):
     left: Numbers
     """(rows,) what of the gap is left to a face [m]"""
     straight: Numbers
-    """(rows,) W of contacts without what they turn [1/kg]"""
+    """(rows,) the inverse mass W of each contact if it turned no ellipsoid [1/kg]"""
 
 
 def new_ovoids(
@@ -366,8 +367,7 @@ def set_place(
         for side in range(2):
             body = body_of(side, k, problem)
             if ovoids.there[body]:
-                moment = cross(arm_of_ovoid(body, k, spheres, ovoids), n)
-                inverse = inverse + dot(moment, turned(body, moment, spheres))
+                inverse = inverse + turning_of_ovoid(n, body, k, spheres, ovoids)
     return inverse
 
 
@@ -399,10 +399,8 @@ def turn_by_push(
     """Turn the ellipsoids of contact k by an impulse along its normal, in some lanes."""
     if ovoids is not None and spheres is not None and meets_ovoid(k, problem, ovoids):
         for side in range(2):
-            body = body_of(side, k, problem)
-            if ovoids.there[body]:
-                spun = turned(body, cross(arm_of_ovoid(body, k, spheres, ovoids), impulse), spheres)
-                turn_body(v, body, side_of(side, k, problem, ovoids), spun, on, problem, spheres)
+            if ovoids.there[body_of(side, k, problem)]:
+                turn_ovoid(v, side, k, impulse, on, problem, spheres, ovoids)
 
 
 @compiled

@@ -286,6 +286,30 @@ def side_of(side: int, k: int, problem: Problem, ovoids: Ovoids) -> float:
 
 
 @compiled
+def turning_of_ovoid(along: Vector, body: int, k: int, spheres: Spheres, ovoids: Ovoids) -> Number:
+    """Return what the turning of an ellipsoid adds to the inverse mass of contact k along a unit vector."""
+    moment = cross(arm_of_ovoid(body, k, spheres, ovoids), along)
+    return dot(moment, turned(body, moment, spheres))
+
+
+@compiled
+def turn_ovoid(
+    v: Rows,
+    side: int,
+    k: int,
+    impulse: Vector,
+    on: Mask,
+    problem: Problem,
+    spheres: Spheres,
+    ovoids: Ovoids,
+) -> None:
+    """Turn the ellipsoid on a side of contact k by an impulse, in some lanes."""
+    body = body_of(side, k, problem)
+    spun = turned(body, cross(arm_of_ovoid(body, k, spheres, ovoids), impulse), spheres)
+    turn_body(v, body, side_of(side, k, problem, ovoids), spun, on, problem, spheres)
+
+
+@compiled
 def at_one_point(k: int, problem: Problem, spheres: Spheres | None) -> bool:
     """Tell whether friction acts on both bodies of contact k at one point, so that it leaves no torque."""
     if spheres is None:
@@ -376,8 +400,7 @@ def with_turned(
 ) -> Number:
     """Return a ``total`` with what the turning of a body adds to K of contact k [1/kg]."""
     if ovoids is not None and ovoids.there[body]:
-        moment = cross(arm_of_ovoid(body, k, spheres, ovoids), along)
-        return total + dot(moment, turned(body, moment, spheres))
+        return total + turning_of_ovoid(along, body, k, spheres, ovoids)
     across = cross(row(problem.contacts.normal, k), along)
     rho, spun = lever(body, k, problem, spheres, ovoids), turned(body, across, spheres)
     total = total + rho * rho * dot(across, spun)
@@ -432,8 +455,7 @@ def turn_skin(
     """Turn the body on a side of contact k by an impulse across its normal, in some lanes."""
     body = body_of(side, k, problem)
     if ovoids is not None and ovoids.there[body]:
-        spun = turned(body, cross(arm_of_ovoid(body, k, spheres, ovoids), j), spheres)
-        turn_body(v, body, side_of(side, k, problem, ovoids), spun, acts, problem, spheres)
+        turn_ovoid(v, side, k, j, acts, problem, spheres, ovoids)
     else:
         spun = turned(body, cross(row(problem.contacts.normal, k), j), spheres)
         turn_body(v, body, -lever(body, k, problem, spheres, ovoids), spun, acts, problem, spheres)

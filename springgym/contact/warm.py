@@ -19,13 +19,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from springgym.contact.features import put
 from springgym.contact.friction import crosses, push_across
 from springgym.contact.rows import FAR
 from springgym.contact.solver import push_apart
 from springgym.contact.turning import twist
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Rows, Vector
-from springgym.core.lanes import any_lane, load, load_each, minimum, nearest, select, store, store_each
+from springgym.core.lanes import any_lane, load, load_each, minimum, nearest, select, store
 from springgym.core.vectors import choose, dot, row, row_each, set_row, set_row_each
 
 if TYPE_CHECKING:
@@ -53,13 +54,13 @@ class WarmStart(NamedTuple):
     """The impulses of contacts at the last node: a table of each copy, of a power of 2 of rows."""
 
     pair: np.ndarray
-    """(rows,) one more than the pair of the contact; 0 of an empty row"""
+    """(rows,) the index of the contact's pair, plus one; 0 in an empty row"""
     first: np.ndarray
     """(rows,) the first particle of the contact"""
     others: np.ndarray
     """(rows,) a number that the other ends of two edges make; 0 of the contact of a vertex"""
     impulse: np.ndarray
-    """(rows,) J along the normal [N·s]"""
+    """(rows,) the impulse J along the normal [N·s]"""
     friction: np.ndarray | None
     """(rows, 3) the impulse of friction [N·s]; None if no pair rubs"""
     couple: np.ndarray | None
@@ -67,10 +68,10 @@ class WarmStart(NamedTuple):
 
 
 class Key(NamedTuple):
-    """Which contact it is, and where in the table it may be."""
+    """What identifies a contact, and where its row in the table may be."""
 
     pair: int
-    """one more than the pair"""
+    """the index of the pair, plus one"""
     first: Number
     others: Number
     place: Number
@@ -119,7 +120,7 @@ def within_table(place: Number, rows: int) -> Number:
 
 @compiled
 def is_of(key: Key, place: Number, table: WarmStart) -> Mask:
-    """Return where a row of the table has the impulses of a contact."""
+    """Return the mask of the copies in which a row of the table belongs to a contact."""
     pair, first = load_each(table.pair, place) - key.pair, load_each(table.first, place) - key.first
     others = load_each(table.others, place) - key.others
     return pair * pair + first * first + others * others <= 0.0
@@ -130,7 +131,7 @@ def is_of(key: Key, place: Number, table: WarmStart) -> Mask:
 
 @compiled
 def start_warm(v: Rows, problem: Problem, table: WarmStart | None, sleep: Sleep | None) -> None:
-    """Give all contacts what they gave at the last node, and change the velocities ``v`` (N, 3) by it."""
+    """Start each contact with its impulse of the last node, and change the velocities ``v`` (N, 3) by it."""
     if table is not None:
         contacts = problem.contacts
         for k in range(problem.rows):
@@ -205,10 +206,10 @@ def keep_impulses(problem: Problem, table: WarmStart | None, sleep: Sleep | None
                     break
                 enters = select(load_each(table.pair, place) < 0.5, left, 0.0) > 0.5
                 if any_lane(enters):
-                    enter(table.pair, place, key.pair + 0.0 * place, enters)
-                    enter(table.first, place, key.first, enters)
-                    enter(table.others, place, key.others, enters)
-                    enter(table.impulse, place, impulse, enters)
+                    put(table.pair, place, enters, key.pair + 0.0 * place)
+                    put(table.first, place, enters, key.first)
+                    put(table.others, place, enters, key.others)
+                    put(table.impulse, place, enters, impulse)
                     enter_row(table.friction, place, row(contacts.friction, k), enters)
                     if table.couple is not None:
                         enter_row(table.couple, place, row(contacts.couple, k), enters)
@@ -231,13 +232,7 @@ def forget(place: int, pairs: Pairs, table: WarmStart, sleep: Sleep | None) -> N
 
 
 @compiled
-def enter(array: np.ndarray, place: Number, value: Number, enters: Mask) -> None:
-    """Enter a number in each copy's own row of the table, in some copies."""
-    store_each(array, place, select(enters, value, load_each(array, place)))
-
-
-@compiled
 def enter_row(array: np.ndarray | None, place: Number, value: Vector, enters: Mask) -> None:
-    """Enter a vector in each copy's own row of the table, if it has any, in some copies."""
+    """Store a vector in each copy's own row of a table that has vectors, in the copies that it ``enters``."""
     if array is not None:
         set_row_each(array, place, choose(enters, value, row_each(array, place)))

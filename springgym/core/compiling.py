@@ -262,7 +262,7 @@ CHECKED = bool(numba.config.BOUNDSCHECK)
 
 
 class Inner(type(SAMPLE)):  # type: ignore[misc]
-    """A function that is compiled for other compiled functions alone: Python cannot call it.
+    """An `Inner` function is compiled for other compiled functions alone: Python cannot call it.
 
     See `_pipelines`.
     """
@@ -329,7 +329,7 @@ def _pipelines() -> tuple[dict[str, object], dict[str, object]]:
         return inner, {}
 
     class InnerLibrary(JITCodeLibrary):
-        """A library that holds LLVM's code of a function, not optimised, for kernels to link."""
+        """An `InnerLibrary` holds LLVM's code of a function, not optimised, for kernels to link."""
 
         def _optimize_functions(self, ll_module: binding.ModuleRef) -> None:
             """Set the module's data layout, and optimise nothing: the kernel's library does that."""
@@ -367,7 +367,7 @@ def _pipelines() -> tuple[dict[str, object], dict[str, object]]:
             return found
 
     class KernelLibrary(JITCodeLibrary):
-        """A library that holds the code of a kernel, and optimises it once.
+        """A `KernelLibrary` holds the code of a kernel, and optimises it once.
 
         Numba does so twice, the first time to find references that need not be counted: kernels count none.
         """
@@ -404,7 +404,7 @@ def _pipelines() -> tuple[dict[str, object], dict[str, object]]:
 
     @register_pass(mutates_CFG=True, analysis_only=False)
     class InnerLowering(NativeLowering):
-        """A compiler pass that lowers a function to LLVM's code, and makes no machine code of it."""
+        """This compiler pass lowers a function to LLVM's code, and makes no machine code of it."""
 
         _name = "inner_lowering"
         lowering_class = ValueLower
@@ -424,7 +424,7 @@ def _pipelines() -> tuple[dict[str, object], dict[str, object]]:
 
     @register_pass(mutates_CFG=True, analysis_only=False)
     class KernelLowering(NativeLowering):
-        """A compiler pass that lowers a kernel to LLVM's code, in a `KernelLibrary`."""
+        """This compiler pass lowers a kernel to LLVM's code, in a `KernelLibrary`."""
 
         _name = "kernel_lowering"
 

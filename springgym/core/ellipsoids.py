@@ -382,9 +382,10 @@ def ellipsoid_of_rows(rows: Rows, first: int) -> Ellipsoid:
 
 @kernel
 def find_gaps(ellipsoids: Rows, others: Rows, kind: int, found: Rows) -> None:
-    """Find how far ellipsoids (5 n, 3) are from others of a kind, ``found`` (2 n, 3): the normal; and the
-    distance [m] with, in a triangle, the weights of the second corner and the third, or along a segment the
-    share.
+    """Store in ``found`` (2 n, 3) how far n ellipsoids (5 n, 3) are from one other shape of a kind each.
+
+    That is the normal; and the distance [m] with, in a triangle, the weights of the second corner and the
+    third, or along a segment the share.
 
     The others have the rows of their points, (n, 3), of their ends, (2 n, 3), of their corners, (3 n, 3), or
     are ellipsoids.

@@ -1,4 +1,4 @@
-"""Ellipsoids and disks among bodies that collide: momenta, restitution, rolling, rest, copies, refusals."""
+"""Ellipsoids and disks collide with other bodies: momenta, restitution, rolling, rest, copies, refusals."""
 
 from __future__ import annotations
 

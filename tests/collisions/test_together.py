@@ -342,7 +342,7 @@ def test_balls_meet_surfaces_at_their_own() -> None:
 
 @pytest.mark.slow
 def test_three_hundred_cubes_do_not_creep() -> None:
-    """After 2.5 s all rest; with two sweeps from nothing one in ten was faster than 0.4 mm/s."""
+    """All cubes rest after 2.5 s; with two sweeps from nothing, one in ten was faster than 0.4 mm/s."""
     plan = load("pile-300")
     simulator = Simulator(plan.scene, step=plan.step)
     simulator.advance(round(2.5 / simulator.step))
