@@ -495,6 +495,24 @@ def test_inner_functions_may_hold_functions() -> None:
     assert one_more(2.0) == 17.0
 
 
+def test_inner_functions_are_compiled_once_for_all_numbers_of_a_kind() -> None:
+    @compiled
+    def one_after(count: int, first: int, on: bool) -> int:
+        return count + 1 if on else first
+
+    @kernel
+    def counted(n: int) -> int:
+        count = 0
+        for _ in range(n):
+            first = count
+            count = one_after(count, first, on=True)
+            count = one_after(count, first=3, on=count < 5)
+        return count
+
+    assert [counted(n) for n in range(5)] == [0, 2, 4, 3, 5]
+    assert len(one_after.overloads) == 1
+
+
 @compiled
 def wander(a: float, n: int) -> float:
     """Values that other blocks read: made before, within and after loops, and in one branch of two."""

@@ -272,6 +272,15 @@ class Inner(type(SAMPLE)):  # type: ignore[misc]
             f"{self.__name__} is compiled for use in kernels only; call {self.__name__}.py_func from Python"
         )
 
+    def get_call_template(self, args: tuple[numba.types.Type, ...], kws: dict[str, numba.types.Type]) -> Any:
+        """Return how Numba types a call: a number that is written out counts as any number of its kind.
+
+        A count that begins with 0 is the number 0 to Numba until it has seen the rest of the loop. It would
+        compile what takes the count, and all that this calls, for 0 alone, and use none of it.
+        """
+        named = {name: numba.types.unliteral(kind) for name, kind in kws.items()}
+        return super().get_call_template(tuple(map(numba.types.unliteral, args)), named)
+
 
 COLLECTED = 20_000
 """Number of new objects after which Python searches for reference cycles while a kernel is compiled."""
