@@ -21,10 +21,10 @@ from springgym.collisions import (
     Shape,
     as_met,
     check_apart,
-    ellipsoids,
     meetings,
+    place_ellipsoids,
     shape,
-    tell_ovoids,
+    tell_ellipsoids,
 )
 from springgym.collisions.meeting import ALL, Meeting, Named
 from springgym.core.compiling import kernel
@@ -411,13 +411,13 @@ class Scene(ReadOnly):
         return tuple(each[kind] for kind in self.kinds)
 
     @cached_property
-    def ovoids(self) -> np.ndarray:
+    def ellipsoids(self) -> np.ndarray:
         """Return which bodies meet others as ellipsoids, (bodies,)."""
         meets = np.zeros(len(self.bodies), bool)
         meets[self.meetings.first] = meets[self.meetings.second] = True
-        return meets & np.array([shape.ovoid for shape in self.shapes], bool)
+        return meets & np.array([shape.ellipsoid for shape in self.shapes], bool)
 
-    def tell_ovoids(self, positions: np.ndarray, found: np.ndarray) -> bool:
+    def tell_ellipsoids(self, positions: np.ndarray, found: np.ndarray) -> bool:
         """Find in which pairs that may meet an ellipsoid and another body are in each other.
 
         The ``positions`` (k, N, 3) are of all particles [m]. What is found of these pairs is stored in
@@ -425,9 +425,9 @@ class Scene(ReadOnly):
         """
         bodies = [placed.body for placed in self.bodies]
         both = self.meetings.first, self.meetings.second
-        ovoids = ellipsoids(self.shapes, bodies, self.starts, positions)
+        ellipsoids = place_ellipsoids(self.shapes, bodies, self.starts, positions)
         met = as_met(self.shapes, bodies, self.starts, positions)
-        return tell_ovoids(self.shapes, self.starts, both, met, ovoids, found)
+        return tell_ellipsoids(self.shapes, self.starts, both, met, ellipsoids, found)
 
     @property
     def can_touch(self) -> bool:
@@ -570,8 +570,8 @@ class Scene(ReadOnly):
         names = [placed.name for placed in self.bodies]
         bodies = [placed.body for placed in self.bodies]
         met = as_met(self.shapes, bodies, self.starts, positions)
-        ovoids = ellipsoids(self.shapes, bodies, self.starts, positions)
-        check_apart(self.shapes, names, self.starts, self.meetings, met, ovoids, copies)
+        ellipsoids = place_ellipsoids(self.shapes, bodies, self.starts, positions)
+        check_apart(self.shapes, names, self.starts, self.meetings, met, ellipsoids, copies)
 
     @cached_property
     def faithful_speed(self) -> float:

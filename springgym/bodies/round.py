@@ -95,6 +95,15 @@ class Round(ReadOnly):
         """Return the largest semi-axis [m]."""
         return float(np.sqrt(np.linalg.eigvalsh(self.matrix)[-1]))
 
+    def principal(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the semi-axes (3,) [m], the smallest first, and the axes along them, the columns of (3, 3).
+
+        The axes are right-handed.
+        """
+        squares, axes = np.linalg.eigh(self.matrix)
+        axes[:, 2] *= np.sign(np.linalg.det(axes))
+        return np.sqrt(np.maximum(squares, 0.0)), axes
+
     def carriers(self, count: int, what: str = "particles of a round feature") -> np.ndarray:
         """Return the numbers of the particles that carry it, in a body of ``count`` particles.
 
@@ -114,8 +123,8 @@ class Round(ReadOnly):
         return np.asarray(self.centre - pull / size)
 
     def __repr__(self) -> str:
-        axes = np.sqrt(np.maximum(np.linalg.eigvalsh(self.matrix)[::-1], 0.0))
-        return f"Round(semi-axes {', '.join(f'{axis:g}' for axis in axes)} m)"
+        semi, _ = self.principal()
+        return f"Round(semi-axes {', '.join(f'{axis:g}' for axis in semi[::-1])} m)"
 
 
 def sphere(radius: float, centre: ArrayLike = (0.0, 0.0, 0.0), particles: tuple[int, ...] = ()) -> Round:

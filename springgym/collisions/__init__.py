@@ -1,8 +1,8 @@
 """Find which bodies of a scene collide, and how. `springgym.contact` computes with it."""
 
 from springgym.collisions.meeting import Collisions, Meeting, Meetings, Pair, meetings
-from springgym.collisions.overlap import check_apart, tell_ovoids
-from springgym.collisions.shape import Shape, as_met, ellipsoids, shape
+from springgym.collisions.overlap import check_apart, tell_ellipsoids
+from springgym.collisions.shape import Shape, as_met, place_ellipsoids, shape
 
 __all__ = [
     "Collisions",
@@ -12,8 +12,8 @@ __all__ = [
     "Shape",
     "as_met",
     "check_apart",
-    "ellipsoids",
     "meetings",
+    "place_ellipsoids",
     "shape",
-    "tell_ovoids",
+    "tell_ellipsoids",
 ]

@@ -29,8 +29,8 @@ ROUNDING = 1.001
 """Boxes are grown a little more than must be: rounding decides nothing."""
 
 
-Ovoids: TypeAlias = Mapping[int, np.ndarray]
-"""Rows of the ellipsoids, by the numbers of their bodies: see `springgym.collisions.shape.ellipsoids`."""
+Ellipsoids: TypeAlias = Mapping[int, np.ndarray]
+"""The rows that `springgym.collisions.shape.place_ellipsoids` returns, by the numbers of their bodies."""
 
 
 class Found(NamedTuple):
@@ -52,7 +52,7 @@ def check_apart(
     starts: np.ndarray,
     met: Meetings,
     positions: np.ndarray,
-    ovoids: Ovoids,
+    ellipsoids: Ellipsoids,
     copies: Any = None,
 ) -> None:
     """Refuse bodies that start in each other, or too near.
@@ -67,7 +67,7 @@ def check_apart(
         The pairs that must be apart.
     positions : (N, 3) or (k, N, 3)
         Of all particles [m].
-    ovoids
+    ellipsoids
         Where the ellipsoids are.
     copies : (k,), optional
         What the copies are called.
@@ -92,7 +92,7 @@ def check_apart(
     rows = np.flatnonzero(pair >= 0)
     rows = rows[np.lexsort((copy[rows], pair[rows]))]
     copy, first, second, pair = copy[rows], first[rows], second[rows], pair[rows]
-    nearest = _nearest(shapes, starts, x, ovoids, copy, (first, second))
+    nearest = _nearest(shapes, starts, x, ellipsoids, copy, (first, second))
     late = ~(nearest >= NEAREST * met.reach[pair])
     wrong = int(late.argmax()) if late.any() else len(pair)
     if wrong < len(pair):
@@ -101,7 +101,7 @@ def check_apart(
         where = f" in copy {copies[copy[wrong]]}" if positions.ndim == 3 and copies is not None else ""
         found = _distances(
             (shapes[bodies[0]], shapes[bodies[1]]),
-            *(_of_bodies(x, copy[row], starts, np.array([body]), ovoids) for body in bodies),
+            *(_of_bodies(x, copy[row], starts, np.array([body]), ellipsoids) for body in bodies),
         )
         _refuse(list(found), (names[bodies[0]], names[bodies[1]]), float(met.reach[pair[wrong]]), where)
 
@@ -110,7 +110,7 @@ def _nearest(
     shapes: Sequence[Shape],
     starts: np.ndarray,
     x: np.ndarray,
-    ovoids: Ovoids,
+    ellipsoids: Ellipsoids,
     copy: np.ndarray,
     bodies: tuple[np.ndarray, np.ndarray],
 ) -> np.ndarray:
@@ -126,7 +126,7 @@ def _nearest(
         chunk = max(1, CHUNK // (_features(both[0]) * _features(both[1])))
         for start in range(0, len(alike), chunk):
             some = alike[start : start + chunk]
-            pairs = [_of_bodies(x, copy[some], starts, of[some], ovoids) for of in bodies]
+            pairs = [_of_bodies(x, copy[some], starts, of[some], ellipsoids) for of in bodies]
             nearest[some] = np.min([found.apart.min(axis=1) for found in _distances(both, *pairs)], axis=0)
     return nearest
 
@@ -173,18 +173,20 @@ class _Bodies(NamedTuple):
 
     x: np.ndarray
     """(k, N, 3) their particles [m]"""
-    ovoids: np.ndarray | None
+    ellipsoids: np.ndarray | None
     """(k, 5, 3) the rows of their ellipsoids; None if they are none"""
 
 
 def _of_bodies(
-    x: np.ndarray, copy: np.ndarray, starts: np.ndarray, bodies: np.ndarray, ovoids: Ovoids
+    x: np.ndarray, copy: np.ndarray, starts: np.ndarray, bodies: np.ndarray, ellipsoids: Ellipsoids
 ) -> _Bodies:
     """Return bodies (k,) of equal shapes in copies (k,)."""
     count = starts[bodies[0] + 1] - starts[bodies[0]]
     own = None
-    if bodies[0] in ovoids:
-        each = [ovoids[body].reshape(-1, 5, 3)[one] for body, one in zip(bodies.tolist(), copy, strict=True)]
+    if bodies[0] in ellipsoids:
+        each = [
+            ellipsoids[body].reshape(-1, 5, 3)[one] for body, one in zip(bodies.tolist(), copy, strict=True)
+        ]
         own = np.array(each)
     return _Bodies(x[copy[:, None], starts[bodies][:, None] + np.arange(count)], own)
 
@@ -213,45 +215,45 @@ def _features(shape: Shape) -> int:
 def _distances(shapes: tuple[Shape, Shape], first: _Bodies, second: _Bodies) -> Iterator[Found]:
     """Find how far features are from the other body."""
     bodies = first, second
-    if shapes[0].ovoid or shapes[1].ovoid:
-        own = 0 if shapes[0].ovoid else 1
-        apart = _from_ovoid(bodies[own].ovoids, bodies[1 - own], shapes[1 - own])
+    if shapes[0].ellipsoid or shapes[1].ellipsoid:
+        own = 0 if shapes[0].ellipsoid else 1
+        apart = _from_ellipsoid(bodies[own].ellipsoids, bodies[1 - own], shapes[1 - own])
         yield Found(own, np.zeros((1, 0), int), apart[:, None])
     else:
         yield from _between_features(shapes, first.x, second.x)
 
 
-def _from_ovoid(ovoids: Any, other: _Bodies, shape: Shape) -> np.ndarray:
+def _from_ellipsoid(ellipsoids: Any, other: _Bodies, shape: Shape) -> np.ndarray:
     """Return how far ellipsoids (k, 5, 3) are from another body each, (k,) [m]; less than 0 in it."""
     x = other.x
-    if shape.ovoid:
-        return gaps(ELLIPSOID, ovoids, np.asarray(other.ovoids))[1][:, 0]
+    if shape.ellipsoid:
+        return gaps(ELLIPSOID, ellipsoids, np.asarray(other.ellipsoids))[1][:, 0]
     if len(shape.triangles):
-        faces, centre = x[:, shape.triangles], ovoids[:, :1]
+        faces, centre = x[:, shape.triangles], ellipsoids[:, :1]
         across = np.cross(faces[:, :, 1] - faces[:, :, 0], faces[:, :, 2] - faces[:, :, 0])
         behind = ((centre - faces[:, :, 0]) * across).sum(axis=-1) < 0
         faces = np.where(behind[..., None, None], faces[:, :, ::-1], faces)
-        apart = _of_each(TRIANGLE, ovoids, faces)
+        apart = _of_each(TRIANGLE, ellipsoids, faces)
         within = distance.point_surface(centre, x[:, shape.triangles])[:, 0]
         return np.where(within < 0, np.minimum(within, apart), apart)
     if len(shape.edges):
-        return _of_each(SEGMENT, ovoids, x[:, shape.edges]) - shape.radius
-    return _of_each(POINT, ovoids, x[:, shape.vertices, None]) - shape.radius
+        return _of_each(SEGMENT, ellipsoids, x[:, shape.edges]) - shape.radius
+    return _of_each(POINT, ellipsoids, x[:, shape.vertices, None]) - shape.radius
 
 
-def _of_each(kind: int, ovoids: np.ndarray, others: np.ndarray) -> np.ndarray:
+def _of_each(kind: int, ellipsoids: np.ndarray, others: np.ndarray) -> np.ndarray:
     """Return how far ellipsoids (k, 5, 3) are from the nearest of others (k, n, rows, 3) each, (k,) [m]."""
     count = others.shape[1]
-    found = gaps(kind, np.repeat(ovoids, count, axis=0), others.reshape(-1, *others.shape[2:]))
+    found = gaps(kind, np.repeat(ellipsoids, count, axis=0), others.reshape(-1, *others.shape[2:]))
     return found[1][:, 0].reshape(-1, count).min(axis=1)
 
 
-def tell_ovoids(
+def tell_ellipsoids(
     shapes: Sequence[Shape],
     starts: np.ndarray,
     met: tuple[np.ndarray, np.ndarray],
     positions: np.ndarray,
-    ovoids: Ovoids,
+    ellipsoids: Ellipsoids,
     found: np.ndarray,
 ) -> bool:
     """Find which pairs of bodies ``met`` (pairs,), one of which is an ellipsoid, are in each other.
@@ -259,7 +261,7 @@ def tell_ovoids(
     That is stored in ``found`` (copies, pairs), of these pairs alone. Returns whether any pair is.
     """
     radius = np.array([shape.radius for shape in shapes])[:, None]
-    round_ones = np.array([shape.ovoid for shape in shapes])
+    round_ones = np.array([shape.ellipsoid for shape in shapes])
     pairs = np.flatnonzero(round_ones[met[0]] | round_ones[met[1]])
     first, second = (of[pairs] for of in met)
     low = np.minimum.reduceat(positions, starts[:-1], axis=1) - radius
@@ -268,7 +270,7 @@ def tell_ovoids(
     copy, n = np.nonzero(touch)
     found[:, pairs] = False
     if len(copy):
-        apart = _nearest(shapes, starts, positions, ovoids, copy, (first[n], second[n]))
+        apart = _nearest(shapes, starts, positions, ellipsoids, copy, (first[n], second[n]))
         found[copy, pairs[n]] = apart < 0
     return bool(found.any())
 

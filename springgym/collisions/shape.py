@@ -35,7 +35,7 @@ class Shape(NamedTuple):
     `as_met`"""
     skin: bool = False
     """whether friction acts at its skin, and so turns it: a sphere, a capsule or an ellipsoid"""
-    ovoid: bool = False
+    ellipsoid: bool = False
     """whether the body is an ellipsoid; the radius is then that of the sphere about its centre of mass that
     encloses it"""
 
@@ -53,11 +53,12 @@ def shape(body: Body) -> Shape:
             rod = ends[None]
             return Shape(ends, body.triangles, rod, body.rounds[0].extent, rod, skin=True)
         radius = _radius_about_centre(body)
-        ovoid = radius == 0 and _is_ovoid(body)
-        if ovoid:
+        sphere = Shape(np.zeros(1, int), body.triangles, none, radius, none, turns=True, skin=True)
+        if radius == 0 and _is_ellipsoid(body):
             feature = body.rounds[0]
-            radius = feature.extent + float(np.linalg.norm(feature.centre - body.centre))
-        return Shape(np.zeros(1, int), body.triangles, none, radius, none, turns=True, skin=True, ovoid=ovoid)
+            enclosing = feature.extent + float(np.linalg.norm(feature.centre - body.centre))
+            return sphere._replace(radius=enclosing, ellipsoid=True)
+        return sphere
     return Shape(np.arange(len(body.masses)), body.triangles, body.springs, body.radius, body.springs)
 
 
@@ -69,7 +70,7 @@ def _radius_about_centre(body: Body) -> float:
     return feature.extent if len(body.rounds) == 1 and about and whole else 0.0
 
 
-def _is_ovoid(body: Body) -> bool:
+def _is_ellipsoid(body: Body) -> bool:
     """Tell whether a body's only feature is an ellipsoid that all its particles carry."""
     return len(body.rounds) == 1 and _carried(body.rounds[0], body)
 
@@ -119,18 +120,18 @@ def as_met(
     return positions
 
 
-def ellipsoids(
+def place_ellipsoids(
     shapes: Sequence[Shape], bodies: Sequence[Body], starts: np.ndarray, positions: np.ndarray
 ) -> dict[int, np.ndarray]:
     """Return centre, axes and semi-axes (…, 5, 3) [m] of each ellipsoid, by the numbers of their bodies.
 
-    The ``positions`` (…, N, 3) are of all particles; see `springgym.contact.ovoids`.
+    The ``positions`` (…, N, 3) are of all particles; see `springgym.contact.ellipsoids`.
     """
     found = {}
-    for n in (n for n, shape in enumerate(shapes) if shape.ovoid):
+    for n in (n for n, shape in enumerate(shapes) if shape.ellipsoid):
         body, x = bodies[n], positions[..., starts[n] : starts[n] + len(bodies[n].masses), :]
         feature = body.rounds[0]
-        squares, axes = np.linalg.eigh(feature.matrix)
+        semi, axes = feature.principal()
         moments = body.masses[:, None] * (body.positions - body.centre)
         first, _, last = np.linalg.svd(np.einsum("...ni,nj->...ij", x, moments))
         turn = first @ last
@@ -138,7 +139,7 @@ def ellipsoids(
         rows = np.empty((*x.shape[:-2], 5, 3))
         rows[..., 0, :] = middle + turn @ (feature.centre - body.centre)
         rows[..., 1:4, :] = np.swapaxes(turn @ axes, -1, -2)
-        rows[..., 4, :] = np.sqrt(np.maximum(squares, 0.0))
+        rows[..., 4, :] = semi
         found[n] = rows
     return found
 

@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
+from springgym.contact.ellipsoids import ellipsoid_ball, ellipsoid_faces, ellipsoid_rods, is_ellipsoid
 from springgym.contact.features import (
     ball_ball,
     begin,
@@ -38,7 +39,6 @@ from springgym.contact.features import (
     vertex_rods,
 )
 from springgym.contact.lists import CLOSE, NONE, WATCHED, Lists, Near, Search
-from springgym.contact.ovoids import is_ovoid, ovoid_ball, ovoid_faces, ovoid_rods
 from springgym.contact.rows import FAR, MET, ROWS, Problem
 from springgym.contact.sleep import looked_at, wake
 from springgym.core.compiling import compiled
@@ -59,8 +59,8 @@ from springgym.core.vectors import (
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from springgym.contact.ellipsoids import Ellipsoids
     from springgym.contact.law import Span
-    from springgym.contact.ovoids import Ovoids
     from springgym.contact.pairs import Pairs, Shapes
     from springgym.contact.rows import ContactRows
     from springgym.contact.sleep import Sleep
@@ -163,12 +163,12 @@ def find(
     ``w`` (N, 3) are the velocities before the node, and ``span`` is its time.
     """
     shapes, seen = pairs.shapes, Search(x, w, pairs, lists, contacts)
-    ovoids = contacts.ovoids
-    measure_moved(x, w, span, pairs, lists, ovoids)
+    ellipsoids = contacts.ellipsoids
+    measure_moved(x, w, span, pairs, lists, ellipsoids)
     fresh = not all_far_are_far(lists)
     if fresh:
-        watch(x, w, span, pairs, lists, ovoids)
-    anew = not lists_hold(w, span, pairs, lists, ovoids) or fresh
+        watch(x, w, span, pairs, lists, ellipsoids)
+    anew = not lists_hold(w, span, pairs, lists, ellipsoids) or fresh
     if anew:
         begin_lists(x, fresh, pairs, lists)
     count, again = 0, True
@@ -223,12 +223,12 @@ def all_far_are_far(lists: Lists) -> bool:
 
 
 @compiled
-def watch(x: Rows, w: Rows, span: Span, pairs: Pairs, lists: Lists, ovoids: Ovoids | None) -> None:
+def watch(x: Rows, w: Rows, span: Span, pairs: Pairs, lists: Lists, ellipsoids: Ellipsoids | None) -> None:
     """List the pairs of bodies that may come near each other before one of them has used up its margin."""
     shapes, count = pairs.shapes, 0
     measure_boxes(x, shapes, lists)
     average(w, shapes, lists.mean, lists.turning)
-    add_turning(lists.turning, ovoids)
+    add_turning(lists.turning, ellipsoids)
     for body in range(shapes.radius.size):
         sides, mean = row(lists.high, body) - row(lists.low, body), row(lists.mean, body)
         longest = maximum(maximum(sides[0], sides[1]), sides[2]) + 2.0 * shapes.radius[body]
@@ -272,7 +272,9 @@ def measure_boxes(x: Rows, shapes: Shapes, lists: Lists) -> None:
 
 
 @compiled
-def measure_moved(x: Rows, w: Rows, span: Span, pairs: Pairs, lists: Lists, ovoids: Ovoids | None) -> None:
+def measure_moved(
+    x: Rows, w: Rows, span: Span, pairs: Pairs, lists: Lists, ellipsoids: Ellipsoids | None
+) -> None:
     """Find how far the vertices of each body are from where they were when features were listed.
 
     What is fast is taken for farther, see `FARTHEST`, so that no pair is left out which may meet in a step.
@@ -288,12 +290,12 @@ def measure_moved(x: Rows, w: Rows, span: Span, pairs: Pairs, lists: Lists, ovoi
             shift = row(x, i) - row(lists.origin, i)
             set_row(lists.shift, i, shift)
             farthest = maximum(dot(shift, shift), farthest)
-        ahead = maximum(span.out * with_skin_speed(sqrt(fastest), body, ovoids) - usual, 0.0)
+        ahead = maximum(span.out * with_skin_speed(sqrt(fastest), body, ellipsoids) - usual, 0.0)
         store(lists.moved, body, sqrt(farthest) + ahead)
 
 
 @compiled
-def lists_hold(w: Rows, span: Span, pairs: Pairs, lists: Lists, ovoids: Ovoids | None) -> bool:
+def lists_hold(w: Rows, span: Span, pairs: Pairs, lists: Lists, ellipsoids: Ellipsoids | None) -> bool:
     """Tell whether all that may touch is in the lists; of pairs that are close, find how far to look."""
     shapes, hold, averaged, shifted = pairs.shapes, lists.kept[0], False, False
     close = 0
@@ -307,7 +309,7 @@ def lists_hold(w: Rows, span: Span, pairs: Pairs, lists: Lists, ovoids: Ovoids |
             close += 1
             if not averaged:
                 average(w, shapes, lists.mean, lists.turning)
-                add_turning(lists.turning, ovoids)
+                add_turning(lists.turning, ellipsoids)
                 averaged = True
             way = minimum(span.out * approach(a, b, lists.mean, lists.turning), WIDEST)
             far = SPARE * reach + way + radius
@@ -341,19 +343,19 @@ def average(u: Rows, shapes: Shapes, mean: Rows, rest: Numbers) -> None:
 
 
 @compiled
-def add_turning(turning: Numbers, ovoids: Ovoids | None) -> None:
+def add_turning(turning: Numbers, ellipsoids: Ellipsoids | None) -> None:
     """Add how fast the skins of ellipsoids turn to the largest differences of velocities."""
-    if ovoids is not None:
-        for body in range(ovoids.there.size):
-            store(turning, body, load(turning, body) + load(ovoids.turning, body))
+    if ellipsoids is not None:
+        for body in range(ellipsoids.there.size):
+            store(turning, body, load(turning, body) + load(ellipsoids.turning, body))
 
 
 @compiled
-def with_skin_speed(fastest: Number, body: int, ovoids: Ovoids | None) -> Number:
+def with_skin_speed(fastest: Number, body: int, ellipsoids: Ellipsoids | None) -> Number:
     """Return the speed of a body's fastest vertex [m/s] with that of its skin, of an ellipsoid."""
-    if ovoids is None:
+    if ellipsoids is None:
         return fastest
-    return fastest + load(ovoids.turning, body)
+    return fastest + load(ellipsoids.turning, body)
 
 
 @compiled
@@ -629,7 +631,7 @@ def compare(count: int, near: Near, seen: Search, triangles: Indices, edges: Ind
     if triangles is not None:
         for m in range(ends[p, VERTICES, 0], ends[p, VERTICES, 2]):
             if lists.faces[m, 1] > lists.faces[m, 0]:
-                count = nearest_face(count, first, m, near, seen, contacts.ovoids)
+                count = nearest_face(count, first, m, near, seen, contacts.ellipsoids)
     if edges is not None:
         rows, have = crossing(near, seen)
         for k in range(rows):
@@ -640,22 +642,24 @@ def compare(count: int, near: Near, seen: Search, triangles: Indices, edges: Ind
         for side in range(2):
             if is_of(near.bodies[1 - side], rods):
                 for m in range(ends[p, VERTICES, side], ends[p, VERTICES, side + 1]):
-                    count = nearest_rod(count, first, m, 1 - side, near, seen, rods, contacts.ovoids)
+                    count = nearest_rod(count, first, m, 1 - side, near, seen, rods, contacts.ellipsoids)
     if is_of(near.bodies[0], balls) and is_of(near.bodies[1], balls):
         i = shapes.vertices[shapes.start[VERTICES, near.bodies[0]], 0]
         j = shapes.vertices[shapes.start[VERTICES, near.bodies[1]], 0]
         begin(contacts)
-        count = balls_meet(count, i, j, near, seen, balls, contacts.ovoids)
+        count = balls_meet(count, i, j, near, seen, balls, contacts.ellipsoids)
     return count
 
 
 @compiled
-def nearest_face(count: int, first: int, m: int, near: Near, seen: Search, ovoids: Ovoids | None) -> int:
+def nearest_face(
+    count: int, first: int, m: int, near: Near, seen: Search, ellipsoids: Ellipsoids | None
+) -> int:
     """List the contact of the vertex, or the ellipsoid, in row ``m`` with the nearest of its candidates."""
-    if ovoids is not None:
+    if ellipsoids is not None:
         side = 0 if m < seen.lists.ends[near.pair, VERTICES, 1] else 1
-        if is_ovoid(near.bodies[side], ovoids):
-            return ovoid_faces(count, first, m, side, near, seen, ovoids)
+        if is_ellipsoid(near.bodies[side], ellipsoids):
+            return ellipsoid_faces(count, first, m, side, near, seen, ellipsoids)
     return vertex_faces(count, first, m, near, seen)
 
 
@@ -668,21 +672,29 @@ def nearest_rod(
     near: Near,
     seen: Search,
     rods: np.ndarray | None,
-    ovoids: Ovoids | None,
+    ellipsoids: Ellipsoids | None,
 ) -> int:
     """List the contact of the vertex, or ellipsoid, in row ``m`` with the nearest rod of the ``other``."""
-    if ovoids is not None and is_ovoid(near.bodies[1 - other], ovoids):
-        return ovoid_rods(count, first, m, 1 - other, near, seen, ovoids)
+    if ellipsoids is not None and is_ellipsoid(near.bodies[1 - other], ellipsoids):
+        return ellipsoid_rods(count, first, m, 1 - other, near, seen, ellipsoids)
     return vertex_rods(count, first, m, other, near, seen, rods)
 
 
 @compiled
 def balls_meet(
-    count: int, i: int, j: int, near: Near, seen: Search, balls: np.ndarray | None, ovoids: Ovoids | None
+    count: int,
+    i: int,
+    j: int,
+    near: Near,
+    seen: Search,
+    balls: np.ndarray | None,
+    ellipsoids: Ellipsoids | None,
 ) -> int:
     """List the contact of two balls, spheres or ellipsoids."""
-    if ovoids is not None and (is_ovoid(near.bodies[0], ovoids) or is_ovoid(near.bodies[1], ovoids)):
-        return ovoid_ball(count, i, j, near, seen, ovoids)
+    if ellipsoids is not None and (
+        is_ellipsoid(near.bodies[0], ellipsoids) or is_ellipsoid(near.bodies[1], ellipsoids)
+    ):
+        return ellipsoid_ball(count, i, j, near, seen, ellipsoids)
     return ball_ball(count, count, i, j, near, seen, balls)
 
 

@@ -29,10 +29,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from springgym.contact.ellipsoids import find_ellipsoids
 from springgym.contact.friction import rub
 from springgym.contact.law import Span
 from springgym.contact.lists import Lists
-from springgym.contact.ovoids import find_ovoids
 from springgym.contact.points import Given, impulses, lifted, near, nothing_given
 from springgym.contact.round import RoundProblem, lifted_feature, roll, rolls
 from springgym.contact.rows import MET, ContactRows, Problem
@@ -649,7 +649,7 @@ def find_touching(bodies: Bodies, node: Node, exchange: Exchange | None) -> Prob
         particles.inverse_mass.values,
         contacts.spheres,
     )
-    find_ovoids(bodies.x.values, particles.mass.values, contacts.spheres, contacts.ovoids)
+    find_ellipsoids(bodies.x.values, particles.mass.values, contacts.spheres, contacts.ellipsoids)
     found_in = exchange.lists, contacts
     collisions, passes = bodies.terms.collisions, node.stage == PASSES
     return find_contacts(places, before, before, inverse_mass, node.span, collisions, found_in, passes)

@@ -152,8 +152,8 @@ def test_ellipsoid_of_equal_axes_moves_as_a_sphere() -> None:
     """On a free block with friction, in as many sweeps; what is left is of second order in the step."""
     sphere_like = rolling_ball(0.1, 1.0, damping=0.0)
     round_one = sphere_like.with_(rounds=(ellipsoid_of((0.1, 0.1, 0.1 * (1 + 1e-8))),))
-    assert shape(round_one).ovoid
-    assert not shape(sphere_like).ovoid
+    assert shape(round_one).ellipsoid
+    assert not shape(sphere_like).ellipsoid
     found = []
     for body in (sphere_like, round_one):
         on = body_at(body, (0, 0, 0.354), velocity=(1.0, 0.3, -0.5), omega=(0, 3.0, 9.0))
@@ -396,6 +396,6 @@ def test_shown_in_each_other_is_told(other: str) -> None:
     places = np.repeat(of.positions[None], 2, axis=0)
     places[1, of.slices[0]] += places[1, of.slices[1]].mean(axis=0) - (0, 0.01, 0)
     found = np.zeros((2, len(of.meetings)), bool)
-    assert of.tell_ovoids(places, found)
+    assert of.tell_ellipsoids(places, found)
     assert found.tolist() == [[False] * 3, [True, False, False]]
-    assert not of.tell_ovoids(places[:1], found[:1])
+    assert not of.tell_ellipsoids(places[:1], found[:1])

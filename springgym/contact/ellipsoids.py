@@ -1,8 +1,8 @@
 """How ellipsoids, disks among them, meet other bodies, and how contacts turn them.
 
-An ovoid is a body with one round feature that all its particles carry, an ellipsoid with the centre ξc and
-the semi-axes aₖ along qₖ in the rest shape, which is no sphere about the centre of mass. Contacts see it as a
-sphere that turns (`springgym.contact.spheres`): by its centre of mass c, its velocity and ω, and all of an
+A body is an ellipsoid here if all its particles carry its one round feature, with the centre ξc and the
+semi-axes aₖ along qₖ in the rest shape, and if that is no sphere about the centre of mass. Contacts see it as
+a sphere that turns (`springgym.contact.spheres`): by its centre of mass c, its velocity and ω, and all of an
 impulse is distributed as on a rigid body. What is its own is where the ellipsoid is. With the weights of
 `springgym.bodies.round`, F = Σ xᵢ ⊗ Bᵢ is how the particles turned and stretched. The ellipsoid is turned by
 a rotation R, and does not stretch:
@@ -16,17 +16,17 @@ Schulz's iteration F ← F (3 − Fᵀ F)/2, and turned on by I⁻¹ times what 
 
 A contact's distance and normal follow from `springgym.core.ellipsoids`. One pair has one contact: of all
 faces of the other body, with their sides and corners, and of all its rods, the nearest counts. Two convex
-bodies have one nearest place, and it moves continuously. A face counts if the ovoid's centre is in front of
-it, or was when the step began.
+bodies have one nearest place, and it moves continuously. A face counts if the ellipsoid's centre is in front
+of it, or was when the step began.
 
-A contact touches the ovoid at the arm r from c, which is not along n. So its normal impulse turns it,
+A contact touches the ellipsoid at the arm r from c, which is not along n. So its normal impulse turns it,
 
     u = n · (v + ω × r) − …,    W = 1/M + (r × n) · I⁻¹ (r × n) + …,    δω = I⁻¹ (r × j),
 
-and so does friction. The arm follows from the normal. Opposite a face the place is on the ovoid's skin, and
-what is left of the gap is up to the face, as of a sphere. Of two bodies that turn it is halfway between both
-skins, and opposite a rope or a ball, which do not turn, at their middle: there both have one place. All of
-these lie on the line along n through the other body's point, so that momenta are kept to rounding.
+and so does friction. The arm follows from the normal. Opposite a face the place is on the ellipsoid's skin,
+and what is left of the gap is up to the face, as of a sphere. Of two bodies that turn it is halfway between
+both skins, and opposite a rope or a ball, which do not turn, at their middle: there both have one place. All
+of these lie on the line along n through the other body's point, so that momenta are kept to rounding.
 
 The gaps of a step are those of straight ways at the speed of the node, though the place that touches moves
 over the skin within the step. So an impulse does just the work that its barrier gives. With the gap where the
@@ -48,14 +48,14 @@ from springgym.contact.lists import Near, Search, Touch
 from springgym.contact.rows import FAR
 from springgym.contact.spheres import (
     Spheres,
-    arm_of_ovoid,
+    arm_of_ellipsoid,
     body_of,
-    meets_ovoid,
+    meets_ellipsoid,
     side_of,
     spin_of,
-    turn_ovoid,
+    turn_ellipsoid,
     turned,
-    turning_of_ovoid,
+    turning_of_ellipsoid,
 )
 from springgym.core.blocks import aligned_zeros
 from springgym.core.compiling import compiled
@@ -88,7 +88,7 @@ ROUNDS, TURNS = 5, 2
 """Turns in which axes are made upright, from strains of a tenth to rounding, and in which they turn on."""
 
 
-class Ovoids(NamedTuple):
+class Ellipsoids(NamedTuple):
     """The ellipsoids among bodies that collide, at a node, and what contacts with them have of their own."""
 
     there: np.ndarray
@@ -115,28 +115,26 @@ class Ovoids(NamedTuple):
     """(rows,) the inverse mass W of each contact if it turned no ellipsoid [1/kg]"""
 
 
-def new_ovoids(
+def new_ellipsoids(
     start: np.ndarray, shapes: Sequence[Shape], bodies: Sequence[Body], rows: int, dtype: DTypeLike
-) -> Ovoids | None:
+) -> Ellipsoids | None:
     """Return a workspace for the ellipsoids among ``bodies``; None without any. Contacts have ``rows``."""
-    there = np.array([shape.ovoid for shape in shapes])
+    there = np.array([shape.ellipsoid for shape in shapes])
     if not there.any():
         return None
     semi, rest, slope = np.zeros((len(shapes), 3)), np.zeros((start[-1], 3)), np.zeros((start[-1], 3))
     for n in np.flatnonzero(there).tolist():
         body, own = bodies[n], slice(start[n], start[n + 1])
         feature = body.rounds[0]
-        squares, axes = np.linalg.eigh(feature.matrix)
-        axes[:, 2] *= np.sign(np.linalg.det(axes))
+        semi[n], axes = feature.principal()
         carriers = feature.carriers(len(body.masses))
-        semi[n] = np.sqrt(np.maximum(squares, 0.0))
         rest[own] = (body.positions - feature.centre) @ axes
         slope[own][carriers] = weights(body.masses, body.positions, carriers)[1] @ axes
 
     def lanes(*shape: int) -> np.ndarray:
         return aligned_zeros(shape, dtype)
 
-    return Ovoids(
+    return Ellipsoids(
         there=there,
         semi=semi,
         rest=rest,
@@ -155,37 +153,37 @@ def new_ovoids(
 
 
 @compiled
-def find_ovoids(x: Rows, mass: Numbers, spheres: Spheres | None, ovoids: Ovoids | None) -> None:
+def find_ellipsoids(x: Rows, mass: Numbers, spheres: Spheres | None, ellipsoids: Ellipsoids | None) -> None:
     """Find where all ellipsoids are at a node of particles at ``x`` (N, 3)."""
-    if ovoids is not None and spheres is not None:
-        for body in range(ovoids.there.size):
-            if ovoids.there[body]:
+    if ellipsoids is not None and spheres is not None:
+        for body in range(ellipsoids.there.size):
+            if ellipsoids.there[body]:
                 first, behind = spheres.start[body], spheres.start[body + 1]
                 middle = row(spheres.centre, body)
                 total, off = 0.0 * middle[0], 0.0 * middle
                 for i in range(first, behind):
                     total = total + load(mass, i)
-                    off = plus_scaled(off, -1.0 * load(mass, i), row(ovoids.rest, i))
+                    off = plus_scaled(off, -1.0 * load(mass, i), row(ellipsoids.rest, i))
                 off = 1.0 / total * off
-                f, g, h = turned_axes(first, behind, x, ovoids)
+                f, g, h = turned_axes(first, behind, x, ellipsoids)
                 for _ in range(TURNS):
-                    f, g, h = turned_on(body, (f, g, h), off, x, mass, spheres, ovoids)
-                set_row(ovoids.axes, 3 * body, f)
-                set_row(ovoids.axes, 3 * body + 1, g)
-                set_row(ovoids.axes, 3 * body + 2, h)
+                    f, g, h = turned_on(body, (f, g, h), off, x, mass, spheres, ellipsoids)
+                set_row(ellipsoids.axes, 3 * body, f)
+                set_row(ellipsoids.axes, 3 * body + 1, g)
+                set_row(ellipsoids.axes, 3 * body + 2, h)
                 middle = plus_scaled(plus_scaled(middle, off[0], f), off[1], g)
-                set_row(ovoids.centre, body, plus_scaled(middle, off[2], h))
+                set_row(ellipsoids.centre, body, plus_scaled(middle, off[2], h))
                 spin = row(spheres.before, first + 1)
-                store(ovoids.turning, body, spheres.radius[body] * sqrt(dot(spin, spin)))
+                store(ellipsoids.turning, body, spheres.radius[body] * sqrt(dot(spin, spin)))
 
 
 @compiled
-def turned_axes(first: int, behind: int, x: Rows, ovoids: Ovoids) -> tuple[Vector, Vector, Vector]:
+def turned_axes(first: int, behind: int, x: Rows, ellipsoids: Ellipsoids) -> tuple[Vector, Vector, Vector]:
     """Return the axes of the ellipsoid that particles ``first`` to ``behind`` carry, by F."""
     f = 0.0 * row(x, first)
     g, h = f, f
     for i in range(first, behind):
-        place, slope = row(x, i), row(ovoids.slope, i)
+        place, slope = row(x, i), row(ellipsoids.slope, i)
         f = plus_scaled(f, slope[0], place)
         g = plus_scaled(g, slope[1], place)
         h = plus_scaled(h, slope[2], place)
@@ -213,13 +211,13 @@ def turned_on(
     x: Rows,
     mass: Numbers,
     spheres: Spheres,
-    ovoids: Ovoids,
+    ellipsoids: Ellipsoids,
 ) -> tuple[Vector, Vector, Vector]:
     """Return the axes of an ellipsoid, turned on by what Σ mᵢ (R Xᵢ) × xᵢ says, which is to be 0."""
     f, g, h = axes
     twist = 0.0 * f
     for i in range(spheres.start[body], spheres.start[body + 1]):
-        rest = row(ovoids.rest, i) + off
+        rest = row(ellipsoids.rest, i) + off
         arm = plus_scaled(plus_scaled(rest[0] * f, rest[1], g), rest[2], h)
         twist = plus_scaled(twist, load(mass, i), cross(arm, row(x, i)))
     turn = turned(body, twist, spheres)
@@ -227,23 +225,29 @@ def turned_on(
 
 
 @compiled
-def ellipsoid_at(body: int, ovoids: Ovoids) -> Ellipsoid:
+def ellipsoid_at(body: int, ellipsoids: Ellipsoids) -> Ellipsoid:
     """Return the ellipsoid of a body at the node."""
-    none = 0.0 * load(ovoids.turning, body)
-    axes = row(ovoids.axes, 3 * body), row(ovoids.axes, 3 * body + 1), row(ovoids.axes, 3 * body + 2)
-    semi = vec(none + ovoids.semi[body, 0], none + ovoids.semi[body, 1], none + ovoids.semi[body, 2])
-    return Ellipsoid(row(ovoids.centre, body), axes, semi)
+    none = 0.0 * load(ellipsoids.turning, body)
+    axes = (
+        row(ellipsoids.axes, 3 * body),
+        row(ellipsoids.axes, 3 * body + 1),
+        row(ellipsoids.axes, 3 * body + 2),
+    )
+    semi = vec(
+        none + ellipsoids.semi[body, 0], none + ellipsoids.semi[body, 1], none + ellipsoids.semi[body, 2]
+    )
+    return Ellipsoid(row(ellipsoids.centre, body), axes, semi)
 
 
 # --- Contacts ---------------------------------------------------------------------------------------------
 
 
 @compiled
-def is_ovoid(body: int, ovoids: Ovoids | None) -> bool:
+def is_ellipsoid(body: int, ellipsoids: Ellipsoids | None) -> bool:
     """Tell whether a body is an ellipsoid that meets others."""
-    if ovoids is None:
+    if ellipsoids is None:
         return False
-    return ovoids.there[body]
+    return ellipsoids.there[body]
 
 
 @compiled
@@ -253,10 +257,12 @@ def farthest(near: Near) -> Number:
 
 
 @compiled
-def ovoid_faces(count: int, first: int, m: int, side: int, near: Near, seen: Search, ovoids: Ovoids) -> int:
+def ellipsoid_faces(
+    count: int, first: int, m: int, side: int, near: Near, seen: Search, ellipsoids: Ellipsoids
+) -> int:
     """List the contact of the ellipsoid in row ``m``, of a ``side``, with the nearest of its candidates."""
     lists, w = seen.lists, seen.w
-    i, limit, of = load(lists.vertex_particle, m), farthest(near), ellipsoid_at(near.bodies[side], ovoids)
+    i, limit, of = load(lists.vertex_particle, m), farthest(near), ellipsoid_at(near.bodies[side], ellipsoids)
     wide = 2.0 * (maximum(limit, 0.0) + maximum(maximum(of.semi[0], of.semi[1]), of.semi[2]))
     best, face, second, third = 0.0 * i + FAR, 0.0 * i, 0.0 * i, 0.0 * i
     normal = 0.0 * row(lists.point, m)
@@ -284,10 +290,12 @@ def ovoid_faces(count: int, first: int, m: int, side: int, near: Near, seen: Sea
 
 
 @compiled
-def ovoid_rods(count: int, first: int, m: int, side: int, near: Near, seen: Search, ovoids: Ovoids) -> int:
+def ellipsoid_rods(
+    count: int, first: int, m: int, side: int, near: Near, seen: Search, ellipsoids: Ellipsoids
+) -> int:
     """List the contact of the ellipsoid in row ``m``, of a ``side``, with the nearest rod of the other."""
     lists, other = seen.lists, 1 - side
-    i, limit, of = load(lists.vertex_particle, m), farthest(near), ellipsoid_at(near.bodies[side], ovoids)
+    i, limit, of = load(lists.vertex_particle, m), farthest(near), ellipsoid_at(near.bodies[side], ellipsoids)
     best, rod, t, normal = 0.0 * i + FAR, 0.0 * i, 0.0 * i, 0.0 * row(lists.point, m)
     for n in range(lists.ends[near.pair, 2, other], lists.ends[near.pair, 2, other + 1]):
         away, d, share = gap_to_segment(row(lists.start, n), row(lists.way, n), of)
@@ -306,14 +314,14 @@ def ovoid_rods(count: int, first: int, m: int, side: int, near: Near, seen: Sear
 
 
 @compiled
-def ovoid_ball(count: int, i: int, j: int, near: Near, seen: Search, ovoids: Ovoids) -> int:
+def ellipsoid_ball(count: int, i: int, j: int, near: Near, seen: Search, ellipsoids: Ellipsoids) -> int:
     """List the contact of an ellipsoid with another, or with a sphere or a ball, by their particles."""
     a, b = near.bodies
-    if not ovoids.there[a]:
+    if not ellipsoids.there[a]:
         a, b, i, j = b, a, j, i
-    of = ellipsoid_at(a, ovoids)
-    if ovoids.there[b]:
-        away, gap = gap_to_ellipsoid(of, ellipsoid_at(b, ovoids))
+    of = ellipsoid_at(a, ellipsoids)
+    if ellipsoids.there[b]:
+        away, gap = gap_to_ellipsoid(of, ellipsoid_at(b, ellipsoids))
     else:
         away, d = gap_to_point(row(seen.x, j), of)
         gap = d - seen.pairs.shapes.radius[b]
@@ -331,21 +339,21 @@ def ovoid_ball(count: int, i: int, j: int, near: Near, seen: Search, ovoids: Ovo
 
 @compiled
 def set_place(
-    k: int, inverse: Number, problem: Problem, spheres: Spheres | None, ovoids: Ovoids | None
+    k: int, inverse: Number, problem: Problem, spheres: Spheres | None, ellipsoids: Ellipsoids | None
 ) -> Number:
     """Find where contact k acts, if it is of an ellipsoid; returns W [1/kg] with what turns.
 
     ``inverse`` is W without. The normal points to the first particle, which is that of an ellipsoid.
     """
-    if ovoids is not None and spheres is not None and meets_ovoid(k, problem, ovoids):
+    if ellipsoids is not None and spheres is not None and meets_ellipsoid(k, problem, ellipsoids):
         contacts = problem.contacts
         body, other = body_of(0, k, problem), body_of(1, k, problem)
-        if not ovoids.there[body]:
+        if not ellipsoids.there[body]:
             body, other = other, body
         n = row(contacts.normal, k)
-        skin = support(-1.0 * n, ellipsoid_at(body, ovoids))
-        if ovoids.there[other]:
-            place = 0.5 * (skin + support(n, ellipsoid_at(other, ovoids)))
+        skin = support(-1.0 * n, ellipsoid_at(body, ellipsoids))
+        if ellipsoids.there[other]:
+            place = 0.5 * (skin + support(n, ellipsoid_at(other, ellipsoids)))
             left, halfway = 0.0 * inverse, place
         else:
             middle = 0.0 * n
@@ -360,29 +368,31 @@ def set_place(
             elif spheres.skin[other] > 0.0:
                 share = half
             place, halfway = plus_scaled(middle, share, n), plus_scaled(middle, half, n)
-        set_row(ovoids.place, k, place)
-        set_row(ovoids.middle, k, halfway)
-        store(ovoids.left, k, left)
-        store(ovoids.straight, k, inverse)
+        set_row(ellipsoids.place, k, place)
+        set_row(ellipsoids.middle, k, halfway)
+        store(ellipsoids.left, k, left)
+        store(ellipsoids.straight, k, inverse)
         for side in range(2):
             body = body_of(side, k, problem)
-            if ovoids.there[body]:
-                inverse = inverse + turning_of_ovoid(n, body, k, spheres, ovoids)
+            if ellipsoids.there[body]:
+                inverse = inverse + turning_of_ellipsoid(n, body, k, spheres, ellipsoids)
     return inverse
 
 
 @compiled
 def with_turning(
-    u: Number, v: Rows, k: int, problem: Problem, spheres: Spheres | None, ovoids: Ovoids | None
+    u: Number, v: Rows, k: int, problem: Problem, spheres: Spheres | None, ellipsoids: Ellipsoids | None
 ) -> Number:
     """Return the speed of contact k [m/s] with what the turning of ellipsoids adds to it."""
-    if ovoids is not None and spheres is not None and meets_ovoid(k, problem, ovoids):
+    if ellipsoids is not None and spheres is not None and meets_ellipsoid(k, problem, ellipsoids):
         n = row(problem.contacts.normal, k)
         for side in range(2):
             body = body_of(side, k, problem)
-            if ovoids.there[body]:
-                moment = cross(arm_of_ovoid(body, k, spheres, ovoids), n)
-                u = u + side_of(side, k, problem, ovoids) * dot(moment, spin_of(body, v, problem, spheres))
+            if ellipsoids.there[body]:
+                moment = cross(arm_of_ellipsoid(body, k, spheres, ellipsoids), n)
+                u = u + side_of(side, k, problem, ellipsoids) * dot(
+                    moment, spin_of(body, v, problem, spheres)
+                )
     return u
 
 
@@ -394,18 +404,18 @@ def turn_by_push(
     on: Mask,
     problem: Problem,
     spheres: Spheres | None,
-    ovoids: Ovoids | None,
+    ellipsoids: Ellipsoids | None,
 ) -> None:
     """Turn the ellipsoids of contact k by an impulse along its normal, in some lanes."""
-    if ovoids is not None and spheres is not None and meets_ovoid(k, problem, ovoids):
+    if ellipsoids is not None and spheres is not None and meets_ellipsoid(k, problem, ellipsoids):
         for side in range(2):
-            if ovoids.there[body_of(side, k, problem)]:
-                turn_ovoid(v, side, k, impulse, on, problem, spheres, ovoids)
+            if ellipsoids.there[body_of(side, k, problem)]:
+                turn_ellipsoid(v, side, k, impulse, on, problem, spheres, ellipsoids)
 
 
 @compiled
-def without_turning_by_push(k: int, problem: Problem, ovoids: Ovoids | None) -> Number:
+def without_turning_by_push(k: int, problem: Problem, ellipsoids: Ellipsoids | None) -> Number:
     """Return W of contact k without what the turning of ellipsoids adds to it [1/kg]."""
-    if ovoids is not None and meets_ovoid(k, problem, ovoids):
-        return load(ovoids.straight, k)
+    if ellipsoids is not None and meets_ellipsoid(k, problem, ellipsoids):
+        return load(ellipsoids.straight, k)
     return load(problem.contacts.inverse_mass, k)
