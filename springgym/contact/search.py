@@ -164,7 +164,7 @@ def find(
     """
     shapes, seen = pairs.shapes, Search(x, w, pairs, lists, contacts)
     ellipsoids = contacts.ellipsoids
-    measure_moved(x, w, span, pairs, lists, ellipsoids)
+    measure_moved(x, w, span, pairs, lists)
     fresh = not all_far_are_far(lists)
     if fresh:
         watch(x, w, span, pairs, lists, ellipsoids)
@@ -272,12 +272,11 @@ def measure_boxes(x: Rows, shapes: Shapes, lists: Lists) -> None:
 
 
 @compiled
-def measure_moved(
-    x: Rows, w: Rows, span: Span, pairs: Pairs, lists: Lists, ellipsoids: Ellipsoids | None
-) -> None:
+def measure_moved(x: Rows, w: Rows, span: Span, pairs: Pairs, lists: Lists) -> None:
     """Find how far the vertices of each body are from where they were when features were listed.
 
     What is fast is taken for farther, see `FARTHEST`, so that no pair is left out which may meet in a step.
+    The sphere that encloses an ellipsoid has room for it however it turns.
     """
     shapes, usual = pairs.shapes, 0.5 * FARTHEST * pairs.least_reach
     for body in range(shapes.radius.size):
@@ -290,7 +289,7 @@ def measure_moved(
             shift = row(x, i) - row(lists.origin, i)
             set_row(lists.shift, i, shift)
             farthest = maximum(dot(shift, shift), farthest)
-        ahead = maximum(span.out * with_skin_speed(sqrt(fastest), body, ellipsoids) - usual, 0.0)
+        ahead = maximum(span.out * sqrt(fastest) - usual, 0.0)
         store(lists.moved, body, sqrt(farthest) + ahead)
 
 
@@ -348,14 +347,6 @@ def add_turning(turning: Numbers, ellipsoids: Ellipsoids | None) -> None:
     if ellipsoids is not None:
         for body in range(ellipsoids.there.size):
             store(turning, body, load(turning, body) + load(ellipsoids.turning, body))
-
-
-@compiled
-def with_skin_speed(fastest: Number, body: int, ellipsoids: Ellipsoids | None) -> Number:
-    """Return the speed of a body's fastest vertex [m/s] with that of its skin, of an ellipsoid."""
-    if ellipsoids is None:
-        return fastest
-    return fastest + load(ellipsoids.turning, body)
 
 
 @compiled

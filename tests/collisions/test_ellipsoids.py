@@ -144,6 +144,18 @@ def test_tip_of_a_fast_bar_is_met_in_time() -> None:
     np.testing.assert_allclose(ends, 0.0, atol=1e-4)
 
 
+def test_flat_one_that_is_past_a_face_amid_a_step_comes_back() -> None:
+    """A face counts that it was in front of when the step began; one on the far side of a body does not."""
+    hard, block = Contact(friction=0.0, restitution=1.0, strength=1e-6, reach=2e-4), cube(0.05, damping=0.0)
+    for share in np.linspace(0.0, 1.0, 9):
+        height = 0.0255 + 8.0 * 2e-4 * (5 + share)
+        falls = body_at(COIN, (0, 0, height), velocity=(0, 0, -8.0))
+        of = scene(falls, body_at(block, (0, 0, 0), pinned=True), contact=hard)
+        simulator = full(of, copies=2, step=2e-4)
+        simulator.advance(30, check=False)
+        assert motion(simulator)[0][0, 2] > 0.5
+
+
 # --- Compared with others -------------------------------------------------------------------------------
 
 
