@@ -50,14 +50,14 @@ def test_of_two_equal_players_neither_is_better(monkeypatch: pytest.MonkeyPatch)
 @pytest.mark.slow
 def test_a_run_is_rated_and_goes_on(tmp_path, capsys) -> None:
     run = tmp_path / "duel"
-    for steps in (8192, 16384):
-        assert self_play.main([str(run), "--timesteps", str(steps), "--every", "8192", "--duels", "1"]) == 0
+    for steps in (16384, 32768):  # one round of play each, by configs/ppo.yaml
+        assert self_play.main([str(run), "--timesteps", str(steps), "--every", "16384", "--duels", "1"]) == 0
         config = run / "config.yaml"
-        config.write_text(config.read_text().replace("total_timesteps: 8192", "total_timesteps: 16384"))
-    assert [path.stem for path in sorted((run / "league").iterdir())] == ["000008192", "000016384"]
+        config.write_text(config.read_text().replace("total_timesteps: 16384", "total_timesteps: 32768"))
+    assert [path.stem for path in sorted((run / "league").iterdir())] == ["000016384", "000032768"]
     with (run / "elo.csv").open() as file:
         rows = {row["player"]: float(row["rating"]) for row in csv.DictReader(file)}
-    assert set(rows) == {*self_play.OPPONENTS, "8,192 steps", "16,384 steps"}
+    assert set(rows) == {*self_play.OPPONENTS, "16,384 steps", "32,768 steps"}
     assert rows["script"] == 1000.0
     assert rows["strong"] > rows["still"]
     assert "against strong" in capsys.readouterr().out
