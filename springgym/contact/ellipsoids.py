@@ -1,4 +1,4 @@
-"""How ellipsoids, disks among them, meet other bodies, and how contacts turn them.
+"""Ellipsoids, disks among them, meet other bodies, and contacts turn them.
 
 A body is an ellipsoid here if all its particles carry its one round feature, with the centre ξc and the
 semi-axes aₖ along qₖ in the rest shape, and if that is no sphere about the centre of mass. Contacts see it as

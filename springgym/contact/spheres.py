@@ -1,4 +1,4 @@
-"""How contacts move spheres and capsules, which friction turns; of ellipsoids see `ellipsoids`, too.
+"""Contacts move spheres and capsules, and friction turns them; for ellipsoids see `ellipsoids`, too.
 
 Friction acts at the skin of such a body, at the arm r = −ρ n from a sphere's centre, or from a capsule's
 axis, with the unit normal n from the other body. The inertia I is that of the body's particles as they lie at

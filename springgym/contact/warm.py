@@ -68,7 +68,7 @@ class WarmStart(NamedTuple):
 
 
 class Key(NamedTuple):
-    """What identifies a contact, and where its row in the table may be."""
+    """A `Key` identifies a contact, and says where its row in the table may be."""
 
     pair: int
     """the index of the pair, plus one"""
@@ -233,6 +233,6 @@ def forget(place: int, pairs: Pairs, table: WarmStart, sleep: Sleep | None) -> N
 
 @compiled
 def enter_row(array: np.ndarray | None, place: Number, value: Vector, enters: Mask) -> None:
-    """Store a vector in each copy's own row of a table that has vectors, in the copies that it ``enters``."""
+    """Store a vector in each copy's own row of a table, if there is one, in the copies that it ``enters``."""
     if array is not None:
         set_row_each(array, place, choose(enters, value, row_each(array, place)))

@@ -382,10 +382,10 @@ def ellipsoid_of_rows(rows: Rows, first: int) -> Ellipsoid:
 
 @kernel
 def find_gaps(ellipsoids: Rows, others: Rows, kind: int, found: Rows) -> None:
-    """Store in ``found`` (2 n, 3) how far n ellipsoids (5 n, 3) are from one other shape of a kind each.
+    """Store in ``found`` (2 n, 3) the normals and distances of n ellipsoids (5 n, 3), each to another shape.
 
-    That is the normal; and the distance [m] with, in a triangle, the weights of the second corner and the
-    third, or along a segment the share.
+    A distance [m] has beside it, in a triangle, the weights of the second corner and the third, or along a
+    segment the share. All other shapes are of one ``kind``.
 
     The others have the rows of their points, (n, 3), of their ends, (2 n, 3), of their corners, (3 n, 3), or
     are ellipsoids.

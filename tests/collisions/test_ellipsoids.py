@@ -145,7 +145,7 @@ def test_tip_of_a_fast_bar_is_met_in_time() -> None:
 
 
 def test_flat_one_that_is_past_a_face_amid_a_step_comes_back() -> None:
-    """A face counts that it was in front of when the step began; one on the far side of a body does not."""
+    """It meets the face that it was in front of when the step began, not one on the far side of the body."""
     hard, block = Contact(friction=0.0, restitution=1.0, strength=1e-6, reach=2e-4), cube(0.05, damping=0.0)
     for share in np.linspace(0.0, 1.0, 9):
         height = 0.0255 + 8.0 * 2e-4 * (5 + share)

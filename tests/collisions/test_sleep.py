@@ -224,7 +224,7 @@ def test_copies_sleep_as_if_alone(sleep: float | None) -> None:
 
 @pytest.mark.slow
 def test_what_sleeps_is_told_with_its_contacts() -> None:
-    """Contact forces on sleeping bodies balance their weights, up to how they swayed as they fell asleep."""
+    """Contact forces on sleeping bodies balance their weights, but for the sway before they fell asleep."""
     simulator = Simulator(scene(0.0), sleep=LIMIT)
     simulator.advance(2500)
     assert simulator.asleep.all()

@@ -84,7 +84,7 @@ def held(simulator: Simulator) -> np.ndarray:
 
 
 def test_what_rests_is_held_as_the_law_says() -> None:
-    """From nothing, two sweeps leave four fifths of the largest force open, and eight a half."""
+    """Two sweeps from nothing miss the law by four fifths of the largest force, eight sweeps by a half."""
     simulator = Simulator(column(0.0))
     simulator.advance(round(1.5 / simulator.step))
     _, push, law = pushes_and_law(simulator)
@@ -162,7 +162,7 @@ def test_copies_that_are_placed_start_from_nothing() -> None:
 
 @pytest.mark.slow
 def test_states_from_elsewhere_are_no_harm() -> None:
-    """A table may say anything: what is not in it starts from nothing."""
+    """A contact that the table does not hold starts from nothing, whatever else the table holds."""
     simulator = Simulator(column(0.0, 30.0), sleep=1e-3)
     simulator.advance(10)
     state = simulator.state()
