@@ -1,0 +1,123 @@
+"""Budgets of the repository, which only fall: lower a limit when a change makes its count smaller."""
+
+from __future__ import annotations
+
+import ast
+import io
+import tokenize
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+CODE_LINES = {"springgym": 33_801, "agents": 4_562, "tests": 27_878}
+"""Most lines that hold a token which is neither a comment nor part of a docstring, by folder."""
+
+CIRCLES = 5
+"""Most circles of imports among the files of springgym and agents."""
+
+LONG_SIGNATURES = 32
+"""Most functions of springgym and agents with eight or more parameters."""
+
+BLANK = {
+    tokenize.COMMENT,
+    tokenize.NL,
+    tokenize.NEWLINE,
+    tokenize.INDENT,
+    tokenize.DEDENT,
+    tokenize.ENDMARKER,
+}
+
+
+def sources(*folders: str) -> Iterator[tuple[Path, str, ast.Module]]:
+    for path in (path for folder in folders for path in sorted((ROOT / folder).rglob("*.py"))):
+        text = path.read_text(encoding="utf-8")
+        yield path, text, ast.parse(text)
+
+
+def docstring_lines(tree: ast.Module) -> set[int]:
+    strings = (
+        node
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+    )
+    return {line for node in strings for line in range(node.lineno, (node.end_lineno or 0) + 1)}
+
+
+def code_lines(folder: str) -> int:
+    total = 0
+    for _, text, tree in sources(folder):
+        tokens = tokenize.generate_tokens(io.StringIO(text).readline)
+        spans = (range(token.start[0], token.end[0] + 1) for token in tokens if token.type not in BLANK)
+        total += len({line for span in spans for line in span} - docstring_lines(tree))
+    return total
+
+
+def imports() -> dict[str, set[str]]:
+    """Return the modules that each module imports names from; the package ``springgym`` itself aside."""
+
+    def name(path: Path) -> str:
+        return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+
+    trees = {name(path): tree for path, _, tree in sources("springgym", "agents")}
+    graph: dict[str, set[str]] = {module: set() for module in trees}
+    for module, tree in trees.items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom) and node.module:
+                for alias in node.names:
+                    found = (f"{node.module}.{alias.name}", node.module, f"agents.{node.module}")
+                    graph[module] |= set([target for target in found if target in trees][:1])
+        graph[module] -= {module, "springgym"}
+    return graph
+
+
+def circles(graph: dict[str, set[str]]) -> list[list[str]]:
+    """Return the groups of modules that import each other, directly or through others."""
+    reached: dict[str, set[str]] = {}
+    for module in graph:
+        found, waiting = set(), [module]
+        while waiting:
+            new = graph[waiting.pop()] - found
+            found |= new
+            waiting += new
+        reached[module] = found
+    groups = {frozenset(m for m in reached[module] if module in reached[m]) for module in graph}
+    return sorted(sorted(group) for group in groups if group)
+
+
+def parameters(function: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
+    given = function.args
+    named = [*given.posonlyargs, *given.args, *given.kwonlyargs, given.vararg, given.kwarg]
+    return sum(parameter is not None for parameter in named)
+
+
+@pytest.mark.parametrize("folder", CODE_LINES)
+def test_code_lines(folder: str) -> None:
+    assert code_lines(folder) <= CODE_LINES[folder]
+
+
+def test_circles_of_imports() -> None:
+    found = circles(imports())
+    assert len(found) <= CIRCLES, found
+
+
+def test_long_signatures() -> None:
+    functions = (
+        (path.name, node.name)
+        for path, _, tree in sources("springgym", "agents")
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and parameters(node) >= 8
+    )
+    found = list(functions)
+    assert len(found) <= LONG_SIGNATURES, found
+
+
+def test_counts_notice_what_they_count() -> None:
+    assert circles({"a": {"b"}, "b": {"a"}, "c": {"a"}}) == [["a", "b"]]
+    assert circles({"a": {"b"}, "b": set()}) == []
+    function = ast.parse("def f(a, /, b, *args, c, **rest): ...").body[0]
+    assert isinstance(function, ast.FunctionDef)
+    assert parameters(function) == 5
+    assert docstring_lines(ast.parse('"""One\n\ntwo."""\nx = 1\n')) == {1, 2, 3}
