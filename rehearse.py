@@ -27,7 +27,7 @@ from pathlib import Path
 from release import DATE, HEADING, PLACEHOLDER
 
 ROOT = Path(__file__).resolve().parent
-LOWEST = {"gymnasium": "1.2.2", "numpy": "1.26.0", "numba": "0.61.0"}
+LOWEST = {"gymnasium": "1.2.2", "numpy": "1.26.0", "numba": "0.62.0", "pyyaml": "6.0", "tqdm": "4.66.0"}
 """Lower bounds of what the package depends on."""
 LOWEST_ON = (3, 11)
 """Python that these have wheels for."""

@@ -639,10 +639,10 @@ and prints the seed of every round.
 OWN_SCENES = """## A scene of your own
 
 `springgym.make_scene_env(scene, reward, actuators={"force": 20.0, "torque": 2.0})` makes an environment
-from a `Scene`, or from a scene file by name (which needs the extra `scenes`). With `num_envs` it makes a
-batch. Your functions receive the measures and the situation of all copies. With several bodies, they ask for
-the measures of each by name: `m["box"].centre`. [A tutorial](tutorials/task.md) shows goals, memory, terms of
-the reward, marks and colours:
+from a `Scene`, or from a scene file by name. With `num_envs` it makes a batch. Your functions receive the
+measures and the situation of all copies. With several bodies, they ask for the measures of each by name:
+`m["box"].centre`. [A tutorial](tutorials/task.md) shows goals, memory, terms of the reward, marks and
+colours:
 
 ```python
 import gymnasium

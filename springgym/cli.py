@@ -39,7 +39,7 @@ COMMANDS = {
 SCRIPTS = {
     "train": ("agents", "train an agent, compare it with baselines and film it"),
     "evaluate": ("agents", "compare agents on the same held-out episodes"),
-    "watch": ("scenes,render", "watch an agent in a window, in the browser or as a film"),
+    "watch": ("render", "watch an agent in a window, in the browser or as a film"),
 }
 """Subcommands that run the script of their name in ``agents/``, the extras that they need, a line of help."""
 

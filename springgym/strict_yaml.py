@@ -17,12 +17,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, Union, cast, get_args, get_origin, get_type_hints
 
-from springgym.extras import missing
-
-try:
-    import yaml
-except ImportError as error:
-    raise ImportError(missing("reading YAML", "pyyaml", "scenes")) from error
+import yaml
 
 from springgym.checks import HUGE, instance, shown, suggestion
 

@@ -46,9 +46,8 @@ class Trained:
 def load_agent(agent: str | Path) -> Agent:
     """Load a published agent by the id of its environment, or an agent of your own by its run folder.
 
-    This needs PyYAML (extra ``scenes`` or ``agents``), but neither PyTorch nor Stable-Baselines3. Nothing is
-    unpickled, so you can load a run folder of somebody else. If the environment's id has the form
-    ``module:ID``, `Agent.make` imports the module.
+    This needs neither PyTorch nor Stable-Baselines3. Nothing is unpickled, so you can load a run folder of
+    somebody else. If the environment's id has the form ``module:ID``, `Agent.make` imports the module.
 
     Parameters
     ----------
