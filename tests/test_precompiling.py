@@ -29,7 +29,7 @@ from tests.test_compiling import FILES, RUN, finish, flipped, start
 pytestmark = pytest.mark.own_kernels
 
 ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT))
+sys.path.insert(0, str(ROOT / "tools"))
 
 import kernels  # noqa: E402
 

@@ -623,7 +623,7 @@ def _name_symbols(codegen: JITCPUCodegen, description: FunctionDescriptor) -> No
 
 
 KERNELS = "springgym_kernels"
-"""Package of compiled code, made by ``kernels.py`` of the repository: a folder of entries, and `MADE`."""
+"""Package of compiled code, made by ``tools/kernels.py`` of a clone: a folder of entries, and `MADE`."""
 
 MADE = "made.json"
 """File in it: ``{"versions": {…}, "levels": […]}``, of what its code is made for; see `made_here`."""

@@ -1,10 +1,10 @@
 """Rehearse the release of a tag: from a clone to an index on disk, and from there into clean environments.
 
-    python rehearse.py v0.2.0                                  # what the workflows do, but publishing
-    python rehearse.py v0.2.0 --python python3.11 python3.13   # first steps on these, too
-    python rehearse.py v0.2.0 --ids SpringTop-v0 SpringRope-v0 # compiled code of these environments
-    python rehearse.py v0.2.0 --site                           # the site with its films: ten minutes more
-    python rehearse.py v0.2.0 --cache FOLDER                   # compiled code is kept there
+    python tools/rehearse.py v0.2.0                                  # what the workflows do, but publishing
+    python tools/rehearse.py v0.2.0 --python python3.11 python3.13   # first steps on these, too
+    python tools/rehearse.py v0.2.0 --ids SpringTop-v0 SpringRope-v0 # compiled code of these environments
+    python tools/rehearse.py v0.2.0 --site                           # the site, films included: ten minutes
+    python tools/rehearse.py v0.2.0 --cache FOLDER                   # compiled code is kept there
 
 The clone is of what is committed here. In it alone, the addresses get an owner and the changelog a date if
 they have none. The first command that fails ends the rehearsal; else a table tells how long each took.
@@ -24,30 +24,15 @@ from collections.abc import Sequence
 from datetime import date
 from pathlib import Path
 
-from release import DATE, HEADING, PLACEHOLDER
+from release import DATE, HEADING
 
-ROOT = Path(__file__).resolve().parent
+ROOT = Path(__file__).resolve().parents[1]
+STEPS = ROOT / "tools" / "first_steps.py"
+"""First steps that need no extra."""
 LOWEST = {"gymnasium": "1.2.2", "numpy": "1.26.0", "numba": "0.62.0", "pyyaml": "6.0", "tqdm": "4.66.0"}
 """Lower bounds of what the package depends on."""
 LOWEST_ON = (3, 11)
 """Python that these have wheels for."""
-STEP = """
-import gymnasium, numba, numpy, springgym
-env = gymnasium.make("SpringTop-v0")
-env.reset(seed=0)
-reward = env.step(env.action_space.sample())[1]
-assert "site-packages" in springgym.__file__, springgym.__file__
-print(f"springgym {springgym.__version__}, gymnasium {gymnasium.__version__}, numpy {numpy.__version__},",
-      f"numba {numba.__version__}: reward {reward:.3f}")
-"""
-AGENT = """
-import springgym
-agent = springgym.load_agent("SpringTop-v0")
-env = agent.make()
-policy = agent.policy(env)
-observation, info = env.reset(seed=0)
-assert env.step(policy(observation))[1] > 0
-"""
 AT_ONCE = """
 import os, sys
 import gymnasium, springgym
@@ -149,16 +134,15 @@ def tagged(at: Rehearsal, tag: str) -> Path:
     """Return a clone with this tag, in which what a release asks for is set."""
     clone = at.folder / "clone"
     at.run("clone", "git", "clone", "--quiet", ROOT, clone)
-    project, log = clone / "pyproject.toml", clone / "CHANGELOG.md"
-    owned = re.sub(rf"(?<=/){PLACEHOLDER}(?=[./])", "rehearsal", project.read_text("utf-8"))
-    project.write_text(owned, "utf-8")
+    log = clone / "CHANGELOG.md"
 
     def dated(heading: re.Match[str]) -> str:
         known = heading[1] != tag.removeprefix("v") or DATE.fullmatch(heading[2])
         return heading[0] if known else f"## {heading[1]} ({date.today()})"
 
     log.write_text(HEADING.sub(dated, log.read_text("utf-8")), "utf-8")
-    at.run("addresses, date", sys.executable, "release.py", "--write", cwd=clone)
+    here = ("--address", "https://github.com/rehearsal/springgym")
+    at.run("addresses, date", sys.executable, "tools/release.py", "--write", *here, cwd=clone)
     who = ["-c", "user.name=rehearsal", "-c", "user.email=rehearsal@example.org"]
     at.run("commit", "git", *who, "commit", "--quiet", "--all", "--allow-empty", "-m", tag, cwd=clone)
     at.run("tag", "git", *who, "tag", "-a", tag, "-m", tag, cwd=clone)
@@ -192,7 +176,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     at.run(
         "check and notes",
         sys.executable,
-        "release.py",
+        "tools/release.py",
         options.tag,
         "--notes",
         folder / "notes.md",
@@ -207,16 +191,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     user = at.environment("user")
     at.install("user: the wheel, from the index", user, *here)
     (wheel,) = index.glob("springgym-*.whl")
-    at.install("user: what it needs", user, "-c", pins, f"{wheel}[agents,scenes,plot,render]")
+    at.install("user: what it needs", user, "-c", pins, wheel)
 
     def command(what: str, words: str) -> None:
         at.run(what, user.with_name("springgym"), *words.split())
 
-    at.run("user: first step", user, "-c", STEP, cache="cache-first")
+    at.run("user: first steps", user, STEPS, cache="cache-first")
     (compiled,) = index.glob("springgym_kernels-*.whl")
     at.install("user: compiled code", user, compiled)
     at.run("user: first step at once", user, "-c", AT_ONCE, *options.ids, cache="cache-not-used")
-    at.run("user: published agent", user, "-c", AGENT)
+    at.install("user: extras", user, "-c", pins, f"{wheel}[agents,scenes,plot,render]")
     at.run("user: a first step of every environment", user, "-c", EVERY)
     command("user: first agent", "train SpringTop-v0 --timesteps 20000 --episodes 10")
     command("user: evaluate", "evaluate SpringTop-v0 zero --episodes 10")
@@ -238,13 +222,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for number, python in enumerate(options.python):
         newest = at.environment(f"{number}-newest", python)
         at.install(f"{python}: the wheel, newest versions", newest, wheel)
-        at.run(f"{python}: first step", newest, "-c", STEP, cache=f"cache-{number}")
+        at.run(f"{python}: first step", newest, STEPS, cache=f"cache-{number}")
         asked = "import sys; print(*sys.version_info[:2])"
         told = subprocess.run([newest, "-c", asked], capture_output=True, text=True, check=True).stdout
         if tuple(map(int, told.split())) == LOWEST_ON:
             lowest = at.environment(f"{number}-lowest", python)
             at.install(f"{python}: lower bounds", lowest, wheel, *(f"{a}=={b}" for a, b in LOWEST.items()))
-            at.run(f"{python}: first step on lower bounds", lowest, "-c", STEP, cache=f"cache-{number}-low")
+            at.run(f"{python}: first step on lower bounds", lowest, STEPS, cache=f"cache-{number}-low")
     at.tell()
     return 0
 

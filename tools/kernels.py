@@ -1,7 +1,7 @@
 """Build the wheel ``springgym-kernels``: compiled code of the environments, for their first step at once.
 
-    python kernels.py                          # all environments, into dist/
-    python kernels.py SpringTop-v0 --jobs 4    # some of them
+    python tools/kernels.py                          # all environments, into dist/
+    python tools/kernels.py SpringTop-v0 --jobs 4    # some of them
 
 Code is compiled for all levels that this processor has: run this on one with AVX-512, which has all of them.
 It is compiled by the Python, NumPy and Numba that run this script, and the wheel asks for the same ones.
@@ -27,7 +27,7 @@ from pathlib import Path
 
 from springgym.core.compiling import KERNELS, LEVELS, MADE, features, made_here
 
-ROOT = Path(__file__).resolve().parent
+ROOT = Path(__file__).resolve().parents[1]
 NAME = KERNELS.replace("_", "-")
 ABOUT = """Compiled code of the environments of springgym, so that their first step does not wait for a
 compiler. `pip install "springgym[compiled]"` installs it, and springgym finds it without being told.
@@ -62,7 +62,7 @@ def metadata() -> str:
         "Summary: Compiled code of springgym's environments",
         f"Author: {project['authors'][0]['name']}",
         f"License-Expression: {project['license']}",
-        *(f"Project-URL: {name}, {url}" for name, url in project["urls"].items()),
+        *(f"Project-URL: {name}, {url}" for name, url in project.get("urls", {}).items()),
         f"Requires-Python: =={major}.{minor}.*",
         *(f"Requires-Dist: {name.lower()}=={versions[name]}" for name in ("springgym", "NumPy", "Numba")),
         "Description-Content-Type: text/markdown",
