@@ -56,13 +56,14 @@ MOST_TOLD = 20
 class WrenchActuator:
     """Apply a force and a torque to the body.
 
-    If ``axial``, only the component of the world torque along the axis of the body acts.
+    If ``perpendicular``, only the component of the world torque perpendicular to the body's axis acts: it
+    tilts the body, and does not spin it.
     """
 
-    axial: bool = True
+    perpendicular: bool = False
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "axial", flag("axial of a wrench", self.axial))
+        object.__setattr__(self, "perpendicular", flag("perpendicular of a wrench", self.perpendicular))
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import sys
 import warnings
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence, Set
@@ -723,7 +724,7 @@ class Simulator:
         Raises
         ------
         TypeError, ValueError
-            If the other simulator has another scene, number of copies or dtype; nothing is changed.
+            If the other simulator differs in more than `GOES_FORWARD`; nothing is changed.
         """
         must = "; it must be made like this simulator but for its step"
         made = checks.instance("other", other, Simulator).identity
@@ -1208,7 +1209,10 @@ class Simulator:
 
 def _tell(what: str) -> None:
     """Warn at the line that called the simulator."""
-    warnings.warn(what, PrecisionWarning, stacklevel=4)
+    level = 1
+    while sys._getframe(level - 1).f_globals["__name__"] in (__name__, Guard.__module__):
+        level += 1
+    warnings.warn(what, PrecisionWarning, stacklevel=level)
 
 
 @lru_cache(maxsize=8)

@@ -19,7 +19,7 @@ from typing import Any, Literal, NamedTuple, Union, cast, get_args, get_origin, 
 
 import yaml
 
-from springgym.checks import HUGE, instance, shown, suggestion
+from springgym.checks import HUGE, instance, shown, suggestion, unreadable
 
 
 class YamlError(ValueError):
@@ -39,6 +39,9 @@ class Tree(NamedTuple):
             value = value[int(key)] if isinstance(value, list) else value[key]
         return value
 
+
+LARGEST = 10_000_000
+"""Largest size of a file [bytes]."""
 
 MOST_REPEATED = 10_000
 """Values that aliases may add to a document: a few hundred bytes of aliases to aliases make billions."""
@@ -72,6 +75,8 @@ def read_yaml(path: Path) -> Tree:
     YamlError
         If it cannot be read or is not valid, or a key is given twice.
     """
+    if why := unreadable(path, LARGEST):
+        raise YamlError(f"{path}: cannot read it: {why}")
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

@@ -64,7 +64,7 @@ def own_scenes() -> dict[str, Scene]:
     crown, tip = spinner.parts["crown"], spinner.parts["tip"]
     wall = Plane((0.0, 0.0, 0.0), (-0.6, 0.0, 0.8))
     return {
-        "own-wrench": Scene(spinner, pinned=tip, wrench=WrenchActuator(axial=False)),
+        "own-wrench": Scene(spinner, pinned=tip, wrench=WrenchActuator(perpendicular=True)),
         "own-thrust": Scene(spinner, pinned=tip, thrust=ThrustActuator(crown, turns=True)),
         "own-free": Scene(block, gravity=None, wrench=WrenchActuator(), thrust=ThrustActuator((0, 6))),
         "own-drive": Scene(line, pinned=(0,), drive=DriveActuator(0, 2.0)),

@@ -89,7 +89,7 @@ def all_features() -> dict[str, Feature]:
     return {
         "gravity": Feature(plain.with_(gravity=None), plain),
         "damping": Feature(plain, damped),
-        "wrench": Feature(plain, plain.with_(wrench=WrenchActuator(axial=False))),
+        "wrench": Feature(plain, plain.with_(wrench=WrenchActuator(perpendicular=True))),
         "thrust": Feature(plain, plain.with_(thrust=ThrustActuator((crown,), turns=True))),
         "drive": Feature(plain, plain.with_(drive=DriveActuator(tip, speed=3.0))),
         "ledger": Feature(damped, damped, {"ledger": True}),

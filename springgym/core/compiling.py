@@ -653,8 +653,8 @@ def shipped() -> tuple[Path, str] | None:
     level = fitting_level(binding.get_host_cpu_name(), features())
     try:
         made = json.loads((folder / MADE).read_text(encoding="utf-8"))
-        versions, levels = dict(made["versions"]), list(made["levels"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        versions, levels = dict(made["versions"]), list(map(str, made["levels"]))
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         why = f"it is damaged ({type(error).__name__}: {error})"
     else:
         unfit = [
@@ -663,7 +663,7 @@ def shipped() -> tuple[Path, str] | None:
             if versions.get(name) != here
         ]
         if level in levels and not unfit:
-            return folder, str(level)
+            return folder, level
         ours = f"one of {level}" if level else "none of these"
         why = unfit[0] if unfit else f"it is for processors of {', '.join(levels)}, and this is {ours}"
     LOGGER.warning("springgym: the compiled code of springgym-kernels is not used: %s", why)

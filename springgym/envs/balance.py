@@ -139,7 +139,7 @@ class SpringBalance(Task):
         above = self.plate.positions[CROWN] + (0.0, 0.0, BALL_RADIUS + self._height(NOMINAL))
         return Scene(
             bodies=(
-                Placed(self.plate, pinned=(tip,), wrench=WrenchActuator(axial=False), name="plate"),
+                Placed(self.plate, pinned=(tip,), wrench=WrenchActuator(perpendicular=True), name="plate"),
                 Placed(self.ball, above + self.ball.positions, name="ball"),
             ),
             collisions=self.contact,

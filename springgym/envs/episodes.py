@@ -130,7 +130,10 @@ class Episodes:
         self.unready = NOT_BEGUN
         """why the copies must be reset before they are stepped; empty if they need not"""
         self.max_episode_steps = _checked_limit(max_episode_steps)
-        checks.flag("sparse", sparse)
+        if checks.flag("sparse", sparse) and not task.has_aim:
+            raise ValueError(
+                "sparse is True, and there is no aim to meet; give succeeded, or achieved and aims"
+            )
         self.goals = _goals_of(task, sparse) if checks.flag("goals", goals) else None
         """of observations that tell goals apart; None of others"""
         kind = DYNAMICS[chosen("dynamics", dynamics, DYNAMICS)]

@@ -320,6 +320,7 @@ class SceneTask(Task):
             self.achieve = self._reached  # type: ignore[misc]
             self._goals = Goals(self.aims)
         self.memory = checks.array("memory", memory, (None,)).tolist()  # type: ignore[misc]
+        self.has_aim = achieved is not None or succeeded is not None  # type: ignore[misc]
         self._move, self._remember = _given("move", move), _given("remember", remember)
         if move is not None:
             if not self.goal_size:

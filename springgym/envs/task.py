@@ -92,6 +92,8 @@ class Task:
     """number of consecutive steps in which the aim must be met to count as success"""
     wins: ClassVar[bool] = False
     """whether an episode can end by success, as a won duel does; otherwise a failure is never a success"""
+    has_aim: ClassVar[bool] = True
+    """whether there is an aim: without one, "met" is always 0"""
     evaluate: ClassVar[Callable[..., None]]
     compact: ClassVar[Callable[..., None]]
     move: ClassVar[Callable[..., None] | None] = None

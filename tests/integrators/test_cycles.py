@@ -260,7 +260,9 @@ def test_strong_dampers_add_no_energy() -> None:
 def tops(damping: float) -> Scene:
     body = top(damping=damping)
     tip = body.parts["tip"]
-    return Scene(body, *start(body, spin=50.0, pinned=tip), pinned=tip, wrench=WrenchActuator(axial=False))
+    return Scene(
+        body, *start(body, spin=50.0, pinned=tip), pinned=tip, wrench=WrenchActuator(perpendicular=True)
+    )
 
 
 @pytest.mark.parametrize(("damping", "every"), [(1.0, 10), (100.0, 10), (500.0, 4), (1e4, 1)])
