@@ -237,10 +237,6 @@ def _of_bodies(scene: Scene, here: Here) -> Contacts:
     radius = np.array([shape.radius for shape in scene.shapes])
     both = (np.abs(weight)[:, None] @ places)[:, 0]  # the sum of the points of both
     point = 0.5 * (both + (radius[second] - radius[first])[:, None] * normal)
-    if contacts.ellipsoids is not None:
-        there = contacts.ellipsoids.there
-        of_ellipsoid = there[first] | there[second]
-        point[of_ellipsoid] = numbers(contacts.ellipsoids.middle)[:rows][row, :, lane][of_ellipsoid]
     none = np.full(len(row), NONE)
     copy = here.block * width + lane
     force = impulse / here.span[lane][:, None]

@@ -12,11 +12,9 @@ from springgym import rigid
 from springgym.bodies.elasticity import spring_forces
 from springgym.checks import HUGE, TINY
 from springgym.contact.cone import Resistance, law_of, resistance_of
-from springgym.contact.ellipsoids import new_ellipsoids
 from springgym.contact.lists import Lists, new_lists
 from springgym.contact.overlap import Outlines, outlines
 from springgym.contact.pairs import (
-    MORE_SWEEPS,
     SWEEPS,
     Pairs,
     longest_edge,
@@ -297,7 +295,7 @@ def pack_pairs(scene: Scene, options: Options) -> Pairs:
         loss=options.parameter({"restitution"} & varying, loss_of(restitutions)) if loses else None,
         shapes=packed_shapes(scene.shapes, scene.starts[:-1].tolist()),
         most=most_contacts(met, scene.shapes)[0],
-        sweeps=MORE_SWEEPS if scene.ellipsoids.any() else SWEEPS,
+        sweeps=SWEEPS,
     )
 
 
@@ -324,15 +322,8 @@ def search_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> tuple[List
     resisted = np.zeros(len(scene.bodies), bool)
     for of in (pairs.first, pairs.second):
         resisted[of[scene.resisted]] = True
-    shapes = [
-        shape._replace(ellipsoid=False, radius=0.0) if shape.ellipsoid and not meets else shape
-        for shape, meets in zip(scene.shapes, scene.ellipsoids, strict=True)
-    ]
-    spheres = new_spheres(scene.starts, shapes, resisted, dtype)
-    contacts = new_contacts(pairs, most, dtype)
-    bodies = [placed.body for placed in scene.bodies]
-    ellipsoids = new_ellipsoids(scene.starts, shapes, bodies, len(contacts.pair), dtype)
-    contacts = contacts._replace(spheres=spheres, ellipsoids=ellipsoids)
+    spheres = new_spheres(scene.starts, scene.shapes, resisted, dtype)
+    contacts = new_contacts(pairs, most, dtype)._replace(spheres=spheres)
     return new_lists(pairs, len(scene.positions), dtype), contacts
 
 

@@ -897,8 +897,6 @@ class Simulator:
         shown = self._shown[copies]
         place, pairs = self.readout.positions[copies], collisions.pairs
         found = tell_shown(place, pairs.first, pairs.second, self._outlines, self._boxes[thread], shown)
-        if self.scene.ellipsoids.any():
-            found = self.scene.tell_ellipsoids(place, shown)
         if found:
             totals.count_shown(collisions, start, shown)
         lanes = numbers(collisions.totals)[first:last]

@@ -26,14 +26,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from springgym.contact.cone import within_cone
-from springgym.contact.ellipsoids import without_turning_by_push
 from springgym.contact.round import PASSES
 from springgym.contact.rows import add_loss
 from springgym.contact.solids import among_going, between, inverse_mass_of_both, push_both
 from springgym.contact.spheres import (
     at_one_point,
     inverse_mass_by_turning,
-    left_to_face,
+    skins,
     slip_by_turning,
     turn_by_friction,
 )
@@ -80,7 +79,7 @@ def lay_out(k: int, problem: Problem, friction: Numbers, spheres: Spheres | None
             apart = plus_scaled(apart, load(contacts.weight, 4 * k + j), row_of(x, k, j, contacts))
         d = dot(apart, n)
         if spheres is not None:
-            d = left_to_face(d, k, problem, spheres, contacts.ellipsoids)
+            d = d - skins(k, problem, spheres)
         first = row_of(x, k, 1, contacts)
         if contacts.members[k] == 4:
             crossed = crosses(k, contacts)
@@ -270,7 +269,7 @@ def inverse_mass_along(along: Vector, k: int, problem: Problem, solids: Solids |
 @compiled
 def inverse_mass_of_sides(along: Vector, k: int, problem: Problem, spheres: Spheres | None) -> Number:
     """Return W of contact k, and what the turning of spheres adds to it along a unit vector [1/kg]."""
-    inverse = without_turning_by_push(k, problem, problem.contacts.ellipsoids)
+    inverse = load(problem.contacts.inverse_mass, k)
     if spheres is not None:
         inverse = inverse + inverse_mass_by_turning(along, k, problem, spheres)
     return inverse

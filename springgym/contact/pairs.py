@@ -20,9 +20,8 @@ PARALLEL = 2.0
 MOST_PARALLEL = 0.2
 
 
-SWEEPS, MORE_SWEEPS = 2, 8
-"""Sweeps, there and back, in which the impulses of contacts are found; and with ellipsoids, whose pushes and
-friction act on each other."""
+SWEEPS = 2
+"""Sweeps, there and back, in which the impulses of contacts are found."""
 
 
 class Shapes(NamedTuple):

@@ -20,7 +20,6 @@ from springgym.core.kinds import Number, Numbers, Rows
 from springgym.core.lanes import load, store
 
 if TYPE_CHECKING:
-    from springgym.contact.ellipsoids import Ellipsoids
     from springgym.contact.solids import Solids
     from springgym.contact.spheres import Spheres
 
@@ -80,8 +79,6 @@ class ContactRows(NamedTuple):
     """the rigid bodies that contacts move; None where particles move by themselves"""
     spheres: Spheres | None = None
     """the spheres that turn, among bodies of springs; None if there are none"""
-    ellipsoids: Ellipsoids | None = None
-    """the ellipsoids among them; None if there are none"""
 
 
 class Problem(NamedTuple):

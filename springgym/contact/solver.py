@@ -21,7 +21,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from springgym.contact.ellipsoids import set_place, turn_by_push, with_turning, without_turning_by_push
 from springgym.contact.features import TAPER, smooth
 from springgym.contact.friction import lay_out
 from springgym.contact.law import barrier_energy, meet
@@ -122,7 +121,6 @@ def weigh(k: int, problem: Problem, touched: Numbers, solids: Solids | None) -> 
             store_each(touched, i, select(there, 1.0 + 0.0 * weight, load_each(touched, i)))
             store(contacts.gain, 4 * k + j, gain)
             inverse = inverse + weight * gain
-        inverse = set_place(k, inverse, problem, contacts.spheres, contacts.ellipsoids)
         lay_out(k, problem, problem.pairs.friction, contacts.spheres)
         return inverse
     raise LookupError("neither rigid bodies nor particles that move by themselves")
@@ -137,8 +135,7 @@ def speed(v: Rows, k: int, problem: Problem, solids: Solids | None) -> Number:
     u = 0.0 * row(contacts.normal, k)
     for j in range(contacts.members[k]):
         u = plus_scaled(u, load(contacts.weight, 4 * k + j), row_each(v, load(contacts.particle, 4 * k + j)))
-    u = dot(row(contacts.normal, k), u)
-    return with_turning(u, v, k, problem, contacts.spheres, contacts.ellipsoids)
+    return dot(row(contacts.normal, k), u)
 
 
 @compiled
@@ -155,7 +152,6 @@ def push_apart(v: Rows, k: int, impulse: Vector, on: Mask, problem: Problem, sol
         push_both(v, k, impulse, on, problem, solids)
     else:
         push_members(v, k, impulse, on, problem.contacts)
-        turn_by_push(v, k, impulse, on, problem, problem.contacts.spheres, problem.contacts.ellipsoids)
 
 
 @compiled
@@ -439,5 +435,5 @@ def shift_apart(
         push_body(shift, a, size, n, 0.0 * n, on, solids)
         push_body(shift, b, -1.0 * size, n, 0.0 * n, on, solids)
     else:
-        inverse = without_turning_by_push(k, problem, contacts.ellipsoids)
+        inverse = load(contacts.inverse_mass, k)
         push_members(shift, k, short / (inverse + TINY) * n, on, contacts)

@@ -1,6 +1,6 @@
 """Resist the turning of two bodies that touch: rolling and torsional resistance between bodies.
 
-Where a sphere, a capsule or an ellipsoid touches another body with the push J, a couple q acts on the first
+Where a sphere or a capsule touches another body with the push J, a couple q acts on the first
 body and −q on the second, and changes their angular velocities by I⁻¹ q and −I⁻¹ q. With ω = ω₁ − ω₂ and the
 unit normal n, it stops ω − (ω · n) n, which is rolling, as far as its part across n is at most ρ J, and
 (ω · n) n, which is spinning, as far as its part along n is at most τ J (`springgym.contact.cone`).

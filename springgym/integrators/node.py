@@ -29,7 +29,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from springgym.contact.ellipsoids import find_ellipsoids
 from springgym.contact.friction import rub
 from springgym.contact.law import Span
 from springgym.contact.lists import Lists
@@ -649,7 +648,6 @@ def find_touching(bodies: Bodies, node: Node, exchange: Exchange | None) -> Prob
         particles.inverse_mass.values,
         contacts.spheres,
     )
-    find_ellipsoids(bodies.x.values, particles.mass.values, contacts.spheres, contacts.ellipsoids)
     found_in = exchange.lists, contacts
     collisions, passes = bodies.terms.collisions, node.stage == PASSES
     return find_contacts(places, before, before, inverse_mass, node.span, collisions, found_in, passes)

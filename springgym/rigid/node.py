@@ -21,7 +21,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from springgym.contact.ellipsoids import find_ellipsoids
 from springgym.contact.friction import rub
 from springgym.contact.lists import Lists
 from springgym.contact.points import lifted
@@ -645,7 +644,6 @@ def pass_together(phase: Phase, node: Node, first: bool, space: Company, twins: 
         x.values, v.values, particles.mass.values, particles.inverse_mass.values, contacts.spheres
     )
     span = node.span
-    find_ellipsoids(x.values, particles.mass.values, contacts.spheres, contacts.ellipsoids)
     problem = find_contacts(places, reached, space.before, inverse_mass, span, collisions, found_in, False)
     if node.stage == STARTS:
         start_together(collisions, terms.memory, node.phase, problem)
