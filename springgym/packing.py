@@ -24,7 +24,6 @@ from springgym.contact.pairs import (
 )
 from springgym.contact.round import Rolling, packed_rounds
 from springgym.contact.rows import ContactRows, new_contacts
-from springgym.contact.sleep import Sleep
 from springgym.contact.solids import Solids
 from springgym.contact.spheres import new_spheres
 from springgym.contact.surfaces import Surfaces
@@ -37,7 +36,6 @@ from springgym.core.ragged import share, stacked
 from springgym.forces import Particles, Terms
 from springgym.forces.actuators import Drive, Thrust, Wrench
 from springgym.forces.cycle import cycle
-from springgym.forces.ledger import ENTRIES as LEDGER
 from springgym.forces.memory import STORED, memory
 from springgym.forces.paper_contact import PaperLaw
 from springgym.forces.springs import Dampers, Decay, Springs, decay, interleaved
@@ -105,8 +103,6 @@ class Options(NamedTuple):
     """names of parameters that differ from copy to copy"""
     blocks: Callable[..., np.ndarray]
     """a function that makes an array of blocks of some shape"""
-    sleep: float | None = None
-    """speed below which bodies rest, and fall asleep [m/s]; None if none do"""
 
     def parameter(self, names: Collection[str], value: ArrayLike) -> np.ndarray:
         """Return an array for a value that depends on parameters: blocks of copies if one of them varies."""
@@ -255,12 +251,8 @@ def _collisions(scene: Scene, options: Options) -> Collisions | None:
     pairs = pack_pairs(scene, options)
     totals, totals_before = (options.blocks(len(scene.meetings) * ENTRIES) for _ in range(2))
     changing = aligned_zeros((len(totals), 1 + len(scene.meetings)), block_dtype(np.int64, 1))
-    sleep = None
-    if options.sleep is not None:
-        pinned = np.array([not part.free.any() for part in scene.parts])
-        sleep = Sleep(options.blocks(len(scene.bodies)), options.sleep, pinned)
     warm = new_warm_start(pairs, len(scene.bodies), options.blocks)
-    collisions = Collisions(pairs, totals, totals_before, changing, sleep, warm)
+    collisions = Collisions(pairs, totals, totals_before, changing, warm)
     empty_totals(collisions, slice(None))
     return collisions
 
@@ -363,10 +355,6 @@ def node_workspace(scene: Scene, pairs: Pairs | None, dtype: DTypeLike) -> Space
             any_busy=np.zeros(len(bodies), bool),
             lists=lists,
             contacts=contacts,
-            kept=rows(3),
-            expected=rows(3),
-            entered=aligned_zeros((len(bodies) * LEDGER,), dtype),
-            ready=aligned_zeros((len(bodies),), dtype),
         )
     return Space(
         a=rows(3),
@@ -507,11 +495,8 @@ def marks(terms: Terms) -> list[np.ndarray]:
     """Return the arrays that are zero in copies which begin anew from where they are and how they move."""
     kept: list[np.ndarray | Ragged] = [term.marks for term in (terms.memory, terms.cycle) if term is not None]
     found = [of.values if isinstance(of, Ragged) else of for of in kept]
-    if terms.collisions is not None:
-        if terms.collisions.sleep is not None:
-            found.append(terms.collisions.sleep.rested)
-        if terms.collisions.warm is not None:
-            found.append(terms.collisions.warm.pair)
+    if terms.collisions is not None and terms.collisions.warm is not None:
+        found.append(terms.collisions.warm.pair)
     return found
 
 

@@ -158,10 +158,6 @@ class Simulator:
         of at most `springgym.stability.LONGEST_CYCLE`. The default is `springgym.stability.damping_every` of
         the scene, or 1 if masses, stiffness or damping vary. It must be 1 where
         `springgym.stability.damps_each_step` returns a reason.
-    sleep
-        Speed [m/s] below which bodies that collide rest: what has rested for `springgym.contact.sleep.DOZE`
-        seconds, with all that it touches, is left where it is until something that moves comes near. By
-        default no body sleeps. See `springgym.contact.sleep`.
 
     Raises
     ------
@@ -189,7 +185,6 @@ class Simulator:
         strain_limit: float | None = None,
         damping_every: int | None = None,
         unresolved: str = "raise",
-        sleep: float | None = None,
     ) -> None:
         self._guard = Guard()
         self.scene = checks.instance("scene", scene, Scene)
@@ -209,8 +204,6 @@ class Simulator:
         particles = len(scene.positions)
         self.damping_every = self._checked_cycle(damping_every, varying)
         """steps after which dampers and the wrench act for all of them at once"""
-        self.sleep = self._checked_sleep(sleep)
-        """speed below which bodies rest, and fall asleep [m/s]; None if none do"""
         self.copies = checks.whole("copies", copies, 1, MOST_PARTICLES // particles)
         self.threads = checks.whole("threads", threads, 1, MOST_THREADS)
         self.dtype = _checked_dtype(dtype)
@@ -244,7 +237,7 @@ class Simulator:
             stacked([np.array(placed.body.markers, np.uint32) for placed in scene.bodies]),
         )
         self._busy = len(scene.springs) + min(len(scene.meetings), NEIGHBOURS * bodies)
-        options = Options(self.integrator, self.step, self.damping_every, varying, self._blocks, self.sleep)
+        options = Options(self.integrator, self.step, self.damping_every, varying, self._blocks)
         self._terms, self._twin, self._packed = pack(scene, self._kind.rigid, options)
         self._workspace = self._workspaces()
         self._outlines = packing.pack_outlines(scene)
@@ -397,15 +390,6 @@ class Simulator:
     def velocities(self) -> np.ndarray:
         """Return a copy of the velocities of the particles [m/s], (copies, N, 3)."""
         return to_copies(self._v, self.copies)
-
-    @property
-    @guarded
-    def asleep(self) -> np.ndarray:
-        """Return which bodies of each copy sleep, (copies, bodies) of bool: none without ``sleep``."""
-        collisions = self._terms.collisions
-        if collisions is None or collisions.sleep is None:
-            return np.zeros((self.copies, len(self.scene.bodies)), bool)
-        return to_copies(collisions.sleep.rested, self.copies) < 0
 
     @property
     def width(self) -> int:
@@ -638,7 +622,6 @@ class Simulator:
             "integrator": self.integrator.name,
             "step": self.step,
             "damping_every": self.damping_every,
-            "sleep": self.sleep,
             "tolerance": [control.relative, control.absolute] if isinstance(control, Control) else None,
             "ledger": self._ledger is not None,
             "varying": self._varying,
@@ -1184,24 +1167,6 @@ class Simulator:
             reason = "rigid bodies have no dampers" if self._kind.rigid else one
             raise ValueError(f"damping_every is {every}; it must be 1: {reason}")
         return every
-
-    def _checked_sleep(self, speed: float | None) -> float | None:
-        if speed is None:
-            return None
-        speed = checks.number("sleep", speed, low=TINY)
-        pushed = [
-            placed.name
-            for placed in self.scene.bodies
-            if placed.wrench or placed.thrust or placed.drive or placed.forces
-        ]
-        if self._kind.rigid or not self.scene.meetings or pushed:
-            reason = "no bodies of the scene collide"
-            if self._kind.rigid:
-                reason = "rigid bodies do not sleep"
-            elif pushed:
-                reason = f"body {pushed[0]!r} has actuators or forces, which would not wake it"
-            raise ValueError(f"sleep is {speed:g}; it must be None: {reason}")
-        return speed
 
 
 def _tell(what: str) -> None:

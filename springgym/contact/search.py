@@ -39,7 +39,6 @@ from springgym.contact.features import (
 )
 from springgym.contact.lists import CLOSE, NONE, WATCHED, Lists, Near, Search
 from springgym.contact.rows import FAR, MET, ROWS, Problem
-from springgym.contact.sleep import looked_at, wake
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Number, Numbers, Rows, Vector
 from springgym.core.lanes import any_lane, filled, load, load_each, maximum, minimum, select, sqrt, store
@@ -61,7 +60,6 @@ if TYPE_CHECKING:
     from springgym.contact.law import Span
     from springgym.contact.pairs import Pairs, Shapes
     from springgym.contact.rows import ContactRows
-    from springgym.contact.sleep import Sleep
     from springgym.contact.totals import Collisions
 
 
@@ -132,16 +130,15 @@ def find_contacts(
     span: Span,
     collisions: Collisions,
     found_in: tuple[Lists, ContactRows],
-    passes: bool,
 ) -> Problem:
     """Find the contacts of all bodies at a node, and return the `Problem` that their impulses solve.
 
     The particles are at ``x`` (N, 3) and reach the node with velocities ``w`` (N, 3); ``before`` are those
     that contacts change: the same, or the motion of rigid bodies. ``found_in`` are the lists of candidates
-    and the rows of contacts. Bodies that sleep are woken, or left alone, where the node ``passes``.
+    and the rows of contacts.
     """
     lists, contacts = found_in
-    rows = find(x, w, span, collisions.pairs, lists, contacts, collisions.sleep, passes)
+    rows = find(x, w, span, collisions.pairs, lists, contacts)
     return Problem(span, rows, x, before, inverse_mass, collisions.pairs, contacts, collisions.totals)
 
 
@@ -153,8 +150,6 @@ def find(
     pairs: Pairs,
     lists: Lists,
     contacts: ContactRows,
-    sleep: Sleep | None,
-    passes: bool,
 ) -> int:
     """List the contacts of all pairs, and return how many rows that makes.
 
@@ -168,33 +163,25 @@ def find(
     anew = not lists_hold(w, span, pairs, lists) or fresh
     if anew:
         begin_lists(x, fresh, pairs, lists)
-    count, again = 0, True
-    while again:  # until nobody is woken
-        store(contacts.have, 0, 0.0)
-        count, again = 0, False
-        contacts.length[MET] = 0
-        for n in range(lists.length[CLOSE]):
-            p = lists.close[n]
-            store(contacts.left_out, p, 0.0)
-            a, b = pairs.first[p], pairs.second[p]
-            near = Near(p, (a, b), span.lead, load(lists.reach, p), shapes.radius[a] + shapes.radius[b])
-            brief = anew and list_features(near, span, seen, shapes.triangles, shapes.edges)
-            if passes:
-                near = looked_at(near, sleep)
-            nearest = select(near.reach > 0.0, load(lists.nearest, p), FAR)
-            needed = anew or any_lane(nearest < ROUNDING * near.reach)
-            if needed and (is_listed(VERTICES, p, lists) or is_listed(EDGES, p, lists)):
-                locate(p, seen, shapes.triangles, shapes.edges)
-                if anew:
-                    list_candidates(p, brief, seen, shapes.triangles, shapes.edges)
-                before = count
-                count = compare(count, near, seen, shapes.triangles, shapes.edges)
-                if passes and wake(before, count, near, contacts, sleep):
-                    again = True
-                if count > before or any_lane(load(contacts.left_out, p) > 0.0):
-                    contacts.met[contacts.length[MET]] = p
-                    contacts.length[MET] += 1
-        anew = anew and not lists.kept[0]  # what is kept is there by now
+    store(contacts.have, 0, 0.0)
+    count = 0
+    contacts.length[MET] = 0
+    for n in range(lists.length[CLOSE]):
+        p = lists.close[n]
+        store(contacts.left_out, p, 0.0)
+        a, b = pairs.first[p], pairs.second[p]
+        near = Near(p, (a, b), span.lead, load(lists.reach, p), shapes.radius[a] + shapes.radius[b])
+        brief = anew and list_features(near, span, seen, shapes.triangles, shapes.edges)
+        needed = anew or any_lane(load(lists.nearest, p) < ROUNDING * near.reach)
+        if needed and (is_listed(VERTICES, p, lists) or is_listed(EDGES, p, lists)):
+            locate(p, seen, shapes.triangles, shapes.edges)
+            if anew:
+                list_candidates(p, brief, seen, shapes.triangles, shapes.edges)
+            before = count
+            count = compare(count, near, seen, shapes.triangles, shapes.edges)
+            if count > before or any_lane(load(contacts.left_out, p) > 0.0):
+                contacts.met[contacts.length[MET]] = p
+                contacts.length[MET] += 1
     contacts.length[ROWS] = count
     return count
 

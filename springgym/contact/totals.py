@@ -17,7 +17,6 @@ from springgym.core.kinds import Number, Numbers
 from springgym.core.lanes import any_lane, load, select, store
 
 if TYPE_CHECKING:
-    from springgym.contact.sleep import Sleep
     from springgym.contact.warm import WarmStart
 
 TOUCHING, IMPULSE, GAP, ENERGY, CONTACT, FRICTION, MISSES, FAST, OVERFLOW, FASTEST = range(10)
@@ -68,8 +67,6 @@ class Collisions(NamedTuple):
     changing: np.ndarray
     """(1 + pairs,) list: how many pairs, and which, ascending, touch, or have totals that are not those from
     before the last node; the totals of all others stay as they are"""
-    sleep: Sleep | None = None
-    """which bodies sleep; None if none can"""
     warm: WarmStart | None = None
     """the impulses of the last node; None if contacts start from nothing"""
 

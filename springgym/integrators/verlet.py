@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from springgym.contact.sleep import Sleep, nothing_moves, sleep_of
 from springgym.contact.totals import halve_totals, remember_totals, resume_totals
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Number, Rows
@@ -58,7 +57,6 @@ from springgym.integrators.node import (
     node_at,
     note_busy,
     pass_node,
-    takes_part,
 )
 from springgym.integrators.record import Integrator
 
@@ -164,7 +162,7 @@ def integrate_through_nodes(
     as `START` and `LOOK` are none: it is told which bodies of fresh copies touch, or the last node is made
     anew.
     """
-    bodies, sleep = Bodies(x, v, ledger, workspace, terms), sleep_of(terms.collisions)
+    bodies = Bodies(x, v, ledger, workspace, terms)
     phase, goes, end = load(of_body(terms.memory, 0).marks, PHASE), steps != START, max(steps, 0)
     if goes:
         for n in range(bodies_of(x)):
@@ -173,28 +171,16 @@ def integrate_through_nodes(
     for n in range(end + 1):
         node = node_at(phase, h, STARTS if not goes else (READS if n == end else PASSES))
         phase = next_phase(phase)
-        if rests(node, sleep):
-            count_nodes(bodies, n > 0)
-            continue
         problem = find_touching(bodies, node, workspace.exchange)
         if goes:
             count_nodes(bodies, n > 0)
             for body in range(bodies_of(x)):
-                if takes_part(body, node, sleep):
-                    arrive(of_body(bodies, body), node, n == 0)
+                arrive(of_body(bodies, body), node, n == 0)
             if n == end:
                 remember_totals(terms.collisions)
         pass_node(bodies, node, problem)
     if goes:
         halve_totals(terms.collisions)
-
-
-@compiled
-def rests(node: Node, sleep: Sleep | None) -> bool:
-    """Tell whether a node can be left out, because no body moves in any copy and nothing is read there."""
-    if sleep is None:
-        return False
-    return node.stage == PASSES and nothing_moves(sleep)
 
 
 @compiled

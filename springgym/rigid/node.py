@@ -556,7 +556,7 @@ def find_impulses(problem: Problem, space: Company, twins: Twin) -> None:
     enough = agreement(terms.collisions.warm) + 64 * epsilon(one)
     store(turns, GOING, one)
     store(space.changed, 0, one)
-    start_warm(velocity, problem, terms.collisions.warm, None)
+    start_warm(velocity, problem, terms.collisions.warm)
     going, turn = problem.rows > 0, 0
     while True:
         last = not going or turn == TURNS
@@ -644,7 +644,7 @@ def pass_together(phase: Phase, node: Node, first: bool, space: Company, twins: 
         x.values, v.values, particles.mass.values, particles.inverse_mass.values, contacts.spheres
     )
     span = node.span
-    problem = find_contacts(places, reached, space.before, inverse_mass, span, collisions, found_in, False)
+    problem = find_contacts(places, reached, space.before, inverse_mass, span, collisions, found_in)
     if node.stage == STARTS:
         start_together(collisions, terms.memory, node.phase, problem)
         return
@@ -660,7 +660,7 @@ def pass_together(phase: Phase, node: Node, first: bool, space: Company, twins: 
     if problem.rows > 0:
         record_losses(ledger, problem)
     if not last:
-        keep_impulses(problem, collisions.warm, None)
+        keep_impulses(problem, collisions.warm)
     if last:
         for n in range(2 * count):
             set_row(space.shift, n, vec(0.0, 0.0, 0.0))
