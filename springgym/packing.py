@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, DTypeLike
 from springgym import rigid
 from springgym.bodies.elasticity import spring_forces
 from springgym.checks import HUGE, TINY
-from springgym.contact.cone import Resistance, law_of, resistance_of
+from springgym.contact.cone import Resistance, resistance_of
 from springgym.contact.lists import Lists, new_lists
 from springgym.contact.overlap import Outlines, outlines
 from springgym.contact.pairs import (
@@ -168,7 +168,6 @@ def _shared(scene: Scene, options: Options) -> Terms:
         gravity=gravity,
         surfaces=surfaces_of(surfaces),
         friction=friction,
-        friction_law=law_of([contact]) if friction is not None and isinstance(contact, Contact) else None,
         resistance=_resistance(contact),
         loss=loss,
         paper_law=law,
@@ -280,7 +279,6 @@ def pack_pairs(scene: Scene, options: Options) -> Pairs:
         parallel=parallel(met, longest),
         strength=np.array(met.strength),
         friction=options.parameter({"friction"} & varying, frictions) if rubs else None,
-        friction_law=law_of([met.contacts[n] for n in met.how]) if rubs else None,
         resistance=resistance_of(
             *(np.where(scene.resisted, met.of_contacts(name), 0.0) for name in RESISTANCES)
         ),

@@ -54,7 +54,7 @@ from springgym.core.vectors import (
 )
 
 if TYPE_CHECKING:
-    from springgym.contact.cone import Resistance, Stribeck
+    from springgym.contact.cone import Resistance
     from springgym.contact.rows import ContactRows, Problem
     from springgym.contact.solids import Solids
     from springgym.contact.spheres import Spheres
@@ -150,8 +150,7 @@ def stop_slip(v: Rows, k: int, limit: Number, acts: Mask, problem: Problem) -> N
     """Let friction stop what slips in contact k, in some lanes, or give as much as the push there allows."""
     contacts = problem.contacts
     given, slip = row(contacts.friction, k), slip_of(v, k, problem, contacts.solids)
-    before = slip_before(k, problem, problem.pairs.friction_law)
-    j = held_back(slip, before, k, given, limit, problem)
+    j = held_back(slip, k, given, limit, problem)
     push_across(v, k, j - given, acts, problem, contacts.solids)
     set_row(contacts.friction, k, choose(acts, j, given))
 
@@ -183,7 +182,7 @@ def stop_centre(v: Rows, k: int, limit: Number, acts: Mask, problem: Problem) ->
         along = 1.0 / (sqrt(dot(slip, slip)) + TINY) * slip
         inverse = inverse_mass_along(along, k, problem, contacts.solids)
         slip, inverse = without_turning(slip, inverse, v, k, problem)
-        j = within_cone(-1.0 / (inverse + TINY) * slip, limit, inverse, slip, None, 0)
+        j = within_cone(-1.0 / (inverse + TINY) * slip, limit)
         push_across(v, k, j, fresh, problem, contacts.solids)
         set_row(contacts.friction, k, choose(fresh, j, given))
 
@@ -276,21 +275,11 @@ def inverse_mass_of_sides(along: Vector, k: int, problem: Problem, spheres: Sphe
 
 
 @compiled
-def slip_before(k: int, problem: Problem, law: Stribeck | None) -> Vector:
-    """Return how contact k slips before the node [m/s], if its law of friction asks for it; else 0."""
-    if law is None:
-        return 0.0 * row(problem.contacts.normal, k)
-    return slip_of(problem.before, k, problem, problem.contacts.solids)
-
-
-@compiled
-def held_back(slip: Vector, before: Vector, k: int, given: Vector, limit: Number, problem: Problem) -> Vector:
+def held_back(slip: Vector, k: int, given: Vector, limit: Number, problem: Problem) -> Vector:
     """Return the impulse that stops a slip, besides what was ``given``; or as much as friction can give."""
     along = 1.0 / (sqrt(dot(slip, slip)) + TINY) * slip
     inverse = inverse_mass_along(along, k, problem, problem.contacts.solids)
-    wanted = given - 1.0 / (inverse + TINY) * slip
-    pairs, contacts = problem.pairs, problem.contacts
-    return within_cone(wanted, limit, inverse, before, pairs.friction_law, contacts.pair[k])
+    return within_cone(given - 1.0 / (inverse + TINY) * slip, limit)
 
 
 @compiled

@@ -9,7 +9,7 @@ import numpy as np
 
 from springgym.bodies import Body
 from springgym.collisions import Meetings, Shape
-from springgym.contact.cone import Resistance, Stribeck
+from springgym.contact.cone import Resistance
 
 MOST_CONTACTS = 64
 """Contacts of a copy, for each of its bodies: beyond, they are counted and left out."""
@@ -61,8 +61,6 @@ class Pairs(NamedTuple):
     """c of the barrier [N·m²]"""
     friction: np.ndarray | None
     """μ [1]; None if no pair rubs"""
-    friction_law: Stribeck | None
-    """what the law of friction takes beside it; None if it is Coulomb's"""
     resistance: Resistance | None
     """the coefficients of rolling and torsional resistance of all pairs; None if all are zero"""
     loss: np.ndarray | None

@@ -139,7 +139,7 @@ def impulses(
         rubbing = nothing
         if terms.friction is not None:
             left = choose(touched > 2.0, nothing, left)
-            rubbing = -1.0 * within_cone(left, mu * pressed, 1.0, speed, terms.friction_law, 0)
+            rubbing = -1.0 * within_cone(left, mu * pressed)
         if terms.surfaces.coupled is None:
             return Given(now, rubbing, pressing)
         going = active > 0.5

@@ -521,7 +521,7 @@ def hold_back(r: int, e: int, k: int, going: Mask, problem: RoundProblem, fricti
     """
     changed = 0.0 * problem.span.out
     if friction is not None:
-        space, rounds = problem.space, problem.rounds
+        space = problem.space
         point, n, old = row(space.point, r), row(space.normal, r), row(space.friction, r)
         v, push = space.velocity, row(space.push, r)[0]
         there, slip = slip_at_end(e, k, v, problem, problem.carrier)
@@ -531,8 +531,7 @@ def hold_back(r: int, e: int, k: int, going: Mask, problem: RoundProblem, fricti
         inverse = maximum(inverse_mass(e, point, there, slip, problem, problem.carrier), least) + TINY
         wanted = old - 1.0 / inverse * slip
         limit = load(friction, 0) * sqrt(square) * push
-        before = at(e, point, Way(problem.before, None, None), rounds)
-        new = within_cone(wanted, limit, inverse, before, problem.terms.friction_law, 0)
+        new = within_cone(wanted, limit)
         new = choose(going, new, old)
         set_row(space.friction, r, new)
         give(e, point, new - old, v, problem, problem.carrier)
@@ -643,9 +642,8 @@ def hold_centre(
         whole = inverse_mass(e, point, there, direction, problem, carrier)
         inverse = maximum(whole - dot(direction, cross(spun, lever)), LEAST * whole) + TINY
         limit = load(friction, 0) * sqrt(dot(n, n)) * row(space.push, r)[0]
-        before = at(e, point, Way(problem.before, None, None), rounds)
         wanted = old - 1.0 / inverse * slip
-        new = within_cone(wanted, limit, inverse, before, problem.terms.friction_law, 0)
+        new = within_cone(wanted, limit)
         set_row(space.friction, r, new)
         give(e, point, new - old, v, problem, carrier)
 
@@ -689,7 +687,7 @@ def stop_turning(
         )
         direction = 1.0 / (sqrt(dot(rate, rate)) + TINY) * rate
         gives = dot(direction, turning_by(e, direction, carriers, problem, problem.carrier)) + TINY
-        change = within_cone(held - 1.0 / gives * rate, limit, gives, rate, None, 0) - held
+        change = within_cone(held - 1.0 / gives * rate, limit) - held
         change = choose(going, change, 0.0 * change)
         set_row(space.couple, r, old + change)
         twist(e, change, v, carriers, problem, problem.carrier)

@@ -149,11 +149,11 @@ def twist(
 
 
 @compiled
-def couple_against(rate: Vector, k: int, problem: Problem) -> tuple[Vector, Number]:
-    """Return the couple that stops an angular velocity along its own direction, and g there."""
+def couple_against(rate: Vector, k: int, problem: Problem) -> Vector:
+    """Return the couple that stops an angular velocity along its own direction."""
     direction = 1.0 / (sqrt(dot(rate, rate)) + TINY) * rate
     gives = dot(direction, turning_of_both(direction, k, problem)) + TINY
-    return -1.0 / gives * rate, gives
+    return -1.0 / gives * rate
 
 
 @compiled
@@ -167,8 +167,7 @@ def stop_turning(v: Rows, k: int, acts: Mask, problem: Problem, resistance: Resi
             rate, held, limit = part_resisted(
                 part, turning_between(v, k, problem), old, n, push, resistance, p
             )
-            stops, gives = couple_against(rate, k, problem)
-            change = within_cone(held + stops, limit, gives, rate, None, 0) - held
+            change = within_cone(held + couple_against(rate, k, problem), limit) - held
             change = choose(acts, change, 0.0 * change)
             set_row(contacts.couple, k, old + change)
             twist(v, k, change, acts, problem, contacts.solids, contacts.spheres)
@@ -184,11 +183,11 @@ def without_turning(
     """
     n = row(problem.contacts.normal, k)
     rate = turning_between(v, k, problem)
-    stops, _ = couple_against(rate - dot(rate, n) * n, k, problem)
+    stops = couple_against(rate - dot(rate, n) * n, k, problem)
     slip = slip + slip_by_couple(stops, k, problem)
     along = 1.0 / (sqrt(dot(slip, slip)) + TINY) * slip
     rate = turning_by_impulse(along, k, problem)
-    stops, _ = couple_against(rate - dot(rate, n) * n, k, problem)
+    stops = couple_against(rate - dot(rate, n) * n, k, problem)
     left = inverse + dot(along, slip_by_couple(stops, k, problem))
     return slip, maximum(left, LEAST * inverse)
 

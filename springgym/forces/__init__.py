@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from springgym.contact.cone import Resistance, Stribeck
+from springgym.contact.cone import Resistance
 from springgym.contact.round import Rounds, feature_energy, rolls
 from springgym.contact.surfaces import Surfaces, contact_energy
 from springgym.contact.totals import Collisions
@@ -63,8 +63,6 @@ class Terms(NamedTuple):
     surfaces: Surfaces | None = None
     friction: np.ndarray | None = None
     """μ of the surfaces [1], (1,)"""
-    friction_law: Stribeck | None = None
-    """what the law of friction takes beside it; None if it is Coulomb's"""
     resistance: Resistance | None = None
     """what resists the turning of round features on surfaces"""
     loss: np.ndarray | None = None

@@ -288,7 +288,6 @@ def stick(
     slip = velocity_of(arm, sum_of(node.free, 1.0, given), solid)
     slip = slip - dot(n, slip) / (dot(n, n) + TINY) * n
     a = inverse_mass(arm, 1.0 / sqrt(dot(slip, slip) + TINY) * slip, solid)
-    before = velocity_of(arm, node.before, solid)
-    new = within_cone(old - 1.0 / a * slip, limit, a, before, solid.terms.friction_law, 0)
+    new = within_cone(old - 1.0 / a * slip, limit)
     change = new - old
     return new, pushed(given, arm, change, solid), a * sqrt(dot(change, change))

@@ -12,7 +12,6 @@ import numpy as np
 from springgym import packing, simulator
 from springgym.checks import HUGE
 from springgym.collisions import Shape
-from springgym.contact.cone import Stribeck
 from springgym.contact.pairs import Pairs
 from springgym.contact.round import Rolling, packed_rounds
 from springgym.contact.spheres import Spheres
@@ -59,10 +58,6 @@ def shares_code(scene: Scene, method: str, twin: bool) -> bool:
     level = all(isinstance(surface, Plane) for surface in scene.surfaces)
     usual = isinstance(scene.contact, Contact) and not any(placed.forces for placed in scene.bodies)
     return level and (bool(scene.meetings) or (usual and (twin or method == "verlet")))
-
-
-COULOMB = Stribeck(np.zeros(1), np.ones(1))
-"""Stribeck's law without its fall: the coefficient of friction is the same at every speed."""
 
 
 class Packing:
@@ -116,10 +111,7 @@ def all_kinds_of_terms() -> Iterator[None]:
     def shared(whole: Scene, given: packing.Options) -> Terms:
         if not Packing.shares:
             return share(whole, given)
-        terms = share(with_gravity(whole), varied(whole, given, Packing.twin))
-        if Packing.twin or whole.meetings or not whole.surfaces:
-            return terms
-        return terms._replace(friction_law=terms.friction_law or COULOMB)
+        return share(with_gravity(whole), varied(whole, given, Packing.twin))
 
     def packed(part: Scene, whole: Scene, terms: Terms, twin: bool, given: packing.Options) -> packing.Packed:
         if not Packing.shares:
