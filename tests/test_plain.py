@@ -130,8 +130,8 @@ FEW_STEPS = [
     "tests/envs/test_task_data.py::test_limits_are_what_actuators_are_given[SpringDuel-v0]",
     "tests/integrators/test_cycles.py::test_a_task_of_colliding_bodies_says_its_cycle",
     "tests/integrators/test_cycles.py::test_a_task_among_surfaces_says_its_cycle",
-    "tests/integrators/test_cycles.py::test_where_there_is_contact_cycles_are_asked_for[bodies]",
-    "tests/integrators/test_cycles.py::test_calls_cut_anywhere_give_the_same_bits[cuts1-6--0.03]",
+    "tests/integrators/test_cycles.py::test_cycles_are_asked_for[bodies]",
+    "tests/integrators/test_cycles.py::test_calls_cut_at_cycles_give_the_same_bits[cuts1-6--0.03]",
 ]
 """Slow tests that need kernels of their own, but so few steps that Python takes less time than compiling
 does: of the duel, of resistance to turning, and of dampers that act in cycles where there is contact."""
