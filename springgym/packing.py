@@ -236,7 +236,7 @@ def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Optio
         dampers=dampers,
         surfaces=surfaces,
         memory=kept,
-        cycle=cycle(options.every, count, options.blocks) if options.every > 1 else None,
+        cycle=cycle(options.every, options.blocks) if options.every > 1 else None,
         rounds=packed_rounds(body) if part.surfaces and any(of.body.rounds for of in scene.bodies) else None,
         **actuators,
     )

@@ -155,8 +155,7 @@ class Simulator:
         it, so that `pairs` and `unresolved` report it.
     damping_every
         Number of steps in a cycle of dampers and wrench, see `springgym.forces.cycle`: 1, or an even number
-        of at most `springgym.stability.LONGEST_CYCLE`. The default is `springgym.stability.damping_every` of
-        the scene, or 1 if masses, stiffness or damping vary. It must be 1 where
+        of at most `springgym.stability.LONGEST_CYCLE`. `advance` then takes whole cycles. It must be 1 where
         `springgym.stability.damps_each_step` returns a reason.
 
     Raises
@@ -183,7 +182,7 @@ class Simulator:
         ledger: bool = True,
         tolerance: tuple[float, float] | None = None,
         strain_limit: float | None = None,
-        damping_every: int | None = None,
+        damping_every: int = 1,
         unresolved: str = "raise",
     ) -> None:
         self._guard = Guard()
@@ -202,7 +201,7 @@ class Simulator:
         """stability limit [s]"""
         self.step = self._checked_step(step)
         particles = len(scene.positions)
-        self.damping_every = self._checked_cycle(damping_every, varying)
+        self.damping_every = self._checked_cycle(damping_every)
         """steps after which dampers and the wrench act for all of them at once"""
         self.copies = checks.whole("copies", copies, 1, MOST_PARTICLES // particles)
         self.threads = checks.whole("threads", threads, 1, MOST_THREADS)
@@ -746,7 +745,7 @@ class Simulator:
         Parameters
         ----------
         steps
-            Number of steps, at least 0.
+            Number of steps, at least 0, and a multiple of ``damping_every``.
         check
             Whether to check that no copy has diverged.
         read
@@ -759,7 +758,8 @@ class Simulator:
         Raises
         ------
         TypeError, ValueError
-            If ``steps`` is not a whole number of at least 0, or a flag is not a bool; nothing is changed.
+            If ``steps`` is not a whole number of at least 0 or ends amid a cycle, or a flag is not a bool;
+            nothing is changed.
         SimulationDivergedError
             If ``check`` is set and a copy has diverged. The other copies are not affected.
         UnresolvedContactError
@@ -769,6 +769,11 @@ class Simulator:
         # Compiled code is given an int and a bool, and no other type: see `SameTypes`.
         if steps.__class__ is not int or not 0 <= steps <= MANY:
             steps = checks.whole("steps", steps)
+        if steps % self.damping_every:
+            raise ValueError(
+                f"steps is {steps}; it must be a multiple of damping_every, {self.damping_every}, "
+                "as dampers act once in so many steps"
+            )
         if check.__class__ is not bool or read.__class__ is not bool:
             check, read = checks.flag("check", check), checks.flag("read", read)
         self._share(steps, settles=True, reads=check or read, then=then)
@@ -1080,6 +1085,7 @@ class Simulator:
             yield first, last, steps, True
             return
         most = max(AT_ONCE // busy, FEWEST)
+        most -= most % self.damping_every
         for taken in range(0, steps, most):
             some = min(most, steps - taken)
             blocks = max(AT_ONCE // (some * busy), 1)
@@ -1155,11 +1161,8 @@ class Simulator:
             )
         return step
 
-    def _checked_cycle(self, every: int | None, varying: Collection[str]) -> int:
+    def _checked_cycle(self, every: int) -> int:
         one = stability.damps_each_step(self.scene, self.integrator)
-        if every is None:
-            unknown = self._kind.rigid or not set(stability.VARIED).isdisjoint(varying)
-            return 1 if unknown else stability.damping_every(self.scene, self.integrator, self.step)
         every = checks.whole("damping_every", every, 1, stability.LONGEST_CYCLE)
         if every > 1 and every % 2:
             raise ValueError(f"damping_every is {every}; it must be 1 or even, because a cycle has a middle")

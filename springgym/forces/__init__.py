@@ -89,15 +89,18 @@ def accelerate(x: Rows, a: Rows, direction: Rows, terms: Terms) -> None:
 
     ``direction`` (springs, 3) receives the springs' unit vectors if there are dampers.
     """
-    set_forces(x, a, direction, terms)
+    set_forces(x, a, direction, True, terms)
     divide_by_mass(a, terms.particles)
 
 
 @compiled
-def set_forces(x: Rows, force: Rows, direction: Rows, terms: Terms) -> None:
-    """Set ``force`` (N, 3) to the forces [N] of which `accelerate` finds the accelerations."""
+def set_forces(x: Rows, force: Rows, direction: Rows, directs: bool, terms: Terms) -> None:
+    """Set ``force`` (N, 3) to the forces [N] of which `accelerate` finds the accelerations.
+
+    Only if it ``directs``, ``direction`` is set.
+    """
     set_weights(force, terms.particles, terms.gravity)
-    add_spring_forces(x, None, force, direction, terms.springs, terms.dampers, None, 0.0)
+    add_spring_forces(x, None, force, direction, directs, terms.springs, terms.dampers, None, 0.0)
     add_own_forces(x, force, terms.own, terms.body)
 
 
@@ -105,7 +108,7 @@ def set_forces(x: Rows, force: Rows, direction: Rows, terms: Terms) -> None:
 def accelerate_and_damp(x: Rows, v: Rows, a: Rows, weight: Number, ledger: Ledger, terms: Terms) -> None:
     """`accelerate` with the dampers; ``weight`` [s] times their power goes to the ledger."""
     set_weights(a, terms.particles, terms.gravity)
-    add_spring_forces(x, v, a, None, terms.springs, terms.dampers, ledger, weight)
+    add_spring_forces(x, v, a, None, False, terms.springs, terms.dampers, ledger, weight)
     divide_by_mass(a, terms.particles)
 
 
@@ -118,7 +121,7 @@ def derivative(x: Rows, v: Rows, a: Rows, b: Rows, weight: Number, ledger: Ledge
     """
     particles = terms.particles
     set_weights(a, particles, terms.gravity)
-    add_spring_forces(x, v, a, None, terms.springs, terms.dampers, ledger, weight)
+    add_spring_forces(x, v, a, None, False, terms.springs, terms.dampers, ledger, weight)
     add_own_forces(x, a, terms.own, terms.body)
     record_holding(v, a, terms.drive, ledger, weight)
     sampled = Sampled(x, v, a, ledger, weight)

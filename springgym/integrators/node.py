@@ -47,8 +47,7 @@ from springgym.core.lanes import any_lane, bodies_of, load, maximum, of_body, se
 from springgym.core.vectors import TINY, choose, dot, plus_scaled, row, set_row, vec, vector
 from springgym.forces import stored_energy
 from springgym.forces.actuators import push
-from springgym.forces.cycle import PHASE as CYCLE_PHASE
-from springgym.forces.cycle import relax_in_turn, relax_to_be_read
+from springgym.forces.cycle import relax_in_turn
 from springgym.forces.ledger import CONTACT, DAMPING, FRICTION, WORK, record
 from springgym.forces.memory import PHASE, STORED, Memory, halve, turn_drive
 from springgym.forces.springs import damp
@@ -229,12 +228,8 @@ def relax_at(part: int, node: Node, own: Bodies, cycle: Cycle | None) -> None:
     """Let the dampers act before the actuators, after them, or on fresh copies; or in cycles."""
     if cycle is None:
         relax_some(part, node.phase, own, own.terms.dampers)
-    else:
-        w, direction, phase = own.space.w, own.space.direction, load(cycle.marks, CYCLE_PHASE)
-        if node.stage != READS and part < 2:
-            relax_in_turn(w, direction, part == 1, phase, own.ledger, own.terms)
-        elif part == 1:
-            relax_to_be_read(w, direction, phase, own.ledger, own.terms)
+    elif part < 2:
+        relax_in_turn(own.space.w, own.space.direction, part == 1, own.ledger, own.terms)
 
 
 @compiled
