@@ -11,34 +11,33 @@ from numpy.typing import ArrayLike, DTypeLike
 from springgym import rigid
 from springgym.bodies.elasticity import spring_forces
 from springgym.checks import HUGE, TINY
-from springgym.contact.cone import Resistance, resistance_of
-from springgym.contact.lists import Lists, new_lists
+from springgym.contact.cone import resistance_of
+from springgym.contact.lists import new_lists
 from springgym.contact.overlap import Outlines, outlines
-from springgym.contact.pairs import (
-    SWEEPS,
+from springgym.contact.pairs import SWEEPS, longest_edge, most_contacts, packed_shapes, parallel
+from springgym.contact.records import (
+    ENTRIES,
+    Collisions,
+    ContactRows,
+    Lists,
     Pairs,
-    longest_edge,
-    most_contacts,
-    packed_shapes,
-    parallel,
+    Resistance,
+    Rolling,
+    Solids,
+    Surfaces,
 )
-from springgym.contact.round import Rolling, packed_rounds
-from springgym.contact.rows import ContactRows, new_contacts
-from springgym.contact.solids import Solids
+from springgym.contact.round import packed_rounds
+from springgym.contact.rows import new_contacts
 from springgym.contact.spheres import new_spheres
-from springgym.contact.surfaces import Surfaces
-from springgym.contact.totals import ENTRIES, Collisions, empty_totals
+from springgym.contact.totals import empty_totals
 from springgym.contact.warm import new_warm_start
 from springgym.core.blocks import aligned_zeros, get_copies, numbers, set_copies
 from springgym.core.kinds import Ragged
 from springgym.core.lanes import block_dtype
 from springgym.core.ragged import share, stacked
-from springgym.forces import Particles, Terms
-from springgym.forces.actuators import Drive, Thrust, Wrench
 from springgym.forces.cycle import cycle
 from springgym.forces.memory import STORED, memory
-from springgym.forces.paper_contact import PaperLaw
-from springgym.forces.springs import Dampers, Decay, Springs, decay, interleaved
+from springgym.forces.springs import decay, interleaved
 from springgym.integrators.node import Exchange, Space
 from springgym.integrators.record import Integrator, workspace
 from springgym.own_forces import OfBody, to_compiled
@@ -48,6 +47,7 @@ from springgym.rigid.surfaces import ARRAYS
 from springgym.scene import DriveActuator, Scene
 from springgym.surfaces import Contact, PaperContact, Surface, by_kind, coupled, loss_of, packed_kind, scales
 from springgym.surfaces.contact import RESISTANCES
+from springgym.terms import Dampers, Decay, Drive, PaperLaw, Particles, Springs, Terms, Thrust, Wrench
 
 
 class Parameter(NamedTuple):

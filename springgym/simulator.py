@@ -22,7 +22,8 @@ from springgym import checks, contacts, measures, packing, stability
 from springgym.checks import FLOAT, HUGE, INDEX, MANY, TINY
 from springgym.contact import totals
 from springgym.contact.overlap import tell_shown
-from springgym.contact.totals import RESOLVED, Collisions, PairReadings
+from springgym.contact.records import Collisions
+from springgym.contact.totals import RESOLVED, PairReadings
 from springgym.contacts import Contacts, PairSums
 from springgym.core.blocks import (
     WIDTH,

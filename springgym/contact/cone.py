@@ -12,23 +12,13 @@ moment (2/3) μ a J to turn about its normal.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
+from springgym.contact.records import Resistance
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Number, Vector
 from springgym.core.lanes import load, minimum, sqrt
 from springgym.core.vectors import TINY, dot
-
-
-class Resistance(NamedTuple):
-    """Coefficients of rolling and torsional resistance, of surfaces (1,) or of pairs of bodies (pairs,)."""
-
-    rolling: np.ndarray
-    """ρ [m]"""
-    torsional: np.ndarray
-    """τ [m]"""
 
 
 def resistance_of(rolling: np.ndarray, torsional: np.ndarray) -> Resistance | None:

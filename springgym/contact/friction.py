@@ -23,10 +23,8 @@ Rigid bodies are pushed at one point (`springgym.contact.solids`), where j leave
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from springgym.contact.cone import within_cone
-from springgym.contact.round import PASSES
+from springgym.contact.records import FRICTION, PASSES, ContactRows, Problem, Resistance, Solids, Spheres
 from springgym.contact.rows import add_loss
 from springgym.contact.solids import among_going, between, inverse_mass_of_both, push_both
 from springgym.contact.spheres import (
@@ -36,7 +34,7 @@ from springgym.contact.spheres import (
     slip_by_turning,
     turn_by_friction,
 )
-from springgym.contact.totals import FRICTION, add_to
+from springgym.contact.totals import add_to
 from springgym.contact.turning import energy_of_turning, stop_turning, without_turning
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
@@ -52,13 +50,6 @@ from springgym.core.vectors import (
     set_row,
     set_row_each,
 )
-
-if TYPE_CHECKING:
-    from springgym.contact.cone import Resistance
-    from springgym.contact.rows import ContactRows, Problem
-    from springgym.contact.solids import Solids
-    from springgym.contact.spheres import Spheres
-
 
 SHALLOW = 0.05
 """Where n is nearer to a face's plane than this sine, or along a rod, no friction acts: d/A has no bound."""

@@ -23,7 +23,8 @@ made for all copies of a block, and what is found in one does not depend on anot
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeAlias
+from collections.abc import Callable
+from typing import TypeAlias
 
 import numpy as np
 
@@ -37,8 +38,23 @@ from springgym.contact.features import (
     vertex_faces,
     vertex_rods,
 )
-from springgym.contact.lists import CLOSE, NONE, WATCHED, Lists, Near, Search
-from springgym.contact.rows import FAR, MET, ROWS, Problem
+from springgym.contact.law import Span
+from springgym.contact.records import (
+    CLOSE,
+    FAR,
+    MET,
+    NONE,
+    ROWS,
+    WATCHED,
+    Collisions,
+    ContactRows,
+    Lists,
+    Near,
+    Pairs,
+    Problem,
+    Search,
+    Shapes,
+)
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Number, Numbers, Rows, Vector
 from springgym.core.lanes import any_lane, filled, load, load_each, maximum, minimum, select, sqrt, store
@@ -53,15 +69,6 @@ from springgym.core.vectors import (
     unit,
     vec,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from springgym.contact.law import Span
-    from springgym.contact.pairs import Pairs, Shapes
-    from springgym.contact.rows import ContactRows
-    from springgym.contact.totals import Collisions
-
 
 Indices: TypeAlias = "np.ndarray | None"
 """The features of a kind, by their particles; None if no body has any."""

@@ -17,14 +17,30 @@ than there is.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from springgym.contact.features import TAPER, smooth
 from springgym.contact.friction import lay_out
 from springgym.contact.law import barrier_energy, meet
-from springgym.contact.rows import FAR, MET, add_loss
+from springgym.contact.records import (
+    CONTACT,
+    ENERGY,
+    ENTRIES,
+    FAR,
+    FAST,
+    FASTEST,
+    GAP,
+    IMPULSE,
+    MET,
+    MISSES,
+    OVERFLOW,
+    TOUCHING,
+    ContactRows,
+    Ends,
+    Problem,
+    Solids,
+)
+from springgym.contact.rows import add_loss
 from springgym.contact.solids import (
     among_going,
     between,
@@ -34,20 +50,7 @@ from springgym.contact.solids import (
     push_ends_of_both,
     set_arms,
 )
-from springgym.contact.totals import (
-    CONTACT,
-    ENERGY,
-    ENTRIES,
-    FAST,
-    FASTEST,
-    GAP,
-    IMPULSE,
-    MISSES,
-    OVERFLOW,
-    TOUCHING,
-    add_to,
-    entry_of,
-)
+from springgym.contact.totals import add_to, entry_of
 from springgym.contact.turning import begin_couple
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
@@ -64,11 +67,6 @@ from springgym.core.vectors import (
     set_row_each,
     vec,
 )
-
-if TYPE_CHECKING:
-    from springgym.contact.rows import ContactRows, Problem
-    from springgym.contact.solids import Ends, Solids
-
 
 LOW = 0.02
 """What begins a step nearer than this share of Δ was missed before. It is taken as this near: what sweeps

@@ -28,13 +28,15 @@ Of rigid bodies, `springgym.contact.solids` takes the arm alone from here.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numba import types
 from numba.extending import overload
 from numpy.typing import DTypeLike
 
+from springgym.collisions import Shape
+from springgym.contact.records import Problem, Spheres
 from springgym.core.blocks import aligned_zeros
 from springgym.core.compiling import OPTIONS, compiled
 from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
@@ -54,47 +56,10 @@ from springgym.core.vectors import (
     set_row,
 )
 
-if TYPE_CHECKING:
-    from springgym.collisions import Shape
-    from springgym.contact.rows import Problem
-
-
 INLINE = {**OPTIONS, "forceinline": True}
 """Options of what differs with and without spheres: it is compiled into what calls it."""
 
 Seen: TypeAlias = tuple[Rows, Rows, Numbers]
-
-
-class Spheres(NamedTuple):
-    """The spheres and capsules among bodies that collide, and all particles as contacts see them."""
-
-    start: np.ndarray
-    """(bodies + 1,) where the particles of each body begin among all, and the end"""
-    radius: np.ndarray
-    """(bodies,) [m]; 0 of what is no sphere"""
-    skin: np.ndarray
-    """(bodies,) the radius of spheres and capsules [m]; 0 of others"""
-    thick: np.ndarray
-    """(bodies,) the radius of all that is round, ropes and balls that do not turn among them [m]; else 0"""
-    x: Rows
-    """(N, 3) positions of the particles at the node [m]; in the first row of a sphere, its centre of mass"""
-    before: Rows
-    """(N, 3) velocities of the particles before the node [m/s]; in the first two rows of a sphere, v and ω"""
-    inverse_mass: Numbers
-    """(N,) inverse masses [1/kg]; in the first row of a sphere, 1/M"""
-    turns: np.ndarray
-    """(bodies,) whether contacts turn a body as a whole: spheres, capsules, and what resists their turning"""
-    mass: Numbers
-    """(N,) masses of the particles of bodies that turn [kg]"""
-    centre: Rows
-    """(bodies, 3) centres of mass of bodies that turn [m]"""
-    turn: Rows
-    """(2 bodies, 3) the inverse inertia I⁻¹ of each body that turns, in two rows: xx, yy, zz, and xy, xz, yz
-    [1/(kg·m²)]; 0 if it is pinned"""
-    kept: Rows
-    """(N, 3) velocities of the particles of spheres, saved while their rows hold v and ω [m/s]"""
-    began: Rows
-    """(2 bodies, 3) v [m/s] and ω [rad/s] of each sphere that follow from the kept velocities"""
 
 
 def new_spheres(

@@ -15,20 +15,14 @@ The particles of a body get (I⁻¹ q) × (xᵢ − c), as in `springgym.contact
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from springgym.contact.cone import part_resisted, within_cone
-from springgym.contact.round import LEAST
-from springgym.contact.solids import Solids, count_change, midpoint, on_skin, push_body, turning_of
-from springgym.contact.spheres import Spheres, body_of, spin_of, turn_body, turned
+from springgym.contact.records import LEAST, ContactRows, Problem, Resistance, Solids, Spheres
+from springgym.contact.solids import count_change, midpoint, on_skin, push_body, turning_of
+from springgym.contact.spheres import body_of, spin_of, turn_body, turned
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Rows, Vector
 from springgym.core.lanes import load, maximum, select, sqrt
 from springgym.core.vectors import TINY, choose, cross, dot, row, set_row
-
-if TYPE_CHECKING:
-    from springgym.contact.cone import Resistance
-    from springgym.contact.rows import ContactRows, Problem
 
 
 @compiled

@@ -14,25 +14,20 @@ The node where the state is read is made anew by the next call, from the same ta
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
 from springgym.contact.features import put
 from springgym.contact.friction import crosses, push_across
-from springgym.contact.rows import FAR
+from springgym.contact.records import FAR, Pairs, Problem, WarmStart
 from springgym.contact.solver import push_apart
 from springgym.contact.turning import twist
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Rows, Vector
 from springgym.core.lanes import any_lane, load, load_each, nearest, select, store
 from springgym.core.vectors import choose, dot, row, row_each, set_row, set_row_each
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from springgym.contact.pairs import Pairs
-    from springgym.contact.rows import Problem
 
 FEW = 10
 """Most bodies of a scene in which contacts start from nothing at each node."""
@@ -46,23 +41,6 @@ they are not kept; such a contact would start from nothing at each node, and nev
 
 OF_PAIR, OF_ENDS = 61.0, (17.0, 7.0, 5.0, 3.0)
 """Factors of the numbers of pair and particles, by which contacts are spread over the table."""
-
-
-class WarmStart(NamedTuple):
-    """The impulses of contacts at the last node: a table of each copy, of a power of 2 of rows."""
-
-    pair: np.ndarray
-    """(rows,) the index of the contact's pair, plus one; 0 in an empty row"""
-    first: np.ndarray
-    """(rows,) the first particle of the contact"""
-    others: np.ndarray
-    """(rows,) a number that the other ends of two edges make; 0 of the contact of a vertex"""
-    impulse: np.ndarray
-    """(rows,) the impulse J along the normal [N·s]"""
-    friction: np.ndarray | None
-    """(rows, 3) the impulse of friction [N·s]; None if no pair rubs"""
-    couple: np.ndarray | None
-    """(rows, 3) the angular impulse of the couple [N·m·s]; None if no turning is resisted"""
 
 
 class Key(NamedTuple):

@@ -1,29 +1,18 @@
-"""Everything that acts on the particles. `Terms` is the one list of it.
+"""Everything that acts on the particles, by the `springgym.terms.Terms` of a scene.
 
-A scene has some of the terms and None for the others. A function that acts for a term takes it as an
-argument and asks whether it is None. Such tests are removed, with what they guard, when a kernel is compiled:
-forces that a scene does not use are left out of its code. A force of one's own needs no edit here, see
-`springgym.own_forces`.
+A force of one's own needs no edit here, see `springgym.own_forces`.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
-import numpy as np
-
-from springgym.contact.cone import Resistance
-from springgym.contact.round import Rounds, feature_energy, rolls
-from springgym.contact.surfaces import Surfaces, contact_energy
-from springgym.contact.totals import Collisions
+from springgym.contact.records import Rounds
+from springgym.contact.round import feature_energy, rolls
+from springgym.contact.surfaces import contact_energy
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Number, Numbers, Rows
 from springgym.core.lanes import load
 from springgym.core.vectors import add_row, add_scaled, dot, plus_scaled, row, set_row, vec, vector
 from springgym.forces.actuators import (
-    Drive,
-    Thrust,
-    Wrench,
     add_actuation,
     drive_on,
     move_drive,
@@ -31,56 +20,10 @@ from springgym.forces.actuators import (
     record_holding,
     set_actuation,
 )
-from springgym.forces.cycle import Cycle
-from springgym.forces.memory import Memory
-from springgym.forces.paper_contact import PaperLaw, Sampled, add_paper_forces, clamp
-from springgym.forces.springs import Dampers, Springs, add_spring_forces, damp, spring_energy
-from springgym.own_forces import OfBody, add_own_forces, own_energy
-
-
-class Particles(NamedTuple):
-    """Point masses, each array of shape (particles,)."""
-
-    mass: Numbers
-    """[kg]"""
-    inverse_mass: Numbers
-    """[1/kg], 0 if pinned"""
-    free: np.ndarray
-    """whether the particle moves freely, i.e. is not pinned"""
-
-
-class Terms(NamedTuple):
-    """The particles and what acts on them; None for what a scene does not have."""
-
-    particles: Particles
-    springs: Springs | None = None
-    dampers: Dampers | None = None
-    gravity: np.ndarray | None = None
-    """(3,) [m/s²]"""
-    wrench: Wrench | None = None
-    thrust: Thrust | None = None
-    drive: Drive | None = None
-    surfaces: Surfaces | None = None
-    friction: np.ndarray | None = None
-    """μ of the surfaces [1], (1,)"""
-    resistance: Resistance | None = None
-    """what resists the turning of round features on surfaces"""
-    loss: np.ndarray | None = None
-    """β of the surfaces [1], (1,)"""
-    paper_law: PaperLaw | None = None
-    """contact as the paper has it"""
-    memory: Memory | None = None
-    """what is kept of the last node, where there are surfaces or bodies that collide"""
-    cycle: Cycle | None = None
-    """what acts once in several steps; None if all acts at each"""
-    collisions: Collisions | None = None
-    """bodies that collide"""
-    rounds: Rounds | None = None
-    """round features, by which a body that has some meets surfaces"""
-    own: tuple[OfBody, ...] | None = None
-    """forces that a user wrote, of all bodies"""
-    body: int = 0
-    """number of the body, of those that ``own`` names"""
+from springgym.forces.paper_contact import Sampled, add_paper_forces, clamp
+from springgym.forces.springs import add_spring_forces, damp, spring_energy
+from springgym.own_forces import add_own_forces, own_energy
+from springgym.terms import Dampers, Particles, Terms
 
 
 @compiled

@@ -12,7 +12,6 @@ comes next is a copy's own, as copies that are placed begin with the first.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -21,25 +20,13 @@ from springgym.core.kinds import Ledger, Mask, Number, Rows
 from springgym.core.lanes import any_lane, load, select, store
 from springgym.forces.actuators import push, set_actuation
 from springgym.forces.springs import damp
-
-if TYPE_CHECKING:
-    from springgym.forces import Terms
-
+from springgym.terms import Cycle, Terms
 
 FIRST = 1
 """Steps after which dampers act in the first of two cycles."""
 
 END, MIDDLE = 1 / 6, 2 / 3
 """Simpson's rule: for which share of a cycle the wrench acts at each of its ends, and in its middle."""
-
-
-class Cycle(NamedTuple):
-    """Record how far copies are in two cycles."""
-
-    every: int
-    """steps of a cycle, even"""
-    marks: np.ndarray
-    """(1,) the steps taken since the first of two cycles began; at the end of a call 0 or ``every``"""
 
 
 def cycle(every: int, blocks: Callable[..., np.ndarray]) -> Cycle:

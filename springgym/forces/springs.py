@@ -9,8 +9,6 @@ round-off.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
-
 import numpy as np
 
 from springgym.core.compiling import compiled
@@ -36,50 +34,10 @@ from springgym.core.lanes import (
 )
 from springgym.core.vectors import TINY, add_scaled, dot, row, set_row, vec
 from springgym.forces.ledger import DAMPING, WORK, record
-
-if TYPE_CHECKING:
-    from springgym.forces.actuators import Drive
-
+from springgym.terms import Dampers, Decay, Drive, Springs
 
 SPRINGS_A_ROW = 2
 """Rows are taken as vectors in bodies with at least so many springs per particle, see `pays_by_rows`."""
-
-
-class Springs(NamedTuple):
-    """Springs between particles ``first`` and ``second``, each array of shape (springs,)."""
-
-    first: np.ndarray
-    second: np.ndarray
-    length: np.ndarray
-    """L₀ [m]"""
-    stiffness: np.ndarray
-    """k [N/m]"""
-
-
-class Dampers(NamedTuple):
-    """Damping of the springs, in their order, each array of shape (springs,)."""
-
-    coefficient: np.ndarray
-    """c [kg/s]"""
-    half: Decay
-    """of half a step"""
-    whole: Decay
-    """of a step, or of a cycle of them"""
-    paired: bool
-    """whether a step takes two sweeps of half its time, there and back; or one, in alternating direction"""
-
-
-class Decay(NamedTuple):
-    """The exact decay that a damper makes in some time, per relative speed of its ends."""
-
-    impulse: np.ndarray
-    """impulse on the first end [kg], opposite on the second"""
-    first: np.ndarray
-    """what the first end's velocity gains [1]"""
-    second: np.ndarray
-    """what the second end's velocity loses [1]"""
-    loss: np.ndarray
-    """energy lost, per relative speed² [kg]"""
 
 
 def decay(

@@ -25,21 +25,32 @@ bodies do not collide has no `Exchange`, and none of this is compiled for it.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from springgym.contact.friction import rub
 from springgym.contact.law import Span
-from springgym.contact.lists import Lists
-from springgym.contact.points import Given, impulses, lifted, near, nothing_given
+from springgym.contact.points import impulses, lifted, near, nothing_given
+from springgym.contact.records import (
+    ENERGY,
+    ENTRIES,
+    MET,
+    Collisions,
+    ContactRows,
+    Given,
+    Lists,
+    Problem,
+    Rolling,
+    Rounds,
+    Surfaces,
+)
 from springgym.contact.round import RoundProblem, lifted_feature, roll, rolls
-from springgym.contact.rows import MET, ContactRows, Problem
 from springgym.contact.search import find_contacts
 from springgym.contact.solver import add_totals, lift_apart, prepare, start_totals, sweep, taper
 from springgym.contact.spheres import as_seen, put_together, share_first, share_touched, take_apart
 from springgym.contact.surfaces import coefficient, energy_at
-from springgym.contact.totals import ENERGY, ENTRIES, Collisions, entry_of, list_changing
+from springgym.contact.totals import entry_of, list_changing
 from springgym.contact.warm import keep_impulses, start_warm
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Number, Numbers, Rows, Vector
@@ -49,17 +60,9 @@ from springgym.forces import stored_energy
 from springgym.forces.actuators import push
 from springgym.forces.cycle import relax_in_turn
 from springgym.forces.ledger import CONTACT, DAMPING, FRICTION, WORK, record
-from springgym.forces.memory import PHASE, STORED, Memory, halve, turn_drive
+from springgym.forces.memory import PHASE, STORED, halve, turn_drive
 from springgym.forces.springs import damp
-
-if TYPE_CHECKING:
-    from springgym.contact.round import Rolling, Rounds
-    from springgym.contact.surfaces import Surfaces
-    from springgym.forces import Terms
-    from springgym.forces.actuators import Thrust, Wrench
-    from springgym.forces.cycle import Cycle
-    from springgym.forces.springs import Dampers
-
+from springgym.terms import Cycle, Dampers, Memory, Terms, Thrust, Wrench
 
 START = -1
 """As a number of steps: none, but it is told which bodies of fresh copies touch."""
@@ -102,7 +105,7 @@ class Exchange(NamedTuple):
     by_bodies: Rows
     """change of velocity that bodies gave each other until that turn [m/s]"""
     change: Rows
-    """change of velocity by surfaces, by their pushes; see `springgym.contact.points.Given` [m/s]"""
+    """change of velocity by surfaces, by their pushes; see `springgym.contact.records.Given` [m/s]"""
     rub: Rows
     """change of velocity by surfaces, by friction [m/s]"""
     force: Rows
@@ -133,7 +136,7 @@ class Space(NamedTuple):
     pushes: Rows
     """(surfaces, 3) change of velocity [m/s] of a particle by each surface, where these are coupled"""
     rolling: Rolling | None
-    """`springgym.contact.round.Rolling`; None without round features"""
+    """`springgym.contact.records.Rolling`; None without round features"""
     busy: np.ndarray
     """(N,) whether contact may act on the particle in any copy; at first as it was at the last node"""
     exchange: Exchange | None

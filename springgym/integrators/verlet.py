@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from springgym.contact.totals import halve_totals, remember_totals, resume_totals
@@ -47,10 +45,7 @@ from springgym.integrators.node import (
     pass_node,
 )
 from springgym.integrators.record import Integrator
-
-if TYPE_CHECKING:
-    from springgym.forces import Terms
-
+from springgym.terms import Terms
 
 RECORD = Integrator(
     name="verlet",

@@ -12,21 +12,18 @@ import numpy as np
 from springgym import packing, simulator
 from springgym.checks import HUGE
 from springgym.collisions import Shape
-from springgym.contact.pairs import Pairs
-from springgym.contact.round import Rolling, packed_rounds
-from springgym.contact.spheres import Spheres
-from springgym.contact.totals import ENTRIES
+from springgym.contact.records import ENTRIES, Pairs, Rolling, Spheres
+from springgym.contact.round import packed_rounds
 from springgym.core import ragged
 from springgym.core.blocks import aligned_zeros, to_copies
 from springgym.core.kinds import Each, Ragged
 from springgym.envs.episodes import Episodes
-from springgym.forces import Terms
-from springgym.forces.actuators import Drive, Thrust, Wrench
 from springgym.integrators.node import Space
 from springgym.scene import Scene
 from springgym.simulator import Simulator
 from springgym.stability import Vibrations
 from springgym.surfaces import Contact, Plane
+from springgym.terms import Drive, Terms, Thrust, Wrench
 from tests.collisions.world import with_all_features
 
 FAR = Plane((0, 0, -100), (0, 0, 1))
