@@ -149,16 +149,15 @@ def stop_slip(v: Rows, k: int, limit: Number, acts: Mask, problem: Problem) -> N
 @compiled
 def hold(v: Rows, k: int, limit: Number, acts: Mask, problem: Problem, resistance: Resistance | None) -> None:
     """Let friction, and a couple if there is one, stop what slips and turns in contact k, in some lanes."""
+    resists = False
     if resistance is not None:
         p = problem.contacts.pair[k]
-        if resistance.rolling[p] + resistance.torsional[p] > 0.0:
+        resists = resistance.rolling[p] + resistance.torsional[p] > 0.0
+        if resists:
             stop_centre(v, k, limit, acts, problem)
-            for _ in range(PASSES):
-                stop_turning(v, k, acts, problem, resistance)
-                stop_slip(v, k, limit, acts, problem)
-        else:
-            stop_slip(v, k, limit, acts, problem)
-    else:
+    for _ in range(PASSES if resists else 1):
+        if resists:
+            stop_turning(v, k, acts, problem, resistance)
         stop_slip(v, k, limit, acts, problem)
 
 

@@ -24,8 +24,8 @@ w′ = w friction that sticks is of first order in h: a disk precesses 1.6 % too
 the point of contact over its skin; for the rigid bodies that are the limit of stiff springs see Kane &
 Levinson, Int. J. Non-Linear Mech. 17 (1982) 175, doi:10.1016/0020-7462(82)90017-8.)
 
-Resistance to rolling and to spinning (`springgym.contact.records.Resistance`) is a couple q, dry as friction is:
-what stops the part of ω across n, or along it, or as much as the push allows. ω is that of the feature's
+Resistance to rolling and to spinning (`springgym.contact.cone`) is a couple q, dry as friction is: what
+stops the part of ω across n, or along it, or as much as the push allows. ω is that of the feature's
 carriers, ω = I⁻¹ Σ mᵢ rᵢ × vᵢ with their arms rᵢ from their centre of mass and their inertia I, and a couple
 moves them by δvᵢ = (I⁻¹ q) × rᵢ. That is no momentum, the angular momentum q, and the work q · (ω₋ + ω₊)/2.
 Couple and friction act on each other. What would stop both the slip and the turning begins, and each then
@@ -647,9 +647,9 @@ def sum_up(problem: RoundProblem) -> None:
         for k in range(kinds):
             r = e * kinds + k
             point, n, push = row(space.point, r), row(space.normal, r), row(space.push, r)
-            give(e, point, push[0] * n, space.change, problem, None)
-            give(e, point, push[1] * n, space.force, problem, None)
-            give(e, point, row(space.friction, r), space.rub, problem, None)
+            impulses = push[0] * n, push[1] * n, row(space.friction, r)
+            for part, v in enumerate((space.change, space.force, space.rub)):
+                give(e, point, impulses[part], v, problem, None)
             sum_up_couple(r, e, problem, problem.terms.resistance)
 
 

@@ -599,22 +599,7 @@ def note_busy(n: int, any_busy: bool, exchange: Exchange | None) -> None:
 def meet_each_other(bodies: Bodies, node: Node, problem: Problem | None, exchange: Exchange | None) -> None:
     """Let bodies that collide, and surfaces with them, give their impulses, and let what is busy go on."""
     if problem is not None:
-        x, spheres = bodies.x.values, problem.contacts.spheres
-        velocity, changing = exchange.velocity.values, bodies.terms.collisions.changing
-        find_impulses(bodies, problem, exchange)
-        put_together(x, velocity, problem.rows, spheres)
-        add_totals(velocity, problem, changing)
-        if problem.rows > 0:
-            record_losses(bodies.ledger, problem)
-        if node.stage == PASSES:
-            keep_impulses(problem, bodies.terms.collisions.warm)
-        if node.stage == READS:
-            shift = exchange.shift.values
-            for i in range(shift.shape[0]):
-                set_row(shift, i, vec(0.0, 0.0, 0.0))
-            lift_apart(shift, velocity, problem)
-            share_first(shift, spheres)
-        take_apart(x, velocity, problem.rows, spheres)
+        find_impulses(bodies, node, problem, exchange)
         for n in range(bodies_of(bodies.x)):
             if exchange.any_busy[n]:
                 own = of_body(bodies, n)
@@ -634,29 +619,47 @@ def pass_busy(own: Bodies, node: Node, exchange: Exchange) -> None:
 
 
 @compiled
-def find_impulses(bodies: Bodies, problem: Problem, exchange: Exchange) -> None:
-    """Find what surfaces and bodies give at a node that is reached with velocities v₋."""
+def find_impulses(bodies: Bodies, node: Node, problem: Problem, exchange: Exchange) -> None:
+    """Find what surfaces and bodies give at a node that is reached with velocities v₋, and enter it."""
     pairs, velocity, terms = problem.pairs, exchange.velocity.values, bodies.terms
     x, spheres = bodies.x.values, problem.contacts.spheres
     first, last = True, pairs.sweeps + 1
-    put_together(x, velocity, problem.rows, spheres)
-    start_warm(velocity, problem, terms.collisions.warm)
-    take_apart(x, velocity, problem.rows, spheres)
-    for turn in range(last + 1):  # in one loop, as each call is compiled where it stands
-        if surfaces_take(last - turn, problem.rows, terms.surfaces, pairs.friction):
+    for turn in range(-1, last + 2):  # in one loop, as each call is compiled where it stands
+        if 0 <= turn <= last and surfaces_take(last - turn, problem.rows, terms.surfaces, pairs.friction):
             for n in range(bodies_of(bodies.x)):
                 if exchange.any_busy[n]:
                     own = of_body(bodies, n)
                     push_by_surfaces(own, problem.span, first, turn == last, own.space.exchange)
             first = False
         put_together(x, velocity, problem.rows, spheres)
-        if turn < pairs.sweeps:
+        if turn < 0:
+            start_warm(velocity, problem, terms.collisions.warm)
+        elif turn < pairs.sweeps:
             sweep(velocity, turn % 2 == 1, problem)
         if turn == 1:
             taper(velocity, problem, pairs.shapes.edges)
-        if turn > 0:
+        if 0 < turn <= last:
             rub(velocity, turn - 1, problem, pairs.friction)
+        elif turn > last:
+            enter_pairs(velocity, bodies, node, problem, exchange)
         take_apart(x, velocity, problem.rows, spheres)
+
+
+@compiled
+def enter_pairs(v: Rows, bodies: Bodies, node: Node, problem: Problem, exchange: Exchange) -> None:
+    """Enter what pairs gave and lost at a node, and find how far to lift bodies that are read there."""
+    collisions = bodies.terms.collisions
+    add_totals(v, problem, collisions.changing)
+    if problem.rows > 0:
+        record_losses(bodies.ledger, problem)
+    if node.stage == PASSES:
+        keep_impulses(problem, collisions.warm)
+    if node.stage == READS:
+        shift = exchange.shift.values
+        for i in range(shift.shape[0]):
+            set_row(shift, i, vec(0.0, 0.0, 0.0))
+        lift_apart(shift, v, problem)
+        share_first(shift, problem.contacts.spheres)
 
 
 @compiled
