@@ -103,13 +103,6 @@ def test_what_cannot_be_compiled_is_told_in_a_line(
     assert error.count("\n") == 1
 
 
-def test_without_compiled_code_there_is_nothing_to_compile(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("SPRINGGYM_CPU", "host")
-    monkeypatch.setattr(compiling, "INTERPRETED", True)
-    with pytest.raises(ValueError, match="NUMBA_DISABLE_JIT is set, with which nothing is compiled"):
-        precompiling.compile_one(("SpringTop-v0", "single", "float64"))
-
-
 def test_environments_of_ones_own_are_found_by_their_module(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, own_ids: None
 ) -> None:

@@ -24,10 +24,11 @@ from springgym.bodies.elasticity import spring_force_and_jacobian
 from springgym.collisions import distance
 from springgym.contact.law import SLOW
 from springgym.core.blocks import numbers
-from springgym.forces.springs import Decay, decay
+from springgym.forces.springs import decay
 from springgym.scene import GRAVITY, Placed, Scene
 from springgym.simulator import PrecisionWarning, SimulationDivergedError, Simulator
 from springgym.surfaces import Bowl, Contact, Plane, floor, incline
+from springgym.terms import Decay
 
 NONE = (0.0, 0.0, 0.0)
 """Zero gravity, which uses the same compiled code as gravity."""

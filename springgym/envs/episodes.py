@@ -9,13 +9,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium import spaces
+from numba.extending import is_jitted
 from numpy.random import Generator
 from numpy.typing import DTypeLike
 
 from springgym import checks, measures, stability
 from springgym.bodies import Body
 from springgym.checks import TINY, chosen, instance, suggestion
-from springgym.core.compiling import SameTypes, is_kernel, kernel
+from springgym.core.compiling import SameTypes, kernel
 from springgym.dynamics import DYNAMICS, Dynamics
 from springgym.envs import observation, randomisation
 from springgym.envs.error import StepError
@@ -171,7 +172,7 @@ class Episodes:
         self._given, self._driven = np.zeros_like(self.action), np.zeros_like(self.action)
         self._apart = len(scene.bodies) > 1
         functions = (task.evaluate, task.move, task.remember)
-        self._trusts = all(is_kernel(function) for function in functions if function is not None)
+        self._trusts = all(is_jitted(function) for function in functions if function is not None)
         if task.prepare is not None:
             self.simulator.read()
             task.prepare(*self._seen_in(slice(None)))
@@ -681,7 +682,7 @@ class Episodes:
         self._whole = self._part(0, self.copies)
         compact = self.task.observation != "particles"
         observe = self.task.compact if compact else observation.observe_particles
-        self._sees_parts = self._trusts and is_kernel(observe)
+        self._sees_parts = self._trusts and is_jitted(observe)
         width = self.simulator.width
         self._judges_parts = self._sees_parts and self.copies % width != 1  # see `_seen_alone`
         self._take = SameTypes(take)

@@ -433,24 +433,13 @@ def _met(
     restitution: float = 1.0,
     strength: float | None = None,
     reach: float | None = None,
-    kinetic: float | None = None,
-    stribeck: float | None = None,
     rolling_resistance: float = 0.0,
     torsional_resistance: float = 0.0,
     paper_damping: float = 0.0,
 ) -> tuple[Contact, PaperContact]:
     """Return the contact by default and by the paper's method, whose c_N is ``paper_damping`` [kg/s]."""
     return (
-        Contact(
-            friction,
-            restitution,
-            strength,
-            reach,
-            kinetic,
-            stribeck,
-            rolling_resistance,
-            torsional_resistance,
-        ),
+        Contact(friction, restitution, strength, reach, rolling_resistance, torsional_resistance),
         PaperContact(friction, paper_damping, strength, reach),
     )
 

@@ -88,7 +88,9 @@ def played(agent: Agent, seed: int) -> Motion:
         raise ValueError(f"{agent.env_id} is no environment of springgym's")
     policy, task, simulator = agent.policy(env), inner.episodes.task, inner.episodes.simulator
     observation, info = env.reset(seed=seed)
-    parts = min(inner.episodes.steps, max(1, round(task.period / INTERVAL)))
+    every = simulator.damping_every
+    cycles = inner.episodes.steps // every
+    parts = min(cycles, max(1, round(task.period / INTERVAL)))
     rows, bodies, positions, marks, touching = [], [], [], [], []
 
     def keep() -> None:
@@ -112,7 +114,7 @@ def played(agent: Agent, seed: int) -> Motion:
         simulator.restore(before | acting)
         taken = 0
         for n in range(1, parts):  # the same period again, to see what is between
-            until = round(n * inner.episodes.steps / parts)
+            until = every * round(n * cycles / parts)
             simulator.advance(until - taken, check=False, read=True)
             taken = until
             keep()
