@@ -238,7 +238,7 @@ def test_names_of_a_page_are_there(page: Path) -> None:
 
 def counts() -> dict[str, int]:
     """Return how many there are of what pages count."""
-    from springgym.accuracy.hard_cases import CASES
+    from benchmarks.hard_cases import CASES
 
     return {"scenes": len(names()), "integrators": len(METHODS), "cases": len(CASES)}
 

@@ -15,7 +15,8 @@ from typing import Any, NamedTuple
 import gymnasium as gym
 import numpy as np
 
-from springgym.bench.timing import Row
+from benchmarks.conditions import progress
+from benchmarks.timing import Row
 from springgym.bodies.distances import largest_distances
 from springgym.envs.task import Task
 from springgym.registration import ENVIRONMENTS
@@ -161,7 +162,7 @@ def errors(rounds: int) -> list[Row]:
     `info["step_error"]` says over the true error, with the middle 90 %. It is the same however often it is
     measured: rounds are ignored.
     """
-    return [row_of(env_id, **options) for env_id, options in measured_so()]
+    return [row_of(env_id, **options) for env_id, options in progress([*measured_so()], "errors")]
 
 
 def row_of(env_id: str, **options: Any) -> Row:

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import importlib.util
 import math
-import time
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+from benchmarks.peers import MUJOCO, MuJoCo, has
+from benchmarks.problems import CUSPS, PROBLEMS, TOP
+from benchmarks.timing import rows_of, rung_of
+from benchmarks.work_precision import edge, own_rung, reference, stepper
 from springgym import theory
-from springgym.accuracy.problems import CUSPS, PROBLEMS, TOP
-from springgym.accuracy.rungs import Rung
-from springgym.accuracy.work_precision import edge, own_rung, reference, rows_of
 from springgym.bodies import cube, start, top
 from springgym.bodies.distances import largest_distance
 from springgym.rigid import METHODS
@@ -138,100 +137,26 @@ def rigid_twin(quick: bool = False) -> dict[str, Any]:
     body = top(damping=0.0)
     tip = body.particle("tip")
 
-    def exact(t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def exact(t: float) -> tuple[np.ndarray, np.ndarray]:
         motion = theory.top.motion(TOP, CUSPS, np.array([t]))
-        x, v = carry(motion.attitude[0], motion.omega_world[0], body.positions)
-        return x, v, motion.attitude[0], motion.omega_world[0]
+        return carry(motion.attitude[0], motion.omega_world[0], body.positions)
 
-    x, v, frame, omega = exact(0.0)
+    x, v = exact(0.0)
     v[tip] = 0.0
     scene = Scene(body, x, v, pinned=(tip,))
-    goal = exact(SECONDS)[0][None]
     rungs = []
     for name in METHODS:
         for count in (2000 * 2**n for n in range(4 if quick else 7)):
-            rungs.append(_rigid_rung(scene, name, count))
-    rungs += _mujoco_top(frame, frame.T @ omega, body.positions, quick)
-    rows = rows_of(rungs, goal, scene, 5 if quick else 20)
-    return {"kind": "rigid twin", "seconds": SECONDS, "rows": rows}
-
-
-def _rigid_rung(scene: Scene, name: str, count: int) -> Rung:
-    step = SECONDS / count
-    simulator = Simulator(scene, dynamics="rigid", integrator=name, step=step, ledger=False)
-    began = simulator.state()
-
-    def run() -> tuple[np.ndarray, float, float]:
-        simulator.advance(1, check=False)
-        simulator.restore(began)
-        started = time.perf_counter()
-        simulator.advance(count, check=False)
-        wall = time.perf_counter() - started
-        return simulator.positions, simulator.integrator.evaluations * count / SECONDS, wall
-
-    def piece(wall: float) -> tuple[Callable[[], object], float]:
-        steps = max(1, min(count, int(count * 2e-3 / wall)))
-        return lambda: simulator.advance(steps, check=False), steps * step
-
-    return Rung(f"rigid {name}", step, run, lambda: simulator.restore(began), piece)
-
-
-def _mujoco_top(frame: np.ndarray, omega: np.ndarray, shape: np.ndarray, quick: bool) -> list[Rung]:
-    """Make the top one rigid body on a ball joint; ``omega`` (3,) in body axes. None without MuJoCo."""
-    if importlib.util.find_spec("mujoco") is None:
-        return []
-    import mujoco
-
-    mujoco.set_mju_user_warning(lambda message: None)
-    mass, height = 12.0, 0.75
-    across = TOP.i1 - mass * height**2
-    quaternion = np.zeros(4)
-    mujoco.mju_mat2Quat(quaternion, frame.ravel())
-    rungs = []
-    for name, evaluations in (("RK4", 4), ("Euler", 1), ("implicitfast", 1)):
+            step = SECONDS / count
+            rigid = Simulator(scene, dynamics="rigid", integrator=name, step=step, ledger=False)
+            rungs.append(rung_of(f"rigid {name}", step, count, stepper(rigid), samples=1))
+    for name in MUJOCO if has("mujoco") else ():
         for count in (2000 * 2**n for n in range(3 if quick else 6)):
             step = SECONDS / count
-            model = mujoco.MjModel.from_xml_string(
-                f'<mujoco><compiler inertiafromgeom="false"/><option timestep="{step!r}" '
-                f'integrator="{name}" gravity="0 0 -9.81">'
-                '<flag contact="disable" autoreset="disable"/></option><worldbody><body>'
-                f'<joint type="ball"/><inertial pos="0 0 {height}" mass="{mass}" '
-                f'diaginertia="{across!r} {across!r} {TOP.i3!r}"/></body></worldbody></mujoco>'
-            )
-            data = mujoco.MjData(model)
-
-            def begin(model: mujoco.MjModel = model, data: mujoco.MjData = data) -> None:
-                mujoco.mj_resetData(model, data)
-                data.qpos[:] = quaternion
-                data.qvel[:] = omega
-
-            def run(
-                begin: Callable[[], None] = begin,
-                model: mujoco.MjModel = model,
-                data: mujoco.MjData = data,
-                count: int = count,
-                evaluations: int = evaluations,
-            ) -> tuple[np.ndarray, float, float]:
-                begin()
-                started = time.perf_counter()
-                mujoco.mj_step(model, data, count)
-                wall = time.perf_counter() - started
-                turn = np.zeros(9)
-                mujoco.mju_quat2Mat(turn, data.qpos)
-                return (shape @ turn.reshape(3, 3).T)[None], evaluations * count / SECONDS, wall
-
-            def piece(
-                wall: float,
-                model: mujoco.MjModel = model,
-                data: mujoco.MjData = data,
-                count: int = count,
-                step: float = step,
-            ) -> tuple[Callable[[], object], float]:
-                steps = max(1, min(count, int(count * 5e-3 / wall)))
-                return lambda: mujoco.mj_step(model, data, steps), steps * step
-
-            rungs.append(Rung(f"MuJoCo {name}", step, run, begin, piece))
-    return rungs
+            other = MuJoCo(scene, name, step, rigid=True).stepper()
+            rungs.append(rung_of(f"MuJoCo {name}", step, count, other, samples=1, longest=5e-3))
+    rows = rows_of(rungs, exact(SECONDS)[0][None], scene, 5 if quick else 20)
+    return {"kind": "rigid twin", "seconds": SECONDS, "rows": rows}
 
 
 STUDIES: dict[str, Callable[[bool], dict[str, Any]]] = {

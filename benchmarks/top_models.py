@@ -1,15 +1,16 @@
-"""``springgym model``: find the cheapest model of a top that precesses within a given error.
+"""Find the cheapest model of a top that precesses within a given error: ``python -m benchmarks.top_models``.
 
 A real top precesses more slowly than a rigid one, because spin stretches it, see
 `springgym.bodies.precession.precession_gap`: the relative difference is 7e-7 for steel. If you accept a
 larger error, you can make the top softer and take longer steps, or make it rigid. This command tries such
-models, and measures their error and cost.
+models, and measures their error and cost. *Materials* in the documentation shows it.
 """
 
 from __future__ import annotations
 
 import argparse
 import math
+import sys
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -21,14 +22,14 @@ from springgym.bodies import Body, softened, solid_top, start
 from springgym.bodies.elastic import Elastic
 from springgym.bodies.precession import heavy_top, precession_gap
 from springgym.bodies.rotations import axes
-from springgym.checks import TINY, chosen, instance, number
-from springgym.cli import significant
+from springgym.checks import TINY, number
+from springgym.cli import guarded, significant
 from springgym.dynamics import DYNAMICS
 from springgym.integrators import METHODS
 from springgym.materials import MATERIALS, Material
 from springgym.scene import Scene
 from springgym.scenes.checks.tops import angles, mean_rate
-from springgym.scenes.plan import LEAST, Plan
+from springgym.scenes.plan import Plan
 from springgym.scenes.reading import load
 from springgym.scenes.recording import record
 from springgym.simulator import SimulationDivergedError, Simulator
@@ -108,16 +109,10 @@ def needed(plan: Plan, wanted: float, implicit: Sequence[str] = ("tr_bdf2",), du
 
     Raises
     ------
-    TypeError
-        If an argument has the wrong type, see `springgym.checks`.
     ValueError
-        Naming a number out of bounds or an unknown method; or if the plan is of several bodies or no heavy
-        top, or it has no steady precession.
+        If the plan is of several bodies or no heavy top, or it has no steady precession.
     """
-    wanted = number("wanted", wanted, TINY, 1.0)
-    duration = number("duration", duration, LEAST["duration"])
-    implicit = [chosen("a method", name, METHODS) for name in instance("implicit", implicit, list, tuple)]
-    steady, scene = _asked(instance("plan", plan, Plan)), plan.scene
+    steady, scene = _asked(plan), plan.scene
 
     def tried(dynamics: str, integrator: str, factor: float = 1.0, step: float | None = None) -> Model:
         try:
@@ -297,8 +292,11 @@ def table_of_tops(materials: Iterable[str]) -> Iterator[str]:
 # --- The command ------------------------------------------------------------------------------------
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of the command."""
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command, and return its exit status."""
+    parser = argparse.ArgumentParser(
+        "benchmarks.top_models", description="Find the cheapest model of a top within an error."
+    )
     parser.add_argument(
         "scene", nargs="?", help="name of a scene with a top, such as steel-top, or a YAML file"
     )
@@ -306,27 +304,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--gap", type=float, default=1e-3, help="largest relative error of the precession (default: 1e-3)"
     )
     parser.add_argument(
-        "--implicit", nargs="*", default=["tr_bdf2"], metavar="METHOD", help="implicit methods to try as well"
+        "--implicit",
+        nargs="*",
+        default=["tr_bdf2"],
+        choices=METHODS,
+        metavar="METHOD",
+        help="implicit methods to try as well",
     )
     parser.add_argument("--tops", action="store_true", help="measure a top of every material")
+    args = parser.parse_args(arguments)
+    if args.scene is None and not args.tops:
+        parser.error("name a scene with a top, such as steel-top, or use --tops for a top of every material")
+    return guarded(parser.prog, lambda: run(args), extra="scenes")
 
 
 def run(args: argparse.Namespace) -> int:
     """Do what the arguments ask for; the exit status."""
     if args.tops:
-        for line in table_of_tops(MATERIALS):
-            print(line, flush=True)
-        return 0
-    if args.scene is None:
-        raise ValueError(
-            "no scene is given: name one with a top, such as steel-top, or "
-            "use --tops for a top of every material"
-        )
-    number("--gap", args.gap, TINY, 1.0)
-    plan = load(args.scene)
-    need = needed(plan, args.gap, tuple(args.implicit))
-    for line in _said(plan, need):
-        print(line)
+        lines = table_of_tops(MATERIALS)
+    else:
+        number("--gap", args.gap, TINY, 1.0)
+        plan = load(args.scene)
+        lines = _said(plan, needed(plan, args.gap, args.implicit))
+    for line in lines:
+        print(line, flush=True)
     return 0
 
 
@@ -356,3 +357,7 @@ def _said(plan: Plan, need: Need) -> Iterator[str]:
 def _row(cells: tuple[str, ...]) -> str:
     widths = (3, 9, 9, 10, 10, 9, 25)
     return "".join(cell.ljust(width) for cell, width in zip(cells, widths, strict=True)).rstrip()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

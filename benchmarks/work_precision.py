@@ -19,14 +19,14 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from springgym.accuracy.peers import mujoco_rungs, scipy_rungs
-from springgym.accuracy.problems import PROBLEMS, Problem
-from springgym.accuracy.rungs import SAMPLES, Rung
+from benchmarks.conditions import progress
+from benchmarks.peers import mujoco_rungs, scipy_rungs
+from benchmarks.problems import PROBLEMS, Problem
+from benchmarks.timing import SAMPLES, Rung, Stepper, row_of, rows_of, rung_of
 from springgym.bodies.distances import largest_distance
 from springgym.integrators import integrator
 from springgym.integrators.record import ITERATIONS, REJECTIONS, STEPS
@@ -35,12 +35,8 @@ from springgym.simulator import Simulator
 from springgym.stability import automatic_step, largest_step, steps_in
 from springgym.surfaces import Contact
 
-FAILED = 0.1
-"""An error above this, or none that is a number, is a failure."""
-
 TOLERANCES = (1e-3, 1e-5, 1e-7)
-LONGEST_PIECE = 2e-3
-"""Timed runs take about this long [s]."""
+"""Errors that methods are compared at."""
 
 
 def ladder(problem: Problem, scene: Scene, quick: bool) -> list[Rung]:
@@ -88,33 +84,33 @@ def own_rung(
     problem: Problem, scene: Scene, name: str, count: int, tolerance: tuple[float, float] | None
 ) -> Rung:
     step = problem.seconds / count
-    method = integrator(name)
-    simulator = _simulator(scene, name, step, tolerance)
-    began = simulator.state()
+    rung = rung_of(name, step, count, stepper(_simulator(scene, name, step, tolerance)))
+    return rung._replace(step=tolerance[0]) if integrator(name).adaptive and tolerance else rung
 
-    def run() -> tuple[np.ndarray, float, float]:
-        simulator.advance(1, check=False)  # compiled, if it was not
+
+def stepper(simulator: Simulator) -> Stepper:
+    """Let a simulator take steps from the state it is in; it is compiled first."""
+    method, began = simulator.integrator, simulator.state()
+    before = np.zeros(3)
+
+    def begin() -> None:
         simulator.restore(began)
-        before = simulator.counts()[0].copy() if method.controlled else None
-        started = time.perf_counter()
-        positions = advance_and_sample(simulator, count)
-        wall = time.perf_counter() - started
-        evaluations = float(method.evaluations * count)
-        if before is not None:
-            counted = simulator.counts()[0] - before
-            evaluations = (
-                float(counted[ITERATIONS] + count)
-                if method.iterative
-                else float((counted[STEPS] + counted[REJECTIONS]) * method.evaluations)
-            )
-        return positions, evaluations / problem.seconds, wall
+        if method.controlled:
+            before[:] = simulator.counts()[0]
 
-    def piece(wall: float) -> tuple[Callable[[], object], float]:
-        steps = max(1, min(count, int(count * LONGEST_PIECE / wall)))
-        return lambda: simulator.advance(steps, check=False), steps * step
+    def evaluations(steps: int) -> float:
+        if not method.controlled:
+            return float(method.evaluations * steps)
+        counted = simulator.counts()[0] - before
+        if method.iterative:
+            return float(counted[ITERATIONS] + steps)
+        return float((counted[STEPS] + counted[REJECTIONS]) * method.evaluations)
 
-    control = tolerance[0] if method.adaptive and tolerance else step
-    return Rung(name, control, run, lambda: simulator.restore(began), piece)
+    def advance(steps: int) -> None:
+        simulator.advance(steps, check=False)
+
+    advance(1)
+    return Stepper(begin, advance, lambda: simulator.positions[0], evaluations)
 
 
 def advance_and_sample(simulator: Simulator, count: int) -> np.ndarray:
@@ -182,7 +178,7 @@ def consistency(problem: Problem, scene: Scene, quick: bool) -> list[dict[str, A
         finest.advance(8 * counts[-1], check=False)
         ends.append(finest.positions[0])
     rows = []
-    for count in counts:
+    for count in progress(counts, "steps"):
         simulator = _simulator(scene, "verlet", problem.period / count)
         errors = []
         for (x, v), end in zip(states, ends, strict=True):
@@ -198,7 +194,7 @@ def consistency(problem: Problem, scene: Scene, quick: bool) -> list[dict[str, A
                 simulator.advance(count, check=False)
                 walls[-1] += time.perf_counter() - started
         rows.append(
-            _row(
+            row_of(
                 "verlet",
                 problem.period / count,
                 math.sqrt(np.mean(np.square(errors))),
@@ -213,45 +209,13 @@ def consistency(problem: Problem, scene: Scene, quick: bool) -> list[dict[str, A
 # --- Measuring ----------------------------------------------------------------------------------------
 
 
-def _row(method: str, step: float, error: float, evaluations: float, costs: list[float]) -> dict[str, Any]:
-    low, median, high = np.percentile(costs, [25, 50, 75])
-    return {
-        "method": method,
-        "step": step,
-        "error": error if error < FAILED else None,
-        "evaluations": evaluations,
-        "cost": float(median),
-        "cost_quartiles": [float(low), float(high)],
-        "runs": len(costs),
-    }
-
-
-def rows_of(rungs: list[Rung], exact: np.ndarray, scene: Scene, runs: int) -> list[dict[str, Any]]:
-    """Return the error and cost of each rung; their timed runs take turns."""
-    ran = []
-    for rung in rungs:
-        positions, evaluations, wall = rung.run()
-        ran.append((rung, largest_distance(positions, exact, scene.sizes), evaluations, *rung.piece(wall)))
-    costs: list[list[float]] = [[] for _ in ran]
-    for _ in range(runs):
-        for own, (rung, _, _, part, simulated) in zip(costs, ran, strict=True):
-            rung.begin()
-            started = time.perf_counter()
-            part()
-            own.append(1e6 * (time.perf_counter() - started) / simulated)
-    return [
-        _row(rung.method, rung.step, error, evaluations, own)
-        for own, (rung, error, evaluations, _, _) in zip(costs, ran, strict=True)
-    ]
-
-
 def measure(name: str, quick: bool = False, peers: bool = True) -> dict[str, Any]:
     """Measure all methods on a problem, and return it ready for JSON.
 
     Parameters
     ----------
     name
-        Of a problem, out of `springgym.accuracy.problems.PROBLEMS`.
+        Of a problem, out of `benchmarks.problems.PROBLEMS`.
     quick
         Fewer steps, and 5 timed runs in place of 20.
     peers

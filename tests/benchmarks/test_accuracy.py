@@ -1,4 +1,4 @@
-"""Problems, references, work-precision and studies of ``springgym accuracy``."""
+"""Problems, references, work-precision and studies of `benchmarks.accuracy`."""
 
 from __future__ import annotations
 
@@ -10,22 +10,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from springgym.accuracy import REPORT, studies, work_precision
-from springgym.accuracy.peers import derivative, jacobian, mujoco_rungs, scipy_rungs
-from springgym.accuracy.problems import PROBLEMS
-from springgym.accuracy.work_precision import (
-    FAILED,
+from benchmarks import studies, work_precision
+from benchmarks.accuracy import REPORT, main
+from benchmarks.peers import derivative, jacobian, mujoco_rungs, scipy_rungs
+from benchmarks.problems import PROBLEMS
+from benchmarks.timing import FAILED, rows_of
+from benchmarks.work_precision import (
     cheapest,
     default_count,
     edge,
     measure,
     own_rung,
     reference,
-    rows_of,
 )
 from springgym.bodies import cube
 from springgym.bodies.distances import largest_distance, rms_distance
-from springgym.cli import main
 from springgym.simulator import Simulator
 
 
@@ -116,7 +115,7 @@ def test_cheapest_takes_what_is_accurate_enough_then_what_costs_least() -> None:
 @pytest.mark.usefixtures("ledgers")
 @pytest.mark.seldom
 def test_command_writes_report_and_figure(tmp_path: Path) -> None:
-    assert main(["accuracy", "tumble", "--quick", "--out", str(tmp_path)]) == 0
+    assert main(["tumble", "--quick", "--out", str(tmp_path)]) == 0
     (row, *_) = json.loads((tmp_path / REPORT).read_text())["tumble"]["rows"]
     assert 0 < row["error"] < 0.1
     assert row["runs"] == 5
@@ -127,8 +126,16 @@ def test_command_writes_report_and_figure(tmp_path: Path) -> None:
     )
 
 
+def test_a_report_that_cannot_be_added_to_is_told_at_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / REPORT).write_text("half a rep")
+    assert main(["--out", str(tmp_path)]) == 2
+    assert "accuracy.json: cannot add to this report: Expecting value" in capsys.readouterr().err
+
+
 def test_unknown_problem_is_named(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["accuracy", "marble"]) == 2
+    assert main(["marble"]) == 2
     assert "'marble'" in capsys.readouterr().err
 
 

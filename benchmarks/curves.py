@@ -1,6 +1,6 @@
 """Error against cost of every environment: what an error costs, and what a larger one would save.
 
-The error is that of `springgym.bench.errors`, for steps of other lengths than the default and, where nothing
+The error is that of `benchmarks.errors`, for steps of other lengths than the default and, where nothing
 touches, of methods of higher order. The cost is the processor time of an environment's step, a copy of a
 batch: that of the control period with these steps, and that of what stands around it by default.
 """
@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from springgym.bench.errors import EPISODES, EVERY, PERIODS, batch, references, repeated
-from springgym.bench.timing import Row
+from benchmarks.conditions import progress
+from benchmarks.errors import EPISODES, EVERY, PERIODS, batch, references, repeated
+from benchmarks.timing import Row
 from springgym.bodies.distances import largest_distances
 from springgym.integrators import integrator
 from springgym.registration import ENVIRONMENTS
@@ -37,7 +38,7 @@ def curves(rounds: int) -> list[Row]:
     ``microseconds``: processor time of an environment's step, a copy of a batch of 64. Steps that the
     simulator refuses, or whose largest error exceeds a tenth of the size, are left out. Rounds are ignored.
     """
-    return [row for env in ENVIRONMENTS for row in curve(env.id)]
+    return [row for env in progress(ENVIRONMENTS, "curves") for row in curve(env.id)]
 
 
 def curve(

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from springgym.accuracy.hard_cases import CASES, Case
-from springgym.cli import main
+from benchmarks.hard_cases import CASES, Case, main
 
 EACH = [
     pytest.param(
@@ -36,16 +35,16 @@ def test_broken_twin_fails(case: Case) -> None:
 
 
 def test_command_gives_1_if_a_case_fails(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["hard-cases", "23"]) == 0
+    assert main(["23"]) == 0
     assert "pass  degenerate input" in capsys.readouterr().out
     broken = CASES[22].run(True)
     assert not broken.passed
     CASES.append(Case(29, "broken", "", "", lambda _: broken, False))
     try:
-        assert main(["hard-cases", "29"]) == 1
+        assert main(["29"]) == 1
     finally:
         CASES.pop()
 
 
 def test_command_refuses_a_case_that_is_not_there() -> None:
-    assert main(["hard-cases", "99"]) == 2
+    assert main(["99"]) == 2

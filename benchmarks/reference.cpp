@@ -1,4 +1,4 @@
-// The paper's top by hand, as fast as its author could make it: the yardstick of `springgym bench`.
+// The paper's top by hand, as fast as its author could make it: the yardstick of `benchmarks.speed`.
 //   c++ -std=c++17 -O3 -march=native -ffast-math -mprefer-vector-width=512 -shared -fPIC reference.cpp
 //       -DREAL=double -DREGISTERS=3 -DDIVIDE=0 -DPARTICLES=14 -DSPRINGS=37
 // A block of copies fills REGISTERS vectors, as wide as the processor's, and the springs are passed once.

@@ -1,30 +1,44 @@
-"""The sections of `springgym bench`: functions that measure and return rows. A step is one of the
-integrator, unless a row says otherwise."""
+"""Speed and error on this machine, beside other programs: ``python -m benchmarks.speed``.
+
+Sections are functions that measure and return rows. A step is one of the integrator, unless a row says
+otherwise. `benchmarks.environments`, `benchmarks.errors` and `benchmarks.curves` hold those of environments.
+"""
 
 from __future__ import annotations
 
+import argparse
+import inspect
+import json
 import os
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from springgym.bench import peers
-from springgym.bench.curves import curves
-from springgym.bench.environments import environments
-from springgym.bench.errors import errors
-from springgym.bench.problem import error, exact_positions, paper_top, rounding, stepping
-from springgym.bench.timing import Case, Row, measured
+from benchmarks import peers
+from benchmarks.conditions import conditions
+from benchmarks.curves import curves
+from benchmarks.environments import environments
+from benchmarks.errors import errors
+from benchmarks.paper_top import error, exact_positions, paper_top, rounding, stepping
+from benchmarks.ratios import ratios
+from benchmarks.timing import Case, Row, measured
 from springgym.bodies import Body, cube, start
 from springgym.bodies.distances import rms_distance
+from springgym.cli import check_ending, guarded, whole_file
 from springgym.core.blocks import block_array
 from springgym.scene import DriveActuator, Placed, Scene, ThrustActuator, WrenchActuator
 from springgym.simulator import PAPER_STEP
 from springgym.surfaces import Bowl, Contact, floor
+
+FIGURES = (".svg", ".png", ".pdf")
+"""The file name endings of the formats in which the figure can be drawn."""
 
 PRECISIONS = ("float64", "float32")
 
@@ -211,45 +225,48 @@ def against_peers(rounds: int) -> list[Row]:
             both("verlet", dtype, copies, damped, (", dampers swept", ", dampers in the force"))
     other("JAX", peers.jax_batch(plain, PAPER_STEP, 1024), 1024, note="may use all cores")
     other("SciPy RK45", peers.scipy_rk45(plain, PAPER_STEP))
-    for method in ("RK4", "Euler", "implicitfast"):
-        other(f"MuJoCo {method}", peers.mujoco_springs(plain, method, PAPER_STEP))
+    for method in peers.MUJOCO if peers.has("mujoco") else ():
+        other(f"MuJoCo {method}", peers.MuJoCo(plain, method, PAPER_STEP).peer())
     for copies in (1, 1024):
         own("rigid", copies=copies, dynamics="rigid", step=1e-3)
-    for method in ("RK4", "Euler"):
-        other(f"MuJoCo rigid {method}", peers.mujoco_rigid(plain, method, 1e-3), dynamics="rigid")
+    for method in ("RK4", "Euler") if peers.has("mujoco") else ():
+        rigid = peers.MuJoCo(plain, method, 1e-3, rigid=True).peer(1000)
+        other(f"MuJoCo rigid {method}", rigid, dynamics="rigid")
     return measured(cases, rounds, "steps/s")
 
 
-MUJOCO = ("RK4", "Euler", "implicit", "implicitfast")
-
-
 def equal_error(rounds: int) -> list[Row]:
-    """Simulated seconds a second on one core, at the error of the default method at its automatic step.
+    """Simulated seconds a second at the error of the default method at its automatic step.
 
     MuJoCo steps the same springs, by each of its integrators at the longest step, to 4 %, whose error is
-    no larger.
+    no larger: one top on one core, and as many as springgym's batch by `mujoco.rollout` on the same number of
+    threads.
     """
     scene = paper_top()
     wanted = error(scene)
     step = 1e-3 * wanted["step_ms"]
     cases = []
+    batches = [(1, 1), *((1024, threads) for threads in (1, os.cpu_count() or 1))]
     for precision in PRECISIONS:
         facts = error(scene, dtype=precision)
-        for copies in (1, 1024):
-            what = {"program": "springgym default", "precision": precision, "copies": copies}
-            cases.append(stepping(what, scene, per_step=step, facts=facts, copies=copies, dtype=precision))
-    for method in MUJOCO:
-        for n in range(160):
-            step = 1 / round(1000 * 2 ** (n / 16))
-            peer = peers.mujoco_springs(scene, method, step)
-            if peer is None:
-                break
+        for copies, threads in dict.fromkeys(batches):
+            own = {"copies": copies, "threads": threads}
+            what = {"program": "springgym default", "precision": precision} | own
+            cases.append(stepping(what, scene, per_step=step, facts=facts, dtype=precision, **own))
+    for method in (*peers.MUJOCO, "implicit") if peers.has("mujoco") else ():
+        for step in (1 / round(1000 * 2 ** (n / 16)) for n in range(160)):
+            program = peers.MuJoCo(scene, method, step)
+            peer = program.peer()
             found = rms_distance(peer.positions, exact_positions(scene, 1.0), scene.sizes)
-            if found <= wanted["error"]:
-                facts = {"step_ms": 1e3 * step, "error": found}
-                what = {"program": f"MuJoCo {method}", "precision": "float64", "copies": 1}
+            if found > wanted["error"]:
+                continue
+            facts = {"step_ms": 1e3 * step, "error": found}
+            for copies, threads in dict.fromkeys(batches):
+                peer = peer if copies == 1 else program.batch(copies, threads)
+                what = {"program": f"MuJoCo {method}", "precision": "float64"}
+                what |= {"copies": copies, "threads": threads}
                 cases.append(Case(what, peer.run, peer.steps * step, facts=facts))
-                break
+            break
     return measured(cases, rounds, "simulated s/s")
 
 
@@ -284,3 +301,77 @@ SECTIONS: dict[str, Callable[[int], list[Row]]] = {
     "sizes": sizes,
 }
 """The sections by name."""
+
+
+# --- Command ------------------------------------------------------------------------------------------
+
+
+def measure(name: str, rounds: int) -> dict[str, Any]:
+    """Measure a section, print its rows, and give them for JSON."""
+    what = inspect.cleandoc(SECTIONS[name].__doc__ or "")
+    print(f"\n{name}: {what}\n", flush=True)
+    started = time.perf_counter()
+    rows = SECTIONS[name](rounds)
+    print("\n".join(f"  {row}" for row in rows))
+    took = time.perf_counter() - started
+    print(f"  (took {took:.0f} s)", flush=True)
+    return {"what": what, "rounds": rounds, "took": took, "rows": [row.flat() for row in rows]}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command, and return its exit status."""
+    parser = argparse.ArgumentParser("benchmarks.speed", description="Measure the speed on this machine.")
+    parser.add_argument(
+        "--only",
+        nargs="+",
+        choices=SECTIONS,
+        metavar="SECTION",
+        help=f"sections to measure (default: all), out of {', '.join(SECTIONS)}",
+    )
+    parser.add_argument("--rounds", type=int, default=21, help="rounds for each median (default: 21)")
+    parser.add_argument("--quick", action="store_true", help="3 rounds")
+    parser.add_argument("--out", type=Path, help="write the results to this JSON file, see docs/speed.md")
+    parser.add_argument(
+        "--figure", type=Path, help="draw peers and sizes to this file, .svg, .png or .pdf (needs matplotlib)"
+    )
+    args = parser.parse_args(arguments)
+    return guarded(parser.prog, lambda: run(args), extra="bench")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Measure, print, and write JSON."""
+    if args.rounds < 1:
+        raise ValueError(f"--rounds {args.rounds}: it must be at least 1")
+    _check_files(args)
+    report: dict[str, Any] = {"conditions": conditions()}
+    print(json.dumps(report["conditions"]))
+    for name in args.only or SECTIONS:
+        report[name] = measure(name, 3 if args.quick else args.rounds)
+    report["ratios"] = ratios(report)
+    print("\nratios\n")
+    for what, ratio in report["ratios"].items():
+        print(f"  {what:76}{ratio:8.3g}")
+    if args.out:
+        with whole_file(args.out) as path:
+            path.write_text(json.dumps(report, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    if args.figure:
+        from benchmarks.figures import draw_speed
+
+        draw_speed(report, args.figure)
+    return 0
+
+
+def _check_files(args: argparse.Namespace) -> None:
+    """Make the folders of files, and refuse what cannot be written, before the work is done."""
+    if args.figure is not None:
+        check_ending("figure", args.figure, FIGURES)
+    for option in ("out", "figure"):
+        path: Path | None = getattr(args, option)
+        if path is not None and path.is_dir():
+            raise ValueError(f"--{option} {path}: it is a folder; it must be a file")
+        if path is not None:
+            path.parent.mkdir(parents=True, exist_ok=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

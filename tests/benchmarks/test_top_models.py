@@ -5,8 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from springgym.cli import main
-from springgym.modelling import _asked, needed
+from benchmarks.top_models import _asked, main, needed
 from springgym.scenes import load, names
 
 
@@ -34,27 +33,6 @@ def test_less_than_the_gap_rules_the_rigid_top_out():
         _ = need._replace(wanted=1e-9).cheapest
 
 
-@pytest.mark.parametrize("wanted", [0.0, -1.0, 1.1, float("nan"), "0.1", True, None])
-def test_impossible_shares_are_refused(wanted):
-    with pytest.raises((ValueError, TypeError), match=r"wanted is .*; it must be a positive number"):
-        needed(load("rubber-top"), wanted)
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"plan": "rubber-top"}, "plan is 'rubber-top'; it must be Plan"),
-        ({"implicit": "tr_bdf2"}, "implicit is 'tr_bdf2'; it must be list or tuple"),
-        ({"implicit": ["bdf"]}, "a method is 'bdf'; it must be one of"),
-        ({"duration": 0.0}, r"duration is 0\.0; it must be a number from 1e-06"),
-    ],
-)
-def test_what_cannot_be_modelled_is_named(given, message):
-    right = {"plan": load("rubber-top"), "wanted": 0.01}
-    with pytest.raises((ValueError, TypeError), match=message):
-        needed(**(right | given))
-
-
 @pytest.mark.parametrize("name", names())
 @pytest.mark.often("beech-top", "cube-pendulum", "dominoes", "gyroscope", "rope-swing")
 def test_every_scene_is_a_top_or_is_refused_for_what_it_is(name):
@@ -67,7 +45,7 @@ def test_every_scene_is_a_top_or_is_refused_for_what_it_is(name):
 
 
 def test_what_is_no_top_is_refused(capsys):
-    assert main(["model", "two-tops"]) == 2
+    assert main(["two-tops"]) == 2
     assert "scene 'two-tops' has 2 bodies; it must have one, a heavy top" in capsys.readouterr().err
     for name in ("steel-rope", "steel-cube", "bouncing-ball"):
         with pytest.raises(ValueError, match="is not a heavy top"):
@@ -75,13 +53,17 @@ def test_what_is_no_top_is_refused(capsys):
 
 
 def test_command(capsys):
-    assert main(["model", "rubber-top", "--gap", "0.02", "--implicit"]) == 0
+    assert main(["rubber-top", "--gap", "0.02", "--implicit"]) == 0
     said = capsys.readouterr().out
     assert "a rigid top precesses at 3.818488 rad/s, the real one 0.012 slower" in said
     assert "→  " in said
-    assert main(["model", "steel-rope"]) == 2
-    assert main(["model", "rubber-top", "--gap", "2"]) == 2
-    assert "--gap is 2.0; it must be a positive number" in capsys.readouterr().err
+    assert main(["steel-rope"]) == 2
+    for gap in ("2", "0", "nan"):
+        assert main(["rubber-top", "--gap", gap]) == 2
+        assert f"--gap is {float(gap)}; it must be a positive number" in capsys.readouterr().err
+    for wrong in (["rubber-top", "--implicit", "bdf"], []):
+        with pytest.raises(SystemExit):
+            main(wrong)
 
 
 @pytest.mark.slow

@@ -1,43 +1,38 @@
-"""`springgym bench` runs and compares; how fast it finds things is not judged here."""
+"""`benchmarks.speed` runs and compares; how fast it finds things is not judged here."""
 
 from __future__ import annotations
 
 import json
 import re
+import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from springgym import bench
-from springgym.bench import curves, peers
-from springgym.bench.errors import step_errors
-from springgym.bench.problem import error, exact_positions, paper_top, rounding, stepping
-from springgym.bench.ratios import ratios
-from springgym.bench.sections import SECTIONS
-from springgym.bench.timing import Case, Row, measured
+from benchmarks import curves, peers, speed
+from benchmarks.conditions import progress
+from benchmarks.errors import step_errors
+from benchmarks.paper_top import error, exact_positions, paper_top, rounding, stepping
+from benchmarks.ratios import ratios
+from benchmarks.speed import SECTIONS, main
+from benchmarks.timing import Case, Row, measured
 from springgym.bodies.distances import rms_distance
-from springgym.cli import main
 from springgym.envs.task import Task
 from springgym.simulator import PAPER_STEP, Simulator
 
 pytestmark = pytest.mark.own_kernels
 
 
-def test_rates_are_units_over_seconds(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """The rates follow a clock that the cases advance: 5 units in 0.01 s and in 0.02 s, after any first run.
-
-    What takes long to begin is told.
-    """
+def test_rates_are_units_over_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The rates follow a clock that the cases advance: 5 units in 0.01 s and in 0.02 s, after a first run."""
     now = [0.0]
 
     def take(seconds: float) -> None:
         now[0] += seconds
 
-    monkeypatch.setattr("springgym.bench.timing.time.perf_counter", lambda: now[0])
+    monkeypatch.setattr("benchmarks.timing.time.perf_counter", lambda: now[0])
     cases = [
         Case({"name": "a"}, lambda: take(0.01), 5.0),
         Case({"name": "b"}, lambda: take(0.02), 5.0, begin=lambda: take(3.0), facts={"error": 0.1}),
@@ -46,12 +41,7 @@ def test_rates_are_units_over_seconds(
     assert (a.median, a.low, a.high) == pytest.approx((500, 500, 500))
     speeds = {name: pytest.approx(250) for name in ("median", "low", "high")}
     assert b.flat() == {"name": "b", "unit": "steps/s", "error": 0.1} | speeds
-    assert capsys.readouterr().err == "  2 of 2 ready after 3 s: b\n"
     assert str(b).split() == ["b", "250", "steps/s", "(250", "…", "250)", "error", "0.1"]
-
-
-def test_sections_are_those_of_the_command() -> None:
-    assert tuple(SECTIONS) == bench.NAMES
 
 
 @pytest.mark.seldom
@@ -77,7 +67,7 @@ def test_section_to_json_and_figure(
     monkeypatch.setitem(SECTIONS, "sizes", sizes)
     monkeypatch.setitem(SECTIONS, "peers", against)
     out, figure = tmp_path / "bench.json", tmp_path / "bench.svg"
-    arguments = ["bench", "--only", "sizes", "peers", "--quick", "--out", str(out), "--figure", str(figure)]
+    arguments = ["--only", "sizes", "peers", "--quick", "--out", str(out), "--figure", str(figure)]
     assert main(arguments) == 0
     report = json.loads(out.read_text())
     assert report["conditions"]["cpu"]
@@ -88,9 +78,18 @@ def test_section_to_json_and_figure(
     assert figure.exists()
 
 
+@pytest.mark.parametrize("watched", [True, False])
+def test_a_bar_shows_how_far_it_is_to_who_looks(
+    watched: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: watched, raising=False)
+    assert list(progress([1, 2, 3], "rounds", mininterval=0)) == [1, 2, 3]
+    assert ("rounds:  67%" in capsys.readouterr().err) is watched
+
+
 def test_unknown_section(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
-        main(["bench", "--only", "smell"])
+        main(["--only", "smell"])
     assert "invalid choice: 'smell'" in capsys.readouterr().err
 
 
@@ -101,19 +100,20 @@ def test_unknown_section(capsys: pytest.CaptureFixture[str]) -> None:
         (["--figure", "HERE/x.svg"], "--figure .*x.svg: it is a folder; it must be a file"),
         (["--out", "HERE"], "--out .*: it is a folder; it must be a file"),
         (["--out", "HERE/file/x.json"], "file"),
+        (["--rounds", "0"], "--rounds 0: it must be at least 1"),
     ],
 )
-def test_a_file_that_cannot_be_written_is_told_before_the_work(
+def test_what_would_fail_later_is_told_before_the_work(
     given: list[str],
     says: str,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(bench, "measure", lambda *_: pytest.fail("it measures"))
+    monkeypatch.setattr(speed, "measure", lambda *_: pytest.fail("it measures"))
     (tmp_path / "file").touch()
     (tmp_path / "x.svg").mkdir()
-    assert main(["bench", *(word.replace("HERE", str(tmp_path)) for word in given)]) == 2
+    assert main([*(word.replace("HERE", str(tmp_path)) for word in given)]) == 2
     assert re.search(says, capsys.readouterr().err)
 
 
@@ -143,11 +143,13 @@ def test_dampers_are_compared_with_the_fastest_that_errs_no_more() -> None:
         assert found == {"damped verlet float32, 8 copies: springgym / C++": wanted}
 
 
-def test_equal_error_is_against_the_fastest() -> None:
-    own = {"program": "springgym default", "precision": "float64", "copies": 1, "median": 12.0}
-    others = ({"program": f"MuJoCo {n}", "median": n} for n in (2.0, 3.0))
+def test_equal_error_is_against_the_fastest_of_as_many_copies_and_threads() -> None:
+    own = {"program": "springgym default", "precision": "float64", "copies": 8, "threads": 2, "median": 12.0}
+    others = [own | {"program": f"MuJoCo {n}", "median": n} for n in (2.0, 3.0)]
+    others += [others[0] | {"median": 4.0} | other for other in ({"copies": 1}, {"threads": 1})]
     (ratio,) = ratios(report("equal-error", own, *others)).values()
     assert ratio == 4.0
+    assert ratios(report("equal-error", own, *others[2:])) == {}
 
 
 def test_time_outside_of_the_control_period() -> None:
@@ -246,17 +248,27 @@ def test_rounding_is_that_of_single_precision() -> None:
 def test_mujoco_steps_the_same_springs(method: str) -> None:
     pytest.importorskip("mujoco")
     scene = paper_top()
-    peer = peers.mujoco_springs(scene, method, PAPER_STEP / 4)
-    assert peer is not None
+    program = peers.MuJoCo(scene, method, PAPER_STEP / 4)
+    peer = program.peer()
     assert rms_distance(peer.positions, exact_positions(scene, 1.0), scene.sizes) < 5e-4
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_mujoco_steps_a_batch_as_it_steps_one(threads: int) -> None:
+    pytest.importorskip("mujoco")
+    program = peers.MuJoCo(paper_top(), "Euler", PAPER_STEP)
+    one, batch = program.peer(), program.batch(8, threads, steps=3)
+    np.testing.assert_array_equal(batch.positions, one.positions)
+    states = batch.run()
+    assert batch.steps == 8 * 3
+    assert np.shape(states) == (8, 3, len(program.state()))
 
 
 @pytest.mark.seldom
 def test_mujoco_turns_the_same_rigid_body() -> None:
     pytest.importorskip("mujoco")
     scene = paper_top()
-    peer = peers.mujoco_rigid(scene, "RK4", 1e-3)
-    assert peer is not None
+    peer = peers.MuJoCo(scene, "RK4", 1e-3, rigid=True).peer()
     assert rms_distance(peer.positions, exact_positions(scene, 1.0, "rigid"), scene.sizes) < 1e-5
 
 

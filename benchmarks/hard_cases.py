@@ -1,15 +1,16 @@
 """Cases in which simulators break. Each has a criterion, a measured value and a verdict.
 
-``springgym hard-cases`` runs them, and its exit status is 1 if any fails. Each case has a broken twin with
-one deliberate mistake, which its text names and the criterion must detect.
+``python -m benchmarks.hard_cases`` runs them, and its exit status is 1 if any fails. Each case has a broken
+twin with one deliberate mistake, which its text names and the criterion must detect.
 """
 
 from __future__ import annotations
 
 import argparse
 import math
+import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from types import SimpleNamespace
@@ -18,9 +19,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
+from benchmarks.conditions import progress
 from springgym import theory
 from springgym.bodies import Body, ball, box, cube, rope, rotation, start, top
 from springgym.bodies.elasticity import spring_force_and_jacobian
+from springgym.cli import guarded
 from springgym.collisions import distance
 from springgym.contact.law import SLOW
 from springgym.core.blocks import numbers
@@ -1032,10 +1035,15 @@ def heap(broken: bool) -> Outcome:
 # --- Command ------------------------------------------------------------------------------------------
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of ``springgym hard-cases``."""
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command, and return its exit status."""
+    parser = argparse.ArgumentParser(
+        "benchmarks.hard_cases", description="Run the cases where simulators break."
+    )
     parser.add_argument("cases", nargs="*", type=int, metavar="N", help="numbers of cases; default: all")
     parser.add_argument("--broken", action="store_true", help="run the broken twins: each must fail")
+    args = parser.parse_args(arguments)
+    return guarded(parser.prog, lambda: run(args), extra="bench")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -1049,9 +1057,7 @@ def run(args: argparse.Namespace) -> int:
     if unknown := set(args.cases) - {case.number for case in CASES}:
         raise ValueError(f"there is no case {min(unknown)}; there are 1 to {len(CASES)}")
     good = True
-    for each in CASES:
-        if args.cases and each.number not in args.cases:
-            continue
+    for each in progress([case for case in CASES if case.number in (args.cases or [case.number])], "cases"):
         outcome = each.run(args.broken)
         good &= outcome.passed is not args.broken
         print(f"{each.number:3} {'pass' if outcome.passed else 'FAIL'}  {each.name}")
@@ -1060,3 +1066,7 @@ def run(args: argparse.Namespace) -> int:
             print(f"          broken:   {each.twin}")
         print(f"          measured: {outcome.measured}", flush=True)
     return 0 if good else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

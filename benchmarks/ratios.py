@@ -78,16 +78,21 @@ def _wanted() -> dict[str, tuple[str, dict[str, Any], dict[str, Any]]]:
 
 
 def _equal_error(report: Mapping[str, Any]) -> dict[str, float]:
-    """Divide the default method by the fastest of MuJoCo's integrators."""
+    """Divide the default method by the fastest of MuJoCo's integrators, with as many copies and threads."""
     rows = report.get("equal-error", {}).get("rows", ())
-    others = [row["median"] for row in rows if row["program"].startswith("MuJoCo")]
-    return {
-        f"default {row['precision']}, {row['copies']} copies / MuJoCo's best, same springs and error": (
-            row["median"] / max(others)
-        )
-        for row in rows
-        if others and row["program"].startswith("springgym")
-    }
+    found = {}
+    for own in (row for row in rows if row["program"].startswith("springgym")):
+        copies, threads = like(own)
+        others = [r["median"] for r in rows if r["program"].startswith("MuJoCo") and like(r) == like(own)]
+        if others:
+            what = f"default {own['precision']}, {copies} copies, {threads} threads"
+            found[f"{what} / MuJoCo's best, same springs and error"] = own["median"] / max(others)
+    return found
+
+
+def like(row: Mapping[str, Any]) -> tuple[int, int]:
+    """Return the copies and threads of a row: what is compared has the same."""
+    return row["copies"], row.get("threads", 1)
 
 
 def _outside(report: Mapping[str, Any]) -> dict[str, float]:

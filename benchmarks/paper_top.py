@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from springgym.bench.timing import Case
+from benchmarks.timing import Case
 from springgym.bodies import rotation, start, top
 from springgym.bodies.distances import rms_distance
 from springgym.scene import Scene

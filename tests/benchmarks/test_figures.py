@@ -14,9 +14,8 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from springgym.accuracy import figures
-from springgym.accuracy.figures import End, name_ends, plain
-from springgym.bench.figures import draw_curves
+from benchmarks import figures
+from benchmarks.figures import End, draw_curves, name_ends, plain
 
 DOCS = Path(__file__).parents[2] / "docs"
 REPORT = json.loads((DOCS / "figures" / "accuracy.json").read_text(encoding="utf-8"))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import gymnasium as gym
 import numpy as np
 
-from springgym.bench.timing import Case, Row, measured
+from benchmarks.timing import Case, Row, measured
 from springgym.registration import ENVIRONMENTS
 
 if TYPE_CHECKING:

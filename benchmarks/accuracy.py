@@ -1,4 +1,4 @@
-"""Measurements of error and cost: the command ``springgym accuracy``, and the hard cases.
+"""Error against cost of every integrator: ``python -m benchmarks.accuracy``.
 
 =================  ====================================================================
 `problems`         scenes, with the results of rigid theory
@@ -6,33 +6,32 @@
 `studies`          spin-down, rigid gap, crossover stiffness, rigid twin
 `peers`            MuJoCo and SciPy on the same scenes
 `figures`          the figures
-`code`             digests of the code that is measured
-`hard_cases`       the cases where simulators break
 =================  ====================================================================
 """
 
 from __future__ import annotations
 
 import argparse
-import datetime
-import importlib.metadata
 import json
-import os
-import platform
+import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from springgym.accuracy.code import digests
-from springgym.accuracy.problems import PROBLEMS
-from springgym.accuracy.studies import STUDIES
-from springgym.accuracy.work_precision import TOLERANCES, cheapest, measure
-from springgym.cli import significant, whole_file
+from benchmarks.conditions import conditions
+from benchmarks.problems import PROBLEMS
+from benchmarks.studies import STUDIES
+from benchmarks.work_precision import TOLERANCES, cheapest, measure
+from springgym.cli import guarded, significant, whole_file
 
 REPORT = "accuracy.json"
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of ``springgym accuracy``."""
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command, and return its exit status."""
+    parser = argparse.ArgumentParser(
+        "benchmarks.accuracy", description="Measure error against cost of every integrator."
+    )
     parser.add_argument(
         "problems",
         nargs="*",
@@ -47,6 +46,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=Path("accuracy"),
         help=f"folder of {REPORT} and figures",
     )
+    args = parser.parse_args(arguments)
+    return guarded(parser.prog, lambda: run(args), extra="bench")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -73,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
             file.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
         print("\n".join(summary(name, result)), flush=True)
     print(table(report))
-    from springgym.accuracy.figures import draw
+    from benchmarks.figures import draw
 
     for name in names:
         draw(name, report[name], args.out / f"{name}.svg")
@@ -90,34 +91,6 @@ def _report_so_far(path: Path) -> dict[str, Any]:
     if not isinstance(report, dict):
         raise ValueError(f"{path}: cannot add to this report: it must hold an object")
     return report
-
-
-def conditions() -> dict[str, Any]:
-    """Return date, processor, versions, and digests of the code of what was measured."""
-    versions = {"python": platform.python_version()}
-    for package in ("springgym", "numpy", "numba", "scipy", "mujoco"):
-        try:
-            versions[package] = importlib.metadata.version(package)
-        except importlib.metadata.PackageNotFoundError:
-            continue
-    return {
-        "date": datetime.datetime.now(datetime.UTC).date().isoformat(),
-        "cpu": processor(),
-        "cores": os.cpu_count(),
-        "load": round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None,
-        "versions": versions,
-        "code": digests(),
-    }
-
-
-def processor() -> str:
-    """Return the model of the processor."""
-    info = Path("/proc/cpuinfo")
-    if info.exists():
-        for line in info.read_text().splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    return platform.processor() or platform.machine()
 
 
 def summary(name: str, result: dict[str, Any]) -> list[str]:
@@ -180,3 +153,7 @@ def told(row: dict[str, Any] | None) -> str:
         f"{row['method']}, {row['step']:.3g}: error {row['error']:.1e}, "
         f"{row['cost']:.4g} ({low:.4g} … {high:.4g}) µs/s, {row['evaluations']:.4g} evaluations/s"
     )
+
+
+if __name__ == "__main__":
+    sys.exit(main())
