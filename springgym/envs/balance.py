@@ -198,7 +198,7 @@ class SpringBalance(Task):
             lines=[((0.0, 0.0, -0.3), (0.0, 0.0, 0.0))],
             arrows=[torque_arrow(m.centre[PLATE], torque, 0.6 * RADIUS)],
             key=((GREEN, "keep the ball here"), (RED, "torque on the plate")),
-            text=(f"off its place {100 * error:4.1f} cm",),
+            text=(f"off target {100 * error:4.1f} cm",),
         )
 
 

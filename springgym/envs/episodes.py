@@ -28,6 +28,7 @@ from springgym.envs.randomisation import NOMINAL, RANDOMIZABLE
 from springgym.envs.task import FAILED, MET, Task
 from springgym.identity import check_same
 from springgym.measures import Measures
+from springgym.rendering import Marks
 from springgym.scene import Scene, extremes
 from springgym.simulator import STRAIN_LIMIT, Simulator, copies_in
 from springgym.stability import steps_in
@@ -719,6 +720,13 @@ class Episodes:
         m, situation = self._whole[:2]
         own = (values[copy].copy() for values in situation[:-1])
         return Measures(*(values[copy].copy() for values in m)), Situation._make((*own, situation.parameters))
+
+    def marks(self, copy: int) -> Marks:
+        """Return the marks of a picture of one copy: its step, whether it succeeds now, and the task's."""
+        marks = self.task.marks(*self.seen_of(copy))
+        step = f"step {round(self.time[copy] / self.task.period)}"
+        success = ("success",) if self.told()["is_success"][copy] else ()
+        return replace(marks, text=(step, *success, *marks.text))
 
     @property
     def particles(self) -> tuple[np.ndarray, np.ndarray]:

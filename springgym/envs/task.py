@@ -188,8 +188,12 @@ class Task:
         """Return the points (P, 3) that `look` draws, for the situation of one copy: its particles."""
         return s.x
 
+    def framed(self, s: Situation) -> np.ndarray:
+        """Return the points (n, 3) that a picture of one copy must hold: all that is drawn."""
+        return self.points(s)
+
     def camera(self) -> Camera:
-        """Return the camera."""
+        """Return the closest camera; it moves away, and aside, to see the points of `framed`."""
         raise NotImplementedError
 
     def scenery(self) -> Scenery:
