@@ -8,9 +8,10 @@ import pytest
 from springgym.cli import main
 from springgym.modelling import _asked, needed
 from springgym.scenes import load, names
+from tests.params import slow_but
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_rubber_top():
     need = needed(load("rubber-top"), 0.02, implicit=())
     assert need.steady.gap == pytest.approx(-0.0117, rel=0.01)
@@ -25,7 +26,7 @@ def test_rubber_top():
     assert need.cheapest.error <= 0.02
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_less_than_the_gap_rules_the_rigid_top_out():
     need = needed(load("rubber-top"), 0.005, implicit=(), duration=0.3)
     assert need.cheapest.dynamics == "springs"
@@ -55,8 +56,9 @@ def test_what_cannot_be_modelled_is_named(given, message):
         needed(**(right | given))
 
 
-@pytest.mark.parametrize("name", names())
-@pytest.mark.often("beech-top", "cube-pendulum", "dominoes", "gyroscope", "rope-swing")
+@pytest.mark.parametrize(
+    "name", slow_but(names(), "beech-top", "cube-pendulum", "dominoes", "gyroscope", "rope-swing")
+)
 def test_every_scene_is_a_top_or_is_refused_for_what_it_is(name):
     why = ""
     try:

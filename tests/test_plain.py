@@ -86,6 +86,8 @@ CASES: dict[str, Callable[[], np.ndarray]] = {
 
 
 SLOW = ("colliding_tops",)
+LEFT = (*SLOW, "a_batch_with_own_forces")
+"""What slow runs compute alone."""
 
 
 @pytest.fixture(scope="module")
@@ -106,9 +108,8 @@ def found_by_python(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., A
 
 @pytest.mark.parametrize(
     "case",
-    [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in CASES],
+    [pytest.param(name, marks=[pytest.mark.slow] * (name in LEFT)) for name in CASES],
 )
-@pytest.mark.seldom("a_batch_with_own_forces")
 def test_python_computes_what_is_compiled(case: str, found_by_python: Callable[..., Any]) -> None:
     """To the bit in double precision; in single precision, to its rounding."""
     asked = SLOW if case in SLOW else [name for name in CASES if name not in SLOW]
@@ -131,7 +132,7 @@ FEW_STEPS = [
     "tests/integrators/test_cycles.py::test_a_task_of_colliding_bodies_says_its_cycle",
     "tests/integrators/test_cycles.py::test_a_task_among_surfaces_says_its_cycle",
     "tests/integrators/test_cycles.py::test_where_there_is_contact_cycles_are_asked_for[bodies]",
-    "tests/integrators/test_cycles.py::test_calls_cut_anywhere_give_the_same_bits[cuts1-6--0.03]",
+    "tests/integrators/test_cycles.py::test_calls_cut_anywhere_give_the_same_bits[near the floor]",
 ]
 """Slow tests that need kernels of their own, but so few steps that Python takes less time than compiling
 does: of the duel, of resistance to turning, and of dampers that act in cycles where there is contact."""

@@ -57,7 +57,7 @@ def test_a_row_for_all_who_touch_elsewhere() -> None:
     np.testing.assert_allclose(numbers(listed_contacts.gap)[0][shares > 0], 2e-3, rtol=1e-9)
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_a_ball_that_comes_to_an_edge_is_outside() -> None:
     """As far as contacts are looked for, the plate's upper side is found at least as soon as its lower one.
 

@@ -13,6 +13,7 @@ from springgym.envs.episodes import Episodes
 from springgym.simulator import Simulator
 from tests import fuzz
 from tests.fuzz import Player, Round
+from tests.params import slow_but
 
 USUAL = Round("SpringTop-v0", {"observation": "frame", "dtype": "float64"}, 3, "SameStep", 1)
 
@@ -23,8 +24,7 @@ def play(what: Round = USUAL, seed: int = 0, length: int = 120) -> Player:
     return player
 
 
-@pytest.mark.parametrize("autoreset", ["NextStep", "SameStep", "Disabled"])
-@pytest.mark.often("SameStep")
+@pytest.mark.parametrize("autoreset", slow_but(["NextStep", "SameStep", "Disabled"], "SameStep"))
 def test_rounds(autoreset: str) -> None:
     player = play(USUAL._replace(autoreset=autoreset))
     assert player.steps == 3 * 120

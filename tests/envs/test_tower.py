@@ -154,7 +154,7 @@ def at_once(seen: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("cheat", [without_letting_go, at_once])
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_cheats_do_not_pay(cheat: Policy) -> None:
     honest, other = (play(ENV, policy, COPIES, observation="frame") for policy in (classical(ENV), cheat))
     assert honest.successes.mean() > 0.8
@@ -163,7 +163,7 @@ def test_cheats_do_not_pay(cheat: Policy) -> None:
 
 
 @pytest.mark.parametrize("blocks", [3, 4])
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_classical_control_builds_towers(blocks: int) -> None:
     """Here 20 towers, of which 18 and more stand; 98 of the 100 of the benchmark do."""
     played = play(ENV, classical(ENV, blocks=blocks), 20, observation="frame", blocks=blocks)

@@ -17,6 +17,7 @@ from springgym.scene import DriveActuator, Placed, Scene, ThrustActuator, Wrench
 from springgym.simulator import Simulator
 from springgym.surfaces import Contact, floor
 from tests.integrators.problems import error, oscillator, reference, simulator, tetrahedron
+from tests.params import slow_but
 
 EVERY, STEP = 6, 2e-3
 FAR, NEAR = -9.0, -0.03
@@ -54,10 +55,16 @@ def assert_same(one: list[np.ndarray], other: list[np.ndarray]) -> None:
         np.testing.assert_array_equal(mine, its)
 
 
-@pytest.mark.parametrize(("every", "height"), [(2, None), (EVERY, None), (EVERY, NEAR)])
-@pytest.mark.parametrize("cuts", [[1] * 40, [3, 3, 1, 5, 0, 28], [37, 3]])
-@pytest.mark.seldom("*--0.03")
-def test_calls_cut_anywhere_give_the_same_bits(every: int, height: float | None, cuts: list[int]) -> None:
+@pytest.mark.parametrize(
+    ("cuts", "every", "height"),
+    [
+        ([1] * 40, 2, None),
+        ([3, 3, 1, 5, 0, 28], EVERY, None),
+        ([37, 3], EVERY, None),
+        pytest.param([3, 3, 1, 5, 0, 28], EVERY, NEAR, id="near the floor", marks=pytest.mark.slow),
+    ],
+)
+def test_calls_cut_anywhere_give_the_same_bits(cuts: list[int], every: int, height: float | None) -> None:
     whole, cut = (spun(every, height, copies=1) for _ in range(2))
     whole.advance(40)
     for steps in cuts:
@@ -116,7 +123,7 @@ def assert_struck(made: Simulator, copy: int = 0) -> None:
 
 
 @pytest.mark.parametrize("cuts", [[1] * 400, [3, 133, 1, 5, 0, 258]])
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_colliding_bodies_give_the_same_bits_in_calls_cut_anywhere(cuts: list[int]) -> None:
     whole, cut = struck(), struck()
     whole.advance(400)
@@ -145,7 +152,7 @@ def test_copies_of_colliding_bodies_amid_different_cycles_are_as_alone() -> None
 
 
 @pytest.mark.parametrize("amid", [0, 3])
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_ledger_of_colliding_bodies_closes(amid: int) -> None:
     gaps = []
     for finer in (1, 4):
@@ -158,7 +165,7 @@ def test_ledger_of_colliding_bodies_closes(amid: int) -> None:
     assert gaps[1] < gaps[0] / 10
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_colliding_bodies_move_as_with_dampers_in_every_step() -> None:
     """In cycles of two steps the error is no more than doubled; in longer ones it falls with the step."""
     ends = {}
@@ -205,9 +212,9 @@ def numbers_of_steps(made: Simulator) -> float:
     return float(made._terms.cycle.marks["lanes"][0, PHASE, 0])
 
 
-@pytest.mark.parametrize("height", [None, FAR])
-@pytest.mark.parametrize("amid", [0, 1, 4])
-@pytest.mark.seldom("*--9.0")
+@pytest.mark.parametrize(
+    ("amid", "height"), slow_but([(0, None), (1, None), (4, None), (1, FAR)], (0, None), (1, None), (4, None))
+)
 def test_order_stays_two(amid: int, height: float | None) -> None:
     """Where cycles end, and amid them, where the state is read as if they did."""
     counts = 240 * np.array([1, 2, 4])
@@ -222,9 +229,7 @@ def test_order_stays_two(amid: int, height: float | None) -> None:
     assert -np.polyfit(np.log(counts + amid), np.log(errors), 1)[0] == pytest.approx(2, abs=0.15)
 
 
-@pytest.mark.parametrize("height", [None, FAR])
-@pytest.mark.parametrize("amid", [0, 4])
-@pytest.mark.seldom("*--9.0")
+@pytest.mark.parametrize(("amid", "height"), slow_but([(0, None), (4, None), (4, FAR)], (0, None), (4, None)))
 def test_ledger_closes(amid: int, height: float | None) -> None:
     counts, gaps = 240 * np.array([1, 2, 4]), []
     for count in counts.tolist():
@@ -311,9 +316,12 @@ def test_where_all_acts_at_every_step(reason: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "scene", [tops(100.0).with_(surfaces=(floor(-0.5),)), CUBES], ids=["floor", "bodies"]
+    "scene",
+    [
+        pytest.param(tops(100.0).with_(surfaces=(floor(-0.5),)), id="floor"),
+        pytest.param(CUBES, id="bodies", marks=pytest.mark.slow),
+    ],
 )
-@pytest.mark.seldom("bodies")
 def test_where_there_is_contact_cycles_are_asked_for(scene: Scene) -> None:
     assert Simulator(scene).damping_every == 1
     assert Simulator(scene, damping_every=4).damping_every == 4
@@ -360,7 +368,7 @@ def test_a_control_period_is_of_whole_cycles(env_id: str) -> None:
 
 
 @pytest.mark.own_kernels
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_a_task_among_surfaces_says_its_cycle() -> None:
     at = episodes("SpringFreeTop-v0")
     assert (at.simulator.damping_every, at.steps % 4) == (at.task.damping_every, 0)
@@ -371,7 +379,7 @@ def test_a_task_among_surfaces_says_its_cycle() -> None:
 
 
 @pytest.mark.own_kernels
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_a_task_of_colliding_bodies_says_its_cycle() -> None:
     at = episodes("SpringDuel-v0")
     assert (at.simulator.damping_every, at.steps % 4) == (at.task.damping_every, 0) == (2, 0)
