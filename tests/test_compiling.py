@@ -352,7 +352,10 @@ print(value, sum(double_sum.stats.cache_hits.values()))
 """Uses two kernels of a Numba that lacks something."""
 
 
-@pytest.mark.parametrize("lacks", slow_but(compiling.INSIDE, "core.serialize.dumps"))
+LACKS = [*compiling.INSIDE, "core.codegen.CPUCodegen.magic_tuple"]
+
+
+@pytest.mark.parametrize("lacks", slow_but(LACKS, "core.serialize.dumps"))
 def test_a_numba_that_lacks_something_costs_compilations(lacks: str, package: Path, tmp_path: Path) -> None:
     """Whatever of its private side is gone: there is one warning, no cache, and the same value."""
     (package / "outer.py").write_text(

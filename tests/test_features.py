@@ -83,9 +83,14 @@ def case(name: str, method: str) -> Any:
 
 CASES = [
     case(name, method)
-    for method in ("verlet", "rk4", "pefrl")
-    for name, (_, on, options, _) in ABSENT_AND_IDLE.items()
-    if refusal(integrator(method), on, options.get("varying", ())) is None and (name, method) not in TWICE
+    for name, method in [
+        *((name, "verlet") for name in ABSENT_AND_IDLE),
+        *((name, "rk4") for name in ("without surfaces", "ledger")),
+        *((name, "pefrl") for name in ("gravity", "damping")),
+    ]
+    if refusal(integrator(method), ABSENT_AND_IDLE[name][1], ABSENT_AND_IDLE[name][2].get("varying", ()))
+    is None
+    and (name, method) not in TWICE
 ]
 
 

@@ -24,6 +24,7 @@ import pytest
 from springgym import cli
 from springgym.registration import ENVIRONMENTS
 from springgym.scenes import load, names
+from springgym.scenes.reading import document
 from tests.test_docs import page_writer
 
 ROOT = Path(__file__).parents[1]
@@ -198,7 +199,7 @@ def test_every_scene_has_its_place_in_the_course() -> None:
     """
     text = "".join(page.read_text(encoding="utf-8") for page in (DOCS / "course").glob("*.md"))
     shown = {poster: (caption, command) for caption, poster, command in POSTER.findall(text)}
-    titles = {name: load(name).title for name in names()}
+    titles = {name: document(name).value["title"] for name in names()}
     assert shown == {name: (f"{title[0].upper()}{title[1:]}.", name) for name, title in titles.items()}
 
 

@@ -28,8 +28,6 @@ ENV, COPIES, G = "SpringBilliards-v0", 20, 9.81
 IDLE = np.zeros(2, np.float32)
 SLOWING = FRICTION * G
 
-pytestmark = pytest.mark.usefixtures("few_kernels")
-
 
 def laid(cue: tuple[float, float], other: tuple[float, float], pocket: tuple[float, float]) -> gym.Env:
     """An episode with balls and pocket at places of one's own [m]."""

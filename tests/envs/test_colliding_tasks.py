@@ -28,8 +28,6 @@ with warnings.catch_warnings():
 
 COPIES = 8
 
-pytestmark = pytest.mark.usefixtures("few_kernels")
-
 
 @pytest.mark.parametrize(
     ("env_id", "honest"), slow_but([("Balance", 300), ("Shove", 200), ("Juggle", 300)], ("Shove", 200))
@@ -323,7 +321,6 @@ def test_the_height_of_a_flight_is_kept_in_the_air() -> None:
 # --- SpringDuel -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.own_kernels
 @pytest.mark.slow
 def test_a_push_drives_ones_own_top() -> None:
     """Equal seeds begin alike, and without a push one top moves as the other does, rotated by half a turn."""

@@ -20,8 +20,6 @@ from tests.params import slow_but
 WITH_GOALS = [env_id for env_id in IDS if task_type(env_id).aims]
 APART: dict[str, Any] = {"goals": True, "sparse": True}
 
-pytestmark = pytest.mark.usefixtures("few_kernels")
-
 NEAR: dict[str, tuple[dict[str, float], int]] = {
     "SpringGyroscope-v0": ({"angle": 0.099, "spin": 30.0}, 40),
     "SpringRope-v0": ({"distance": 0.0, "sway": 0.0}, 30),

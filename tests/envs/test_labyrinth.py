@@ -13,8 +13,6 @@ from tests.envs.playing import play
 from tests.envs.test_cheats import classical
 from tests.params import slow_but
 
-pytestmark = pytest.mark.usefixtures("few_kernels")
-
 COPIES = 8
 ENV = "SpringLabyrinth-v0"
 IDLE = np.zeros(2, np.float32)

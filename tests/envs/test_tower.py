@@ -19,8 +19,6 @@ WAIT = np.array([0.0, 0.0, 0.0, -1.0], np.float32)
 WEIGHTLESS = np.array([0.0, 0.0, (1 - CARRIED) * MASS * G / FORCE, -1.0])
 """The action that carries a block."""
 
-pytestmark = pytest.mark.usefixtures("few_kernels")
-
 
 def begun(held: int, centres: dict[int, tuple[float, float, float]], tilt: float = 0.0) -> gym.Env:
     """An episode with some blocks elsewhere, leaning towards x [rad], and another one held."""

@@ -75,8 +75,9 @@ def test_calls_cut_anywhere_give_the_same_bits(cuts: list[int], every: int, heig
     assert seen(whole)[3] > 1e-3  # and losses
 
 
-@pytest.mark.own_kernels
-@pytest.mark.parametrize("height", [None, pytest.param(NEAR, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "height", [None, pytest.param(NEAR, marks=[pytest.mark.slow, pytest.mark.own_kernels])]
+)
 def test_copies_amid_different_cycles_are_as_alone(height: float | None) -> None:
     batch = spun(height=height, copies=11)
     begun = batch.positions[0], batch.velocities[0]
