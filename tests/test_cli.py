@@ -110,7 +110,7 @@ def test_the_module_is_the_command():
     assert "newtons-cradle" in told
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_scripts_are_commands(tmp_path):
     """`springgym evaluate` runs the script, which also finds environments in the current folder."""
     (tmp_path / "own.py").write_text(

@@ -40,11 +40,13 @@ from springgym.core.lanes import (
 )
 from springgym.scene import Scene, WrenchActuator
 from springgym.simulator import Simulator
+from tests.params import slow_but
 
 pytestmark = pytest.mark.own_kernels
 
 WIDTHS = (1, 8, 16)
 DTYPES = (np.float32, np.float64)
+KINDS = [(1, np.float64), (16, np.float32), (8, np.float64), (1, np.float32)]
 
 
 @kernel
@@ -116,11 +118,9 @@ def numbers_of(dtype: Any) -> st.SearchStrategy[float]:
     return st.floats(width=np.dtype(dtype).itemsize * 8)  # infinities, NaN and subnormals among them
 
 
-@pytest.mark.parametrize("dtype", DTYPES)
-@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize(("width", "dtype"), slow_but(KINDS, (1, np.float64), (16, np.float32)))
 @settings(deadline=None, max_examples=100)
 @given(data=st.data())
-@pytest.mark.often("1-float64", "16-float32")
 def test_operations(width: int, dtype: Any, data: st.DataObject) -> None:
     """Each operation gives, to the bit, what NumPy gives number by number."""
     a, b = (data.draw(arrays(dtype, width, elements=numbers_of(dtype))) for _ in range(2))
@@ -144,11 +144,9 @@ def fuse(a: Any, b: Any, c: Any, out: Any) -> float:
     return multiply_add(c[0], c[0], c[0])
 
 
-@pytest.mark.parametrize("dtype", DTYPES)
-@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize(("width", "dtype"), slow_but(KINDS, (1, np.float64), (16, np.float32)))
 @settings(deadline=None, max_examples=100)
 @given(data=st.data())
-@pytest.mark.often("1-float64", "16-float32")
 def test_multiply_add_rounds_once(width: int, dtype: Any, data: st.DataObject) -> None:
     """No number is nearer to the exact a b + c, and lanes give what a number alone gives."""
     order_one = st.floats(-4.0, 4.0, width=32).map(lambda x: x + x * 2.0**-20)

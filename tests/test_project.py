@@ -10,14 +10,12 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
 import yaml
 
 import springgym
-from tests.conftest import SELDOM, leave_to_slow_runs
 
 ROOT = Path(__file__).parents[1]
 TEMPLATES = sorted((ROOT / ".github" / "ISSUE_TEMPLATE").glob("*.yml"))
@@ -295,19 +293,6 @@ def test_workflows_try_what_is_promised() -> None:
     assert {systems[row["os"]] for row in rows} == {w[-1] for w in promised if w[0] == "Operating System"}
 
 
-def test_every_test_belongs_to_one_part_of_the_slow_ones() -> None:
-    job = yaml.safe_load(text(".github/workflows/nightly.yml"))["jobs"]["slow"]
-    assert job["steps"][-1]["run"] == "nox -s slow -- ${{ matrix.part }}"
-    found = [
-        file
-        for part in job["strategy"]["matrix"]["part"]
-        for pattern in part.split()
-        for path in ROOT.glob(pattern)
-        for file in (path.rglob("test_*.py") if path.is_dir() else [path])
-    ]
-    assert sorted(found) == sorted((ROOT / "tests").rglob("test_*.py"))
-
-
 def test_the_rehearsal_tries_lower_bounds_and_tests_that_there_are() -> None:
     bounds = [re.match(r"(\w+)>=([\d.]+)", wanted) for wanted in project()["dependencies"]]
     lowest = {bound[1]: bound[2] for bound in bounds if bound}
@@ -343,33 +328,3 @@ def test_site_builds_without_a_warning_and_needs_no_other_host(tmp_path: Path) -
             page.read_text(encoding="utf-8"),
         )
         assert [url for pair in loaded for url in pair if re.match(r"(https?:)?//", url)] == [], page
-
-
-def collected(case: str, *marks: pytest.MarkDecorator) -> Any:
-    """Return what is asked of a test that pytest has collected."""
-    held = [mark.mark for mark in marks]
-    return SimpleNamespace(
-        nodeid=f"test_it.py::test_it[{case}]",
-        callspec=SimpleNamespace(id=case),
-        stash={},
-        get_closest_marker=lambda name: next((mark for mark in held if mark.name == name), None),
-        add_marker=lambda name: held.append(getattr(pytest.mark, name).mark),
-    )
-
-
-def test_what_is_seldom_is_slow_and_shares_kernels() -> None:
-    often, seldom, slow = pytest.mark.often("verlet", "rk*"), pytest.mark.seldom("*-rk4"), pytest.mark.slow
-    given = [
-        (collected("verlet", often), False, False),
-        (collected("rk4", often), False, False),
-        (collected("dopri5", often), True, True),
-        (collected("top-rk4", seldom), True, True),
-        (collected("top-verlet", seldom), False, False),
-        (collected("rk4", often, pytest.mark.seldom), True, True),
-        (collected("dopri5", often, slow), True, False),  # which compiles what users do
-    ]
-    assert leave_to_slow_runs(item for item, *_ in given) == set()
-    for item, is_slow, shares in given:
-        assert (item.get_closest_marker("slow") is not None) == is_slow
-        assert item.stash.get(SELDOM, False) == shares
-    assert leave_to_slow_runs([collected("verlet", often)]) == {"test_it.py::test_it: rk*"}

@@ -56,7 +56,6 @@ for row in (*ENVIRONMENTS, *VARIANTS):
 """
 TESTS = (
     "tests/test_project.py",
-    "tests/test_names.py",
     "tests/test_layers.py",
     "tests/test_types.py",
     "tests/test_docs.py",

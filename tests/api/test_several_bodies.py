@@ -117,7 +117,7 @@ def test_two_tops_in_float32_are_two_scenes_of_one(method: str) -> None:
     "method",
     [pytest.param(name, marks=() if name == "suzuki" else pytest.mark.slow) for name in rigid.METHODS],
 )
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_two_rigid_tops_in_one_scene_are_two_scenes_of_one(method: str) -> None:
     assert_each_as_alone(tops(TOP), dynamics="rigid", integrator=method, step=1e-3)
 

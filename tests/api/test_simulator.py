@@ -28,6 +28,7 @@ from springgym.scene import DriveActuator, Scene, ThrustActuator, WrenchActuator
 from springgym.simulator import PrecisionWarning, SimulationDivergedError, Simulator
 from springgym.surfaces import Contact, floor, loss_of
 from tests.api.values import KINDS, NUMBERS, arguments, arrays, attempt, door
+from tests.params import slow_unless
 
 COPIES = 10
 CUBE = cube()
@@ -94,8 +95,17 @@ DOORS = [
 ]
 
 
-@pytest.mark.parametrize(("number", "argument"), [p for p in arguments(DOORS) if p.values[1] != "options"])
-@pytest.mark.often("*-step", "*-copies", "*-dtype", "*-integrator", "*-dynamics", "*-varying", "*-scene")
+USUAL = ("step", "copies", "dtype", "integrator", "dynamics", "varying", "scene")
+
+
+@pytest.mark.parametrize(
+    ("number", "argument"),
+    [
+        pytest.param(*given.values, id=given.id, marks=slow_unless(given.values[1] in USUAL))
+        for given in arguments(DOORS)
+        if given.values[1] != "options"
+    ],
+)
 def test_an_option_is_refused_by_name_or_right(number: int, argument: str) -> None:
     """Whatever it is: refused, or the simulator stands, and no warning is given."""
     call, right = DOORS[number]

@@ -113,7 +113,7 @@ def test_cheapest_takes_what_is_accurate_enough_then_what_costs_least() -> None:
 
 
 @pytest.mark.usefixtures("ledgers")
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_command_writes_report_and_figure(tmp_path: Path) -> None:
     assert main(["tumble", "--quick", "--out", str(tmp_path)]) == 0
     (row, *_) = json.loads((tmp_path / REPORT).read_text())["tumble"]["rows"]

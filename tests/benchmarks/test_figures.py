@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.params import slow_but
+
 pytest.importorskip("matplotlib")
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
@@ -50,8 +52,7 @@ def test_names_do_not_lie_on_each_other(heights):
     check(figure)
 
 
-@pytest.mark.parametrize("name", REPORT)
-@pytest.mark.often("cube-swing", "bounce", "crossover")
+@pytest.mark.parametrize("name", slow_but(REPORT, "cube-swing", "bounce", "crossover"))
 def test_figures_of_the_repository(name, tmp_path, monkeypatch):
     drawn = []
     monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: drawn.append(figure))
@@ -124,7 +125,7 @@ def test_names_can_be_read_on_white_and_in_the_dark(color):
     assert np.argsort(name, kind="stable").tolist() == np.argsort(to_rgb(color), kind="stable").tolist()
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_one_command_makes_figures_anew(tmp_path):
     command = [sys.executable, str(DOCS / "figures.py"), "speed", "--out", str(tmp_path)]
     subprocess.run(command, check=True, capture_output=True, timeout=300)

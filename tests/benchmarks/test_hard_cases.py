@@ -5,30 +5,29 @@ from __future__ import annotations
 import pytest
 
 from benchmarks.hard_cases import CASES, Case, main
+from tests.params import slow_unless
 
-EACH = [
-    pytest.param(
-        case,
-        id=f"{case.number} {case.name}",
-        marks=[pytest.mark.slow] * case.slow,
-    )
-    for case in CASES
-]
+
+def each(*usual: int) -> pytest.MarkDecorator:
+    """Run a test always on the cases of these numbers, on all others in slow runs."""
+    params = [
+        pytest.param(case, id=f"{case.number} {case.name}", marks=slow_unless(case.number in usual))
+        for case in CASES
+    ]
+    return pytest.mark.parametrize("case", params)
 
 
 def test_all_cases_are_there() -> None:
     assert [case.number for case in CASES] == list(range(1, 29))
 
 
-@pytest.mark.parametrize("case", EACH)
-@pytest.mark.often("1 *", "4 *", "9 *", "10 *", "11 *", "12 *", "15 *", "17 *", "23 *")
+@each(1, 4, 9, 10, 11, 12, 15, 17, 23)
 def test_case_passes(case: Case) -> None:
     outcome = case.run(False)
     assert outcome.passed is True, outcome.measured
 
 
-@pytest.mark.parametrize("case", EACH)
-@pytest.mark.often("1 *", "4 *", "9 *", "10 *", "15 *", "17 *", "23 *")
+@each(1, 4, 9, 10, 15, 17, 23)
 def test_broken_twin_fails(case: Case) -> None:
     outcome = case.run(True)
     assert outcome.passed is False, outcome.measured

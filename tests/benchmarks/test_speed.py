@@ -21,6 +21,7 @@ from benchmarks.timing import Case, Row, measured
 from springgym.bodies.distances import rms_distance
 from springgym.envs.task import Task
 from springgym.simulator import PAPER_STEP, Simulator
+from tests.params import slow_but
 
 pytestmark = pytest.mark.own_kernels
 
@@ -44,7 +45,7 @@ def test_rates_are_units_over_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
     assert str(b).split() == ["b", "250", "steps/s", "(250", "…", "250)", "error", "0.1"]
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_section_to_json_and_figure(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -166,7 +167,7 @@ def test_where_cost_stops_being_linear() -> None:
     assert found["cost is linear up to copies, ring of 12"] == 2
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_error_falls_with_the_square_of_the_step() -> None:
     """So it is the time error of verlet, and not of what it is compared with."""
     scene = paper_top()
@@ -179,7 +180,7 @@ def finer(task: Task, step: float, copies: int) -> tuple[Simulator, ...]:
 
 
 @pytest.mark.usefixtures("few_kernels")
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_error_of_a_step_where_others_act_too() -> None:
     """Of bodies that collide, an opponent among them; an estimate says the same."""
     found = step_errors("SpringDuel-v0", finer, episodes=2, periods=6, every=2)
@@ -188,7 +189,7 @@ def test_error_of_a_step_where_others_act_too() -> None:
     np.testing.assert_allclose(found.estimates, found.errors, rtol=0.05)
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_errors_are_over_starts_as_episodes_draw_them() -> None:
     """Many: the error of a top depends on its spin. What follows the end of an episode does not count."""
     at_first, later = (
@@ -200,7 +201,7 @@ def test_errors_are_over_starts_as_episodes_draw_them() -> None:
     np.testing.assert_allclose(later.estimates, later.errors, rtol=0.05)
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_a_curve_is_of_the_errors_of_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its default row is what the section `errors` says; Verlet's errors fall with the square of the step."""
     monkeypatch.setattr(curves, "HIGHER", ())
@@ -243,8 +244,7 @@ def test_rounding_is_that_of_single_precision() -> None:
     assert found["rounding_after_1_s"] < found["rounding_after_10_s"] < 1e-2
 
 
-@pytest.mark.parametrize("method", ["RK4", "Euler", "implicit", "implicitfast"])
-@pytest.mark.often("RK4")
+@pytest.mark.parametrize("method", slow_but(["RK4", "Euler", "implicit", "implicitfast"], "RK4"))
 def test_mujoco_steps_the_same_springs(method: str) -> None:
     pytest.importorskip("mujoco")
     scene = paper_top()
@@ -264,7 +264,7 @@ def test_mujoco_steps_a_batch_as_it_steps_one(threads: int) -> None:
     assert np.shape(states) == (8, 3, len(program.state()))
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_mujoco_turns_the_same_rigid_body() -> None:
     pytest.importorskip("mujoco")
     scene = paper_top()
@@ -288,15 +288,17 @@ def test_jax_steps_the_same_springs() -> None:
     assert rms_distance(peer.positions, exact_positions(scene, 1.0), scene.sizes) < 5e-4
 
 
-@pytest.mark.parametrize("method", peers.CPP)
 @pytest.mark.parametrize(
-    ("precision", "copies", "divides"),
-    [
-        ("float64", 1, True),
-        *((precision, 100, divides) for precision in ("float64", "float32") for divides in (False, True)),
-    ],
+    ("precision", "copies", "divides", "method"),
+    slow_but(
+        [
+            ("float64", 1, True, "verlet"),
+            *(("float64", 100, False, method) for method in peers.CPP),
+            *(("float32", 100, True, method) for method in peers.CPP),
+        ],
+        ("float64", 1, True, "verlet"),
+    ),
 )
-@pytest.mark.often("float64-1-True-verlet")
 def test_reference_steps_as_the_package_does(precision: str, copies: int, divides: bool, method: str) -> None:
     """The yardstick computes the same motion, so the comparison is of like with like.
 

@@ -7,9 +7,10 @@ import pytest
 
 from benchmarks.top_models import _asked, main, needed
 from springgym.scenes import load, names
+from tests.params import slow_but
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_rubber_top():
     need = needed(load("rubber-top"), 0.02, implicit=())
     assert need.steady.gap == pytest.approx(-0.0117, rel=0.01)
@@ -24,7 +25,7 @@ def test_rubber_top():
     assert need.cheapest.error <= 0.02
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_less_than_the_gap_rules_the_rigid_top_out():
     need = needed(load("rubber-top"), 0.005, implicit=(), duration=0.3)
     assert need.cheapest.dynamics == "springs"
@@ -33,8 +34,9 @@ def test_less_than_the_gap_rules_the_rigid_top_out():
         _ = need._replace(wanted=1e-9).cheapest
 
 
-@pytest.mark.parametrize("name", names())
-@pytest.mark.often("beech-top", "cube-pendulum", "dominoes", "gyroscope", "rope-swing")
+@pytest.mark.parametrize(
+    "name", slow_but(names(), "beech-top", "cube-pendulum", "dominoes", "gyroscope", "rope-swing")
+)
 def test_every_scene_is_a_top_or_is_refused_for_what_it_is(name):
     why = ""
     try:

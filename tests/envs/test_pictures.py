@@ -14,10 +14,16 @@ from springgym.measures import SIZE, view
 from springgym.rendering import Marks
 from springgym.rendering.look import GREEN, RED
 from springgym.scene import DriveActuator, Placed, Scene, ThrustActuator
-from tests.envs.cases import IDS, KINDS, each_kind, few_ids, make, make_vec, task_type
+from tests.envs.cases import DUEL, IDS, each_kind, make, make_vec, task_type
+from tests.params import slow_unless
 
 each_action = pytest.mark.parametrize(
-    ("env_id", "action"), [(env_id, action) for env_id in IDS for action in task_type(env_id).actions]
+    ("env_id", "action"),
+    [
+        pytest.param(env_id, action, marks=slow_unless(env_id != DUEL))
+        for env_id in IDS
+        for action in task_type(env_id).actions
+    ],
 )
 
 
@@ -34,7 +40,6 @@ def red(marks):
 
 
 @each_action
-@pytest.mark.seldom("SpringDuel-*")
 def test_every_entry_of_the_action_is_seen(env_id: str, action: str) -> None:
     """Red arrows tell how much of it acts, and which way; none is there where nothing acts."""
     env = make(env_id, action=action)
@@ -49,7 +54,6 @@ def test_every_entry_of_the_action_is_seen(env_id: str, action: str) -> None:
 
 
 @each_action
-@pytest.mark.seldom("SpringDuel-*")
 def test_the_key_says_what_is_there(env_id: str, action: str) -> None:
     """Every colour of the key is in the picture, and every arrow and target has its colour in the key."""
     env = make(env_id, action=action)
@@ -66,16 +70,7 @@ def test_the_key_says_what_is_there(env_id: str, action: str) -> None:
     assert not {GREEN, RED} & {tuple(color) for color in drawn}  # bodies are neither targets nor actions
 
 
-@pytest.mark.parametrize(
-    ("env_id", "action"),
-    [
-        pytest.param(env_id, action, marks=given.marks)
-        for given in few_ids(KINDS)
-        for env_id in given.values
-        for action in task_type(env_id).actions
-    ],
-)
-@pytest.mark.often("SpringTop-v0-torque", "SpringShove-v0-push")
+@pytest.mark.parametrize(("env_id", "action"), [("SpringTop-v0", "torque"), ("SpringShove-v0", "push")])
 def test_pictures_show_the_action(env_id: str, action: str) -> None:
     env = make(env_id, action=action, render_mode="rgb_array")
     shown = []
@@ -126,7 +121,7 @@ def test_pictures_say_which_step_it_is_and_whether_it_succeeds() -> None:
     assert "success" not in episodes.marks(0).text
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_duel_tells_the_tops_apart() -> None:
     """The colours that the key gives them are those of their own faces."""
     env = make("SpringDuel-v0")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import os
 from collections.abc import Callable, Iterator
-from itertools import product
+from itertools import cycle, product
 from pathlib import Path
 from typing import Any
 
@@ -29,9 +29,19 @@ from springgym.scenes import load
 from springgym.simulator import STRAIN_LIMIT
 from springgym.surfaces import floor
 from tests import fuzz
-from tests.envs.cases import IDS, QUICK, each_kind, make, make_vec, task_type
+from tests.envs.cases import (
+    IDS,
+    KINDS,
+    QUICK,
+    each_kind,
+    each_with,
+    make,
+    make_vec,
+    task_type,
+)
 from tests.envs.test_contract import answered, same
 from tests.envs.test_states import frozen
+from tests.params import slow_unless
 
 JUNK: tuple[Any, ...] = (
     *(None, True, False, "", "x", "1", b"x", 0, 1, -1, 7, 10**400, 0.5, -0.5, 2.0, 1e-300, 1e300),
@@ -55,19 +65,21 @@ def arguments(kind: type[SpringEnv] | type[SpringVectorEnv]) -> list[str]:
     return found
 
 
-@pytest.mark.parametrize("env_id", [row.id for row in (*ENVIRONMENTS, *VARIANTS)])
+MEANT = {
+    "obs": "; did you mean 'observation'?",
+    "randomise": "; did you mean 'randomize'?",
+    "rendermode": "; did you mean 'render_mode'?",
+    "xyz": None,
+}
+
+
 @pytest.mark.parametrize(
-    ("wrong", "says"),
-    [
-        ("obs", "; did you mean 'observation'?"),
-        ("randomise", "; did you mean 'randomize'?"),
-        ("rendermode", "; did you mean 'render_mode'?"),
-        ("xyz", None),
-    ],
+    ("env_id", "wrong"),
+    list(zip([row.id for row in (*ENVIRONMENTS, *VARIANTS)], cycle(MEANT), strict=False)),
 )
-def test_an_argument_that_no_environment_has_is_named(env_id: str, wrong: str, says: str | None) -> None:
+def test_an_argument_that_no_environment_has_is_named(env_id: str, wrong: str) -> None:
     """By `gymnasium.make` and by both kinds of `gymnasium.make_vec`, with the argument that may be meant."""
-    spec = gym.spec(env_id)
+    spec, says = gym.spec(env_id), MEANT[wrong]
     for call, entry in (
         (lambda: gym.make(env_id, **{wrong: 1}), spec.entry_point),
         (lambda: gym.make_vec(env_id, 2, "sync", **{wrong: 1}), spec.entry_point),
@@ -121,9 +133,13 @@ def tried(call: Callable[[], Any], name: str) -> Iterator[Any]:
 FREE_OF_LOSS = {"friction": 0, "restitution": 1}
 
 
-@each_kind
-@pytest.mark.parametrize("suffix", ["Env", pytest.param("VectorEnv", marks=pytest.mark.slow)])
-@pytest.mark.often("Env-SpringTumble-v0", "Env-SpringShove-v0")
+@pytest.mark.parametrize(
+    ("env_id", "suffix"),
+    [
+        *(pytest.param(own, "Env", marks=slow_unless(own in KINDS[1:])) for own in IDS),
+        pytest.param(IDS[0], "VectorEnv", marks=pytest.mark.slow),
+    ],
+)
 def test_every_argument_of_every_environment(
     env_id: str, suffix: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -173,9 +189,7 @@ def options(env_id: str) -> list[str]:
     return [part.split('"')[1] for part in given.split(",")]
 
 
-@each_kind
-@pytest.mark.parametrize("copies", [None, 3])
-@pytest.mark.often("None-SpringTop-v0", "3-SpringTumble-v0")
+@each_with("copies", [None, 3])
 def test_every_option_and_seed_of_a_reset(env_id: str, copies: int | None) -> None:
     """What is refused changes nothing, nor consumes random numbers; what is taken starts soundly."""
     factor = "masses" if env_id in QUICK else "actuator"  # the latter is compiled with nothing new
@@ -211,9 +225,7 @@ def test_every_option_and_seed_of_a_reset(env_id: str, copies: int | None) -> No
     assert taken >= 6
 
 
-@each_kind
-@pytest.mark.parametrize("copies", [None, 2])
-@pytest.mark.often("None-SpringTop-v0", "2-SpringTumble-v0")
+@pytest.mark.parametrize(("env_id", "copies"), [("SpringTop-v0", None), ("SpringTumble-v0", 2)])
 def test_every_action(env_id: str, copies: int | None) -> None:
     env = make(env_id).unwrapped if copies is None else make_vec(env_id, copies, "native", "SameStep")
     env.reset(seed=3)
@@ -396,7 +408,6 @@ BESIDE: dict[str, dict[str, Any]] = {
 
 
 @pytest.mark.parametrize("name", [name for name in FUNCTIONS if name != "marks"])
-@pytest.mark.often("reward", "observe", "start", "remember")
 def test_every_answer_of_a_users_function(name: str) -> None:
     for answer in ANSWERS:
         given = RIGHT | BESIDE.get(name, {}) | {name: lambda *_, answer=answer: answer, "num_envs": 2}

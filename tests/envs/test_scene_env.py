@@ -254,7 +254,7 @@ def test_no_time_limit() -> None:
         make(max_episode_steps=0, num_envs=2)
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_camera_keeps_the_body_in_view() -> None:
     """However far it falls or flies; until it would be lost, the picture's background stays."""
     scene = Scene(cube(), velocities=np.tile([2.0, 0.0, 0.0], (8, 1)))

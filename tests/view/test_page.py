@@ -300,7 +300,7 @@ def test_the_key_says_what_is_seen(page):
     assert page._stage._nodes["/world/contacts/forces"].visible
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_the_key_has_the_marks_of_an_environment(page):
     from springgym.view.episodes import find_agent, played
 
