@@ -32,7 +32,7 @@ TWINLESS = [*FLOPPY, *COLLIDING]
 """They have no rigid twin, or one whose kernel takes a minute to compile: a slow test plays it."""
 
 DUEL = "SpringDuel-v0"
-"""Its bowl takes a kernel of its own: every run plays it as plain Python, see `tests/test_plain.py`."""
+"""Its bowl takes a kernel of its own."""
 
 QUICK = ("SpringTop-v0", "SpringTumble-v0")
 """Of these, on a pin and among surfaces, what takes kernels of its own is tested always."""
