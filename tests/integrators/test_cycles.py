@@ -70,9 +70,7 @@ def test_calls_cut_at_cycles_give_the_same_bits(every: int, height: float | None
 def test_calls_that_end_amid_a_cycle_are_refused(steps: int) -> None:
     made = spun()
     before = seen(made)
-    with pytest.raises(
-        ValueError, match=f"steps is {steps}; it must be a multiple of damping_every, 6"
-    ):
+    with pytest.raises(ValueError, match=f"steps is {steps}; it must be a multiple of damping_every, 6"):
         made.advance(steps)
     assert_same(seen(made), before)
     made.advance(2 * EVERY)
