@@ -22,9 +22,7 @@ from springgym.collisions import (
     as_met,
     check_apart,
     meetings,
-    place_ellipsoids,
     shape,
-    tell_ellipsoids,
 )
 from springgym.collisions.meeting import ALL, Meeting, Named
 from springgym.core.compiling import kernel
@@ -56,13 +54,14 @@ MOST_TOLD = 20
 class WrenchActuator:
     """Apply a force and a torque to the body.
 
-    If ``axial``, only the component of the world torque along the axis of the body acts.
+    If ``perpendicular``, only the component of the world torque perpendicular to the body's axis acts: it
+    tilts the body, and does not spin it.
     """
 
-    axial: bool = True
+    perpendicular: bool = False
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "axial", flag("axial of a wrench", self.axial))
+        object.__setattr__(self, "perpendicular", flag("perpendicular of a wrench", self.perpendicular))
 
 
 @dataclass(frozen=True)
@@ -410,25 +409,6 @@ class Scene(ReadOnly):
         each = [shape(body) for body in self._different]
         return tuple(each[kind] for kind in self.kinds)
 
-    @cached_property
-    def ellipsoids(self) -> np.ndarray:
-        """Return which bodies meet others as ellipsoids, (bodies,)."""
-        meets = np.zeros(len(self.bodies), bool)
-        meets[self.meetings.first] = meets[self.meetings.second] = True
-        return meets & np.array([shape.ellipsoid for shape in self.shapes], bool)
-
-    def tell_ellipsoids(self, positions: np.ndarray, found: np.ndarray) -> bool:
-        """Find in which pairs that may meet an ellipsoid and another body are in each other.
-
-        The ``positions`` (k, N, 3) are of all particles [m]. What is found of these pairs is stored in
-        ``found`` (k, pairs). Returns whether it says so of any pair.
-        """
-        bodies = [placed.body for placed in self.bodies]
-        both = self.meetings.first, self.meetings.second
-        ellipsoids = place_ellipsoids(self.shapes, bodies, self.starts, positions)
-        met = as_met(self.shapes, bodies, self.starts, positions)
-        return tell_ellipsoids(self.shapes, self.starts, both, met, ellipsoids, found)
-
     @property
     def can_touch(self) -> bool:
         """Return whether any body can touch a surface or another body."""
@@ -570,8 +550,7 @@ class Scene(ReadOnly):
         names = [placed.name for placed in self.bodies]
         bodies = [placed.body for placed in self.bodies]
         met = as_met(self.shapes, bodies, self.starts, positions)
-        ellipsoids = place_ellipsoids(self.shapes, bodies, self.starts, positions)
-        check_apart(self.shapes, names, self.starts, self.meetings, met, ellipsoids, copies)
+        check_apart(self.shapes, names, self.starts, self.meetings, met, copies)
 
     @cached_property
     def faithful_speed(self) -> float:

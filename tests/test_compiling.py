@@ -729,3 +729,11 @@ def test_a_class_of_a_script_is_found_again(tmp_path, monkeypatch):
 
 def summed(pair):
     return pair.first + pair.second
+
+
+def test_code_that_is_not_compiled_is_refused_in_a_line() -> None:
+    env = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    run = [sys.executable, "-c", "import springgym; import springgym.simulator"]
+    done = subprocess.run(run, env=env, capture_output=True, text=True, check=False, timeout=60)
+    last = done.stderr.splitlines()[-1]
+    assert last == "ImportError: springgym runs compiled code only: unset NUMBA_DISABLE_JIT"

@@ -1,6 +1,6 @@
 """A scene pays for what it has, and what it has at zero strength changes no bit of the motion.
 
-The features of `springgym bench`, each absent and then present with nothing to do.
+The features of `benchmarks.speed`, each absent and then present with nothing to do.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from springgym.bench.sections import all_features
+from benchmarks.speed import all_features
 from springgym.integrators import integrator
 from springgym.integrators.record import refusal
 from springgym.scene import Scene

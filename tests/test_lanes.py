@@ -235,7 +235,7 @@ def simulate(which: range, dtype: Any, integrator: str, threads: int = 1) -> lis
     """Positions, velocities and measures of some of `COPIES` tops that each start in their own way."""
     body = top(damping=100.0)
     tip = body.parts["tip"]
-    scene = Scene(body, pinned=tip, wrench=WrenchActuator(axial=False))
+    scene = Scene(body, pinned=tip, wrench=WrenchActuator(perpendicular=True))
     simulator = Simulator(
         scene, integrator=integrator, step=2e-4, copies=len(which), dtype=dtype, threads=threads
     )

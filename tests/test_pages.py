@@ -184,8 +184,6 @@ def test_commands_of_a_page_are_understood(page: Path) -> None:
                 assert set(named.split(",")) <= extras(), line
 
 
-# --- Pictures -----------------------------------------------------------------------------------------
-
 POSTER = re.compile(
     r"!\[([^]]+)\]\((?:\.\./)?figures/posters/([\w-]+)\.webp\)(?:<br>`springgym view ([\w-]+)`)?"
 )

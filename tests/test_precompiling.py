@@ -30,7 +30,7 @@ from tests.test_compiling import FILES, RUN, finish, flipped, start
 pytestmark = pytest.mark.own_kernels
 
 ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT))
+sys.path.insert(0, str(ROOT / "tools"))
 
 import kernels  # noqa: E402
 
@@ -102,13 +102,6 @@ def test_what_cannot_be_compiled_is_told_in_a_line(
     error = capsys.readouterr().err
     assert says in error
     assert error.count("\n") == 1
-
-
-def test_without_compiled_code_there_is_nothing_to_compile(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("SPRINGGYM_CPU", "host")
-    monkeypatch.setattr(compiling, "INTERPRETED", True)
-    with pytest.raises(ValueError, match="NUMBA_DISABLE_JIT is set, with which nothing is compiled"):
-        precompiling.compile_one(("SpringTop-v0", "single", "float64"))
 
 
 def test_environments_of_ones_own_are_found_by_their_module(
@@ -242,6 +235,9 @@ def with_(changes: dict[str, Any]) -> str:
         (with_({"NumPy": "1.0"}), "it is for NumPy 1.0, and this is "),
         (with_({"Numba": "0.1"}), "it is for Numba 0.1, and this is "),
         (with_({"levels": ["x86-64-v5"]}), "it is for processors of x86-64-v5, and this is one of "),
+        (with_({"levels": [1, None]}), "it is for processors of 1, None, and this is one of "),
+        (with_({"levels": 1}), "it is damaged (TypeError: "),
+        ("[" * 10**5, "it is damaged (RecursionError: "),
         ("{}", "it is damaged (KeyError: 'versions')"),
         ("", "it is damaged (JSONDecodeError: "),
     ],

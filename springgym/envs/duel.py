@@ -335,7 +335,7 @@ class SpringDuel(Task):
                 (BLUE, "first top, the agent's"),
                 (RED, "its push"),
                 (AMBER, "second top, the opponent's"),
-                (GREEN, "who leaves the ring, or falls, loses"),
+                (GREEN, "out of the ring or fallen: lost"),
             ),
             text=(f"first {away[0]:4.2f} m, second {away[1]:4.2f} m from the middle",),
         )

@@ -9,13 +9,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium import spaces
+from numba.extending import is_jitted
 from numpy.random import Generator
 from numpy.typing import DTypeLike
 
 from springgym import checks, measures, stability
 from springgym.bodies import Body
 from springgym.checks import TINY, chosen, instance, suggestion
-from springgym.core.compiling import SameTypes, is_kernel, kernel
+from springgym.core.compiling import SameTypes, kernel
 from springgym.dynamics import DYNAMICS, Dynamics
 from springgym.envs import observation, randomisation
 from springgym.envs.error import StepError
@@ -27,6 +28,7 @@ from springgym.envs.randomisation import NOMINAL, RANDOMIZABLE
 from springgym.envs.task import FAILED, MET, Task
 from springgym.identity import check_same
 from springgym.measures import Measures
+from springgym.rendering import Marks
 from springgym.scene import Scene, extremes
 from springgym.simulator import STRAIN_LIMIT, Simulator, copies_in
 from springgym.stability import steps_in
@@ -130,7 +132,10 @@ class Episodes:
         self.unready = NOT_BEGUN
         """why the copies must be reset before they are stepped; empty if they need not"""
         self.max_episode_steps = _checked_limit(max_episode_steps)
-        checks.flag("sparse", sparse)
+        if checks.flag("sparse", sparse) and not task.has_aim:
+            raise ValueError(
+                "sparse is True, and there is no aim to meet; give succeeded, or achieved and aims"
+            )
         self.goals = _goals_of(task, sparse) if checks.flag("goals", goals) else None
         """of observations that tell goals apart; None of others"""
         kind = DYNAMICS[chosen("dynamics", dynamics, DYNAMICS)]
@@ -168,7 +173,7 @@ class Episodes:
         self._given, self._driven = np.zeros_like(self.action), np.zeros_like(self.action)
         self._apart = len(scene.bodies) > 1
         functions = (task.evaluate, task.move, task.remember)
-        self._trusts = all(is_kernel(function) for function in functions if function is not None)
+        self._trusts = all(is_jitted(function) for function in functions if function is not None)
         if task.prepare is not None:
             self.simulator.read()
             task.prepare(*self._seen_in(slice(None)))
@@ -678,7 +683,7 @@ class Episodes:
         self._whole = self._part(0, self.copies)
         compact = self.task.observation != "particles"
         observe = self.task.compact if compact else observation.observe_particles
-        self._sees_parts = self._trusts and is_kernel(observe)
+        self._sees_parts = self._trusts and is_jitted(observe)
         width = self.simulator.width
         self._judges_parts = self._sees_parts and self.copies % width != 1  # see `_seen_alone`
         self._take = SameTypes(take)
@@ -715,6 +720,13 @@ class Episodes:
         m, situation = self._whole[:2]
         own = (values[copy].copy() for values in situation[:-1])
         return Measures(*(values[copy].copy() for values in m)), Situation._make((*own, situation.parameters))
+
+    def marks(self, copy: int) -> Marks:
+        """Return the marks of a picture of one copy: its step, whether it succeeds now, and the task's."""
+        marks = self.task.marks(*self.seen_of(copy))
+        step = f"step {round(self.time[copy] / self.task.period)}"
+        success = ("success",) if self.told()["is_success"][copy] else ()
+        return replace(marks, text=(step, *success, *marks.text))
 
     @property
     def particles(self) -> tuple[np.ndarray, np.ndarray]:

@@ -12,7 +12,6 @@ import toy_env
 import watch
 from PIL import Image, ImageSequence
 
-from springgym.extras import install
 from tests.envs.cases import KINDS
 from tests.params import slow_but
 
@@ -169,9 +168,3 @@ def test_a_published_agent_is_watched_without_stable_baselines3_and_pytorch(tmp_
     done = command_without(lacks, "watch", *arguments)
     assert done.returncode == 0, done.stderr
     assert path.exists()
-
-
-def test_without_yaml_it_says_what_to_install():
-    done = command_without(["yaml"], "watch", "SpringTop-v0")
-    assert done.returncode == 2
-    assert done.stderr.endswith(f"{install('scenes')}\n")

@@ -48,7 +48,7 @@ def zoo() -> Scene:
             Placed(free["cube"], lifted["cube"], np.ones((8, 3))),
             Placed(free["box"], lifted["box"], thrust=ThrustActuator((1,), turns=True)),
             Placed(line, np.add(line.positions, (0, 0, 9.0)), pinned=(0,), drive=DriveActuator(0, 2.0)),
-            Placed(free["gyroscope"], lifted["gyroscope"], wrench=WrenchActuator(axial=False)),
+            Placed(free["gyroscope"], lifted["gyroscope"], wrench=WrenchActuator(perpendicular=True)),
         ),
         surfaces=(floor(),),
         contact=Contact(friction=0.3, restitution=0.7),

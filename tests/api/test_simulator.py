@@ -623,8 +623,9 @@ def test_float32_far_from_the_origin_is_told_of_once() -> None:
     apart = r"1e\+03 m away .* in float32 are 6\.1e-05 m apart, .* within 83\.9 m, or use float64"
     with pytest.warns(PrecisionWarning, match=apart):
         Simulator(scene.with_(positions=far), dtype=np.float32)
-    with pytest.warns(PrecisionWarning, match="use float64"):
+    with pytest.warns(PrecisionWarning, match="use float64") as warned:
         made.place(far, 0 * far)
+    assert warned[0].filename == __file__
     made.place(far, 0 * far)  # not twice
     flown = Simulator(scene, dtype=np.float32)
     flown.readout.positions[:] = far

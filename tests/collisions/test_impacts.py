@@ -9,7 +9,7 @@ import pytest
 
 from springgym.bodies import Body, cube, from_points, top
 from springgym.collisions import distance
-from springgym.contact.totals import FAST, GAP, IMPULSE, MISSES, OVERFLOW, TOUCHING
+from springgym.contact.records import FAST, GAP, IMPULSE, MISSES, OVERFLOW, TOUCHING
 from tests.collisions.cases import CUBE, WAYS, approach
 from tests.collisions.impacts import impacts, pair_scene
 from tests.collisions.stepped import Stepped

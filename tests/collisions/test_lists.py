@@ -12,8 +12,7 @@ import pytest
 
 from springgym.bodies import ball, cube, rope
 from springgym.contact import lists
-from springgym.contact.lists import WATCHED
-from springgym.contact.rows import FAR, ROWS
+from springgym.contact.records import FAR, ROWS, WATCHED
 from springgym.core.blocks import WIDTH, block_array, numbers, set_copies
 from springgym.packing import search_workspace
 from springgym.scene import Placed, Scene

@@ -9,7 +9,7 @@ import pytest
 
 from springgym.bodies import Body, box, cube, rope
 from springgym.collisions import Pair
-from springgym.contact.totals import CONTACT, FRICTION, MISSES, OVERFLOW, TOUCHING
+from springgym.contact.records import CONTACT, FRICTION, MISSES, OVERFLOW, TOUCHING
 from springgym.scene import Placed, Scene
 from springgym.surfaces import Contact
 from tests.collisions.cases import turned

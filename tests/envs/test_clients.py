@@ -17,7 +17,6 @@ from gymnasium.vector import AutoresetMode
 import springgym
 from springgym.envs.base import frame_rate
 from springgym.envs.task import Task
-from springgym.extras import install
 from tests.envs.cases import IDS, QUICK, each_id, each_kind, make, make_vec, task_type
 from tests.envs.test_contract import answered
 
@@ -177,7 +176,7 @@ def test_generators_that_are_none_are_refused(wrong: Any) -> None:
 
 BASE_ONLY = """
 import sys
-EXTRAS = "yaml scipy tqdm matplotlib pygame PIL imageio moviepy stable_baselines3 torch trimesh".split()
+EXTRAS = "scipy matplotlib pygame PIL imageio moviepy stable_baselines3 torch trimesh".split()
 class Absent:
     def find_spec(self, name, path=None, target=None):
         if name.split(".")[0] in EXTRAS:
@@ -190,19 +189,14 @@ env = springgym.make_scene_env(Scene(cube()), lambda m, s: m.centre[:, 2], actua
 env.reset(seed=0)
 env.step(np.ones(3, np.float32))
 env.unwrapped.episodes.task.look()
-try:
-    springgym.make_scene_env("top", lambda m, s: m.centre[:, 2], actuators={"force": 20.0})
-except ImportError as error:
-    print(error)
+springgym.make_scene_env("top", lambda m, s: m.centre[:, 2], actuators={"force": 20.0})
 """
 
 
 @pytest.mark.slow
 def test_scene_environments_need_the_base_install_alone() -> None:
-    """Scenes as text need PyYAML, and say so."""
     done = subprocess.run([sys.executable, "-c", BASE_ONLY], capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
-    assert install("scenes") in done.stdout
 
 
 def test_public_names() -> None:

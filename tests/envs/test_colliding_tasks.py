@@ -321,7 +321,6 @@ def test_the_height_of_a_flight_is_kept_in_the_air() -> None:
 # --- SpringDuel -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
 def test_a_push_drives_ones_own_top() -> None:
     """Equal seeds begin alike, and without a push one top moves as the other does, rotated by half a turn."""
     env, twin = (make("SpringDuel-v0", opponent="still") for _ in range(2))
@@ -342,7 +341,6 @@ def test_a_push_drives_ones_own_top() -> None:
     assert own + other == pytest.approx(pushed, rel=0.1)
 
 
-@pytest.mark.slow
 def test_both_players_see_the_same_duel() -> None:
     """Turned by half a turn, with the players exchanged, the duel is the same: so is what the first sees."""
     env = make("SpringDuel-v0", observation="frame", opponent="still")
@@ -393,7 +391,6 @@ def test_unknown_opponents_are_refused(opponent: object, error: type[Exception],
 
 
 @pytest.mark.parametrize("given", [np.zeros(2), np.full((1, 2), np.nan)])
-@pytest.mark.slow
 def test_what_an_opponent_gives_is_checked(given: np.ndarray) -> None:
     env = make("SpringDuel-v0", opponent=lambda seen: given)
     env.reset(seed=0)
@@ -451,7 +448,6 @@ def test_two_agents_are_an_agent_and_its_opponent(observation: str) -> None:
     assert max(rewards.values()) > 0.9
 
 
-@pytest.mark.slow
 def test_the_second_agent_sees_its_particles_first() -> None:
     both = parallel("SpringDuel-v0")
     seen, _ = both.reset(seed=0)
@@ -459,7 +455,6 @@ def test_the_second_agent_sees_its_particles_first() -> None:
     np.testing.assert_allclose(seen["second"].reshape(2, 2, -1, 3), turned, atol=1e-6)
 
 
-@pytest.mark.slow
 def test_weak_actuators_are_those_of_both() -> None:
     """A quarter of the strength is a quarter of the push, of either agent, and of an opponent."""
 
@@ -516,7 +511,6 @@ def test_states_of_two_agents_return() -> None:
     assert env.agents == []
 
 
-@pytest.mark.slow
 def test_pettingzoo_s_registry_makes_it() -> None:
     """Whichever was imported first, after `register`."""
     pettingzoo = pytest.importorskip("pettingzoo", "1.27")
@@ -528,7 +522,6 @@ def test_pettingzoo_s_registry_makes_it() -> None:
     assert pettingzoo.make("parallel", "SpringDuel").episodes.max_episode_steps == 500
 
 
-@pytest.mark.slow
 def test_refusals_of_two_agents() -> None:
     with pytest.raises(
         ValueError, match="env_id is 'SpringTop-v0'; it must be an environment of several agents: Spring"

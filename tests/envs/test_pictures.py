@@ -14,7 +14,7 @@ from springgym.measures import SIZE, view
 from springgym.rendering import Marks
 from springgym.rendering.look import GREEN, RED
 from springgym.scene import DriveActuator, Placed, Scene, ThrustActuator
-from tests.envs.cases import DUEL, IDS, make, task_type
+from tests.envs.cases import DUEL, IDS, each_kind, make, make_vec, task_type
 from tests.params import slow_unless
 
 each_action = pytest.mark.parametrize(
@@ -81,6 +81,44 @@ def test_pictures_show_the_action(env_id: str, action: str) -> None:
         shown.append(((r > 120) & (r > 2.5 * g) & (r > 2.5 * b)).sum())
     assert 50 < shown[0] < 250  # in the key
     assert max(shown) > shown[0] + 100
+
+
+@each_kind
+def test_two_pictures_of_one_moment_are_equal(env_id: str) -> None:
+    """Of an environment whose first picture this is: its trace begins there, not with the next picture."""
+    batch = make_vec(env_id, 1, "native", "Disabled", render_mode="rgb_array")
+    for env in (make(env_id, render_mode="rgb_array"), batch):
+        env.reset(seed=1)
+        np.testing.assert_array_equal(env.render(), env.render())
+
+
+@each_kind
+def test_pictures_hold_all_that_counts_and_little_else(env_id: str) -> None:
+    env = make(env_id, render_mode="rgb_array").unwrapped
+    task = env.episodes.task
+    for seed in range(5):
+        env.reset(seed=seed)
+        env.render()
+        pixels, _ = env._canvas.camera.project(task.framed(env.episodes.seen_of(0)[1]), env._canvas.size)
+        shares = pixels / env._canvas.size
+        assert (shares > 0.02).all()
+        assert (shares < 0.98).all()
+        assert np.ptp(shares, axis=0).max() > 0.35
+
+
+def test_pictures_say_which_step_it_is_and_whether_it_succeeds() -> None:
+    env = make("SpringTop-v0")
+    episodes = env.unwrapped.episodes
+    _, info = env.reset(seed=1, options={"tilt": 0.0, "spin": 50.0})
+    for step in range(episodes.task.hold + 10):
+        head, *others = episodes.marks(0).text
+        assert head == f"step {step}"
+        assert ("success" in others) == info["is_success"]
+        *_, info = env.step(np.zeros(env.action_space.shape, np.float32))
+    assert info["is_success"]
+    env.reset(seed=1)
+    assert episodes.marks(0).text[0] == "step 0"
+    assert "success" not in episodes.marks(0).text
 
 
 @pytest.mark.slow

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import inspect
+import os
 from collections.abc import Callable, Iterator
-from itertools import cycle
+from itertools import cycle, product
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -13,15 +15,17 @@ import pytest
 from gymnasium.envs.registration import load_env_creator
 
 import springgym
-from springgym.bodies import Body, cube, rope
+from springgym.bodies import Body, cube, from_mesh, rope
 from springgym.envs import tolerance
 from springgym.envs.base import SpringEnv, SpringVectorEnv, _Common
 from springgym.envs.episodes import MOST_STEPS
 from springgym.envs.observation import Situation
 from springgym.envs.scene import SceneTask
+from springgym.envs.trained import PUBLISHED
 from springgym.measures import MeasuresOfBodies
 from springgym.registration import ENVIRONMENTS, VARIANTS
 from springgym.scene import Scene, ThrustActuator
+from springgym.scenes import load
 from springgym.simulator import STRAIN_LIMIT
 from springgym.surfaces import floor
 from tests import fuzz
@@ -253,6 +257,57 @@ def test_nothing_is_stepped_or_drawn_before_a_reset(env_id: str) -> None:
         env.step(env.action_space.sample())
     with pytest.raises(gym.error.ResetNeeded, match="render"):
         env.render()
+
+
+# --- Files --------------------------------------------------------------------------------------------
+
+
+def run_folder(path: Path, name: str) -> Path:
+    """Make a run folder of a published agent, in which one file is a link to a path."""
+    path.with_name("run").mkdir()
+    for own in ("config.yaml", "agent.npz"):
+        path.with_name("run").joinpath(own).symlink_to(path if own == name else PUBLISHED / IDS[0] / own)
+    return path.with_name("run")
+
+
+READERS: dict[str, Callable[[Path], Any]] = {
+    "scene": load,
+    "scene of an environment": lambda path: springgym.make_scene_env(path, height, actuators={"force": 1.0}),
+    "mesh": from_mesh,
+    "configuration": lambda path: springgym.load_agent(run_folder(path, "config.yaml")),
+    "agent": lambda path: springgym.load_agent(run_folder(path, "agent.npz")).policy(make(IDS[0])),
+    "run folder": springgym.load_agent,
+}
+"""What reads a file that a user names."""
+
+
+FILES = ("pipe", "endless device", "huge", "folder")
+NAMES = {"long name": "x" * 5000, "null": "x\0"}
+
+
+@pytest.mark.parametrize(
+    ("reader", "what"),
+    [*product(READERS, FILES), *product(sorted(READERS.keys() - {"configuration", "agent"}), NAMES)],
+)
+@pytest.mark.timeout(60)
+def test_what_is_no_regular_file_of_a_sane_size_is_not_read(reader: str, what: str, tmp_path: Path) -> None:
+    """A pipe would hang, and a device has no end."""
+    if reader == "mesh":
+        pytest.importorskip("trimesh")
+    path = tmp_path / "file.yaml"
+    if what == "pipe":
+        os.mkfifo(path)
+    elif what == "endless device":
+        path.symlink_to("/dev/zero")
+    elif what == "huge":
+        path.touch()
+        os.truncate(path, 2 * 10**9)
+    elif what == "folder":
+        path.mkdir()
+    else:
+        path = Path(NAMES[what])
+    with pytest.raises(OSError if reader == "mesh" else ValueError):
+        READERS[reader](path)
 
 
 # --- Steps --------------------------------------------------------------------------------------------

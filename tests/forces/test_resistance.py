@@ -51,9 +51,8 @@ def run(dynamics: str, duration: float, surface: Surface = LEVEL, **begins: Any)
     return 0.01 * np.arange(len(rows)), Measures(*map(np.array, zip(*rows, strict=True)))
 
 
-@pytest.mark.slow
 def test_ball_rolls_and_spins_ever_slower() -> None:
-    """By the coefficients, within a few steps: `tests/test_plain.py` takes them in every run."""
+    """By the coefficients, within a few steps."""
     speed, spin, steps = 0.3, 4.0, 5
     scene = placed(BALL, (LEVEL,), HOW, velocity=(speed, 0, 0), omega=(0, speed / RADIUS, spin))
     simulator = Simulator(scene, dynamics="rigid", step=STEP["rigid"])

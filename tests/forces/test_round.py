@@ -571,5 +571,5 @@ def test_what_round_features_cannot_do_is_refused() -> None:
     block = Placed(cube(0.1), cube(0.1).positions + np.array([1, 0, 0.06]))
     coin = Placed(disk(), disk().positions + np.array([0, 0, 0.2]))
     several = replace(coin, body=coin.body.with_(rounds=(coin.body.rounds[0], sphere(0.05))))
-    with pytest.raises(ValueError, match="a single ellipsoid, or two spheres"):
+    with pytest.raises(ValueError, match="only surfaces meet ellipsoids and disks"):
         Scene(bodies=(several, block), surfaces=(floor(),), contact=GRIP)

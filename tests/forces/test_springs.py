@@ -10,7 +10,8 @@ import pytest
 from springgym.core.blocks import block_array, numbers
 from springgym.core.compiling import kernel
 from springgym.core.lanes import LOCAL, at
-from springgym.forces.springs import SPRINGS_A_ROW, Dampers, Springs, add_spring_forces, damp, decay
+from springgym.forces.springs import SPRINGS_A_ROW, add_spring_forces, damp, decay
+from springgym.terms import Dampers, Springs
 from tests.params import slow_but
 
 pytestmark = pytest.mark.own_kernels

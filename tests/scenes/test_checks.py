@@ -475,8 +475,6 @@ MISFITS = [
     ("block-slides", "rest_height", "its first surface is not level", None),
     ("cube-drop", "stopping", "there is no friction", lambda plan: frictionless(plan)),
     ("sliding-block", "stopping", "it starts at rest", still),
-    ("block-slides", "slope", "its friction falls as the slip grows", lambda plan: falling(plan)),
-    ("sliding-block", "stopping", "its friction falls as the slip grows", lambda plan: falling(plan)),
     ("top-with-friction", "straight_fall", "there is friction", None),
     ("cube-drop", "impact", "there is friction", None),
     ("bouncing-ball", "impact", "it concerns a body with springs", None),
@@ -500,12 +498,6 @@ MISFITS = [
 
 def frictionless(plan):
     return replace(plan, scene=plan.scene.with_(contact=replace(plan.scene.contact, friction=0.0)))
-
-
-def falling(plan):
-    """The scene with Stribeck's friction."""
-    contact = replace(plan.scene.contact, kinetic=0.1, stribeck=0.1)
-    return replace(plan, scene=plan.scene.with_(contact=contact))
 
 
 def weightless(plan):

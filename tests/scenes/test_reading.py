@@ -279,13 +279,6 @@ def test_rope_held_at_its_end():
     assert scene.positions[:, 2].min() < -5
 
 
-def test_friction_may_fall_as_the_slip_grows(read):
-    falls = "contact: {friction: 0.5, kinetic: 0.2, stribeck: 0.05}"
-    assert read(BOX + falls).scene.contact == Contact(0.5, kinetic=0.2, stribeck=0.05)
-    with pytest.raises(YamlError, match=r"mine.yaml:4: contact: kinetic and stribeck .* are given together"):
-        read(BOX + "contact: {friction: 0.5, kinetic: 0.2}")
-
-
 def test_surfaces_and_contact(read):
     plan = read(
         BOX
