@@ -415,7 +415,7 @@ def _actuators(part: Scene, scene: Scene, blocks: Callable[..., np.ndarray]) -> 
     terms: dict[str, Any] = {}
     markers = np.array(part.body.markers, np.uint32)
     if any(placed.wrench for placed in scene.bodies):
-        axial = 1.0 if part.wrench is None else float(part.wrench.axial)
+        axial = 1.0 if part.wrench is None else float(not part.wrench.perpendicular)
         terms["wrench"] = Wrench(blocks(3), blocks(3), blocks(3), markers, part.pivot, axial)
     if any(placed.thrust for placed in scene.bodies):
         named, turns = (part.thrust.particles, part.thrust.turns) if part.thrust else ((), False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import sys
 import warnings
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence, Set
@@ -38,7 +39,6 @@ from springgym.core.blocks import (
     numbers,
     put,
     to_copies,
-    within,
 )
 from springgym.core.compiling import SameTypes
 from springgym.core.kinds import Nested, Ragged
@@ -434,10 +434,10 @@ class Simulator:
         self._check_settled(x, v, index)
         self._check_distance(x)
         for lanes, values in zip(self._moving, (x, v), strict=True):
-            put(lanes, index, np.array(values, order="C").reshape(len(index), lanes.shape[1]))
+            put(lanes, index, np.array(values, order="C").reshape(len(index), lanes.shape[1]), HUGE)
         self._settle(index)
         for lanes, zeros in self._emptied:
-            put(lanes, index, zeros)
+            put(lanes, index, zeros, HUGE)
         if self._terms.collisions is not None:
             totals.empty_totals(self._terms.collisions, index)
             self.unresolved[index] = False
@@ -578,11 +578,11 @@ class Simulator:
             if value.__class__ is not np.ndarray or value.dtype is not FLOAT or value.shape != shape:
                 value = np.array(np.broadcast_to(checks.array(name, value, shape, shape[1:]), shape))
             rows = np.ascontiguousarray(value).reshape(self.copies, lanes.shape[1])
-            if not within(rows, HUGE):
+            if not put(lanes, self._all[:0], rows, HUGE):
                 checks.array(name, value, shape)  # which says what is wrong
             given.append((lanes, rows))
         for lanes, rows in given:
-            put(lanes, self._all, rows)
+            put(lanes, self._all, rows, HUGE)
 
     @guarded
     def state(self, copies: ArrayLike | None = None) -> dict[str, Any]:
@@ -706,7 +706,7 @@ class Simulator:
         Raises
         ------
         TypeError, ValueError
-            If the other simulator has another scene, number of copies or dtype; nothing is changed.
+            If the other simulator differs in more than `GOES_FORWARD`; nothing is changed.
         """
         must = "; it must be made like this simulator but for its step"
         made = checks.instance("other", other, Simulator).identity
@@ -1175,7 +1175,10 @@ class Simulator:
 
 def _tell(what: str) -> None:
     """Warn at the line that called the simulator."""
-    warnings.warn(what, PrecisionWarning, stacklevel=4)
+    level = 1
+    while sys._getframe(level - 1).f_globals["__name__"] in (__name__, Guard.__module__):
+        level += 1
+    warnings.warn(what, PrecisionWarning, stacklevel=level)
 
 
 @lru_cache(maxsize=8)

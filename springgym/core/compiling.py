@@ -595,7 +595,7 @@ def _name_symbols(codegen: JITCPUCodegen, description: FunctionDescriptor) -> No
 
 
 KERNELS = "springgym_kernels"
-"""Package of compiled code, made by ``kernels.py`` of the repository: a folder of entries, and `MADE`."""
+"""Package of compiled code, made by ``tools/kernels.py`` of a clone: a folder of entries, and `MADE`."""
 
 MADE = "made.json"
 """File in it: ``{"versions": {…}, "levels": […]}``, of what its code is made for; see `made_here`."""
@@ -625,8 +625,8 @@ def shipped() -> tuple[Path, str] | None:
     level = fitting_level(binding.get_host_cpu_name(), features())
     try:
         made = json.loads((folder / MADE).read_text(encoding="utf-8"))
-        versions, levels = dict(made["versions"]), list(made["levels"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        versions, levels = dict(made["versions"]), list(map(str, made["levels"]))
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         why = f"it is damaged ({type(error).__name__}: {error})"
     else:
         unfit = [
@@ -635,7 +635,7 @@ def shipped() -> tuple[Path, str] | None:
             if versions.get(name) != here
         ]
         if level in levels and not unfit:
-            return folder, str(level)
+            return folder, level
         ours = f"one of {level}" if level else "none of these"
         why = unfit[0] if unfit else f"it is for processors of {', '.join(levels)}, and this is {ours}"
     LOGGER.warning("springgym: the compiled code of springgym-kernels is not used: %s", why)

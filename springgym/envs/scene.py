@@ -127,7 +127,7 @@ def make_scene_env(
     Parameters
     ----------
     scene
-        A `Scene`, the name of a scene of the package, or a YAML file. The last two need the extra ``scenes``.
+        A `Scene`, the name of a scene of the package, or a YAML file.
     reward
         A function ``reward(m, s)``. It is called after each step for all n copies together, and returns
         their rewards (n,), or a dict of terms (n,) by name. The terms sum to the reward, and ``info``
@@ -320,6 +320,7 @@ class SceneTask(Task):
             self.achieve = self._reached  # type: ignore[misc]
             self._goals = Goals(self.aims)
         self.memory = checks.array("memory", memory, (None,)).tolist()  # type: ignore[misc]
+        self.has_aim = achieved is not None or succeeded is not None  # type: ignore[misc]
         self._move, self._remember = _given("move", move), _given("remember", remember)
         if move is not None:
             if not self.goal_size:
@@ -531,7 +532,7 @@ class SceneTask(Task):
 
 
 def _loaded(scene: str | Path) -> Scene:
-    from springgym.scenes import load  # which needs PyYAML
+    from springgym.scenes import load
 
     return load(str(scene)).scene
 

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from importlib import resources
 from importlib.resources.abc import Traversable
+from os.path import isfile
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -96,7 +97,7 @@ def _file(scene: str) -> Iterator[Path]:
             yield path
         return
     path = Path(scene)
-    if path.suffix not in (".yaml", ".yml") and not path.is_file():
+    if path.suffix not in (".yaml", ".yml") and not isfile(path):
         raise ValueError(f"no such file, and there is no scene {shown(scene)}{suggestion(scene, names())}")
     yield path
 

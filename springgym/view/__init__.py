@@ -16,6 +16,7 @@ import re
 import webbrowser
 from contextlib import redirect_stdout
 from dataclasses import replace
+from os.path import isfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -117,7 +118,7 @@ def _subject(args: argparse.Namespace) -> Subject:
 
 def _is_environment(what: str) -> bool:
     """Tell whether a name ends as the id of an environment does, and is not that of a file."""
-    return re.search(r"-v[0-9]+$", what) is not None and not Path(what).is_file()
+    return re.search(r"-v[0-9]+$", what) is not None and not isfile(what)
 
 
 def scenes(first: str) -> Subject:

@@ -96,9 +96,8 @@ def played(agent: Agent, seed: int) -> Motion:
     def keep() -> None:
         rows.append(simulator.readout.rows[0].copy())
         bodies.append(simulator.readout.bodies[0].copy())
-        m, s = inner.episodes.seen_of(0)
-        positions.append(task.points(s))
-        marks.append(task.marks(m, s))
+        positions.append(task.points(inner.episodes.seen_of(0)[1]))
+        marks.append(inner.episodes.marks(0))
         if (found := contacts_of(simulator)) is not None:
             touching.append(found)
 

@@ -20,7 +20,7 @@ from springgym.surfaces import Contact
 from tests.collisions.stepped import full
 from tests.collisions.test_rows import found
 
-pytestmark = pytest.mark.seldom
+pytestmark = pytest.mark.slow
 
 COPIES, REACH = WIDTH[np.dtype(float)], 0.02
 CUBE, ROPE, BALL = cube(), rope(5, radius=0.02), ball(0.1, 0.2)

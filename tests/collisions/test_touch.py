@@ -137,7 +137,7 @@ def test_block_on_a_tilted_slab() -> None:
     assert totals[2:, FRICTION] == pytest.approx((MU * 9.81 * np.cos(tilt) * way)[2:], rel=1e-3)
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_stack() -> None:
     """Three cubes on a slab come to rest, and stay."""
     cubes = [put(cube(0.5, damping=100.0), (0, 0, 0.4586 + 0.5086 * n), f"cube {n}") for n in range(3)]

@@ -19,6 +19,7 @@ from tests.envs.cases import make, make_vec, task_type
 from tests.envs.playing import play
 from tests.envs.test_cheats import classical
 from tests.envs.test_contract import same
+from tests.params import slow_but
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore", DeprecationWarning)  # of what PettingZoo's tests import themselves
@@ -27,11 +28,10 @@ with warnings.catch_warnings():
 
 COPIES = 8
 
-pytestmark = pytest.mark.usefixtures("few_kernels")
 
-
-@pytest.mark.parametrize(("env_id", "honest"), [("Balance", 300), ("Shove", 200), ("Juggle", 300)])
-@pytest.mark.often("Shove-*")
+@pytest.mark.parametrize(
+    ("env_id", "honest"), slow_but([("Balance", 300), ("Shove", 200), ("Juggle", 300)], ("Shove", 200))
+)
 def test_who_fails_after_success_has_none(env_id: str, honest: int) -> None:
     """Paddle, plate or pusher runs away, while ball or box is still where it should be."""
     env_id = f"Spring{env_id}-v0"
@@ -105,7 +105,7 @@ def test_a_ball_in_the_air_earns_nothing() -> None:
     assert not terminated
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_a_ball_held_in_the_middle_does_not_do_it() -> None:
     """The place moves, and the middle is no part of it."""
     task = task_type("SpringBalance-v0")(observation="frame")
@@ -250,7 +250,7 @@ def test_a_box_off_the_shelf_ends_the_episode() -> None:
     assert not info["is_success"]
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_pushing_straight_at_the_block_does_not_pay() -> None:
     """To push the box at the block, whichever way it is turned, earns less than a fifth of the honest way."""
 
@@ -356,7 +356,7 @@ def test_both_players_see_the_same_duel() -> None:
 
 
 @pytest.mark.parametrize("observation", ["particles", "frame"])
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_the_opponent_is_asked_for_all_copies_at_once(observation: str) -> None:
     """A function of one's own in place of a name is the same duel, to the bit."""
     asked = []
@@ -398,7 +398,7 @@ def test_what_an_opponent_gives_is_checked(given: np.ndarray) -> None:
         env.step(np.zeros(2))
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_waiting_does_not_win() -> None:
     """Left to itself, a top loses; kept in the middle, it earns less than a win."""
     for policy in (duel.OPPONENTS["still"], duel.OPPONENTS["guard"]):
@@ -410,14 +410,14 @@ def test_waiting_does_not_win() -> None:
 
 
 @pytest.mark.parametrize("observation", ["particles", "frame"])
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_pettingzoo(observation: str) -> None:
     parallel_api_test(parallel("SpringDuel-v0", observation=observation), num_cycles=200)
     parallel_seed_test(lambda: parallel("SpringDuel-v0", observation=observation), num_cycles=100)
 
 
 @pytest.mark.parametrize("observation", ["particles", "frame"])
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_two_agents_are_an_agent_and_its_opponent(observation: str) -> None:
     """To the bit, for the first; and what the second sees is what an opponent is asked with."""
     asked = []
@@ -479,7 +479,7 @@ def test_weak_actuators_are_those_of_both() -> None:
             np.testing.assert_array_equal(less, 0.25 * more)
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_states_of_two_agents_return() -> None:
     """Through PettingZoo's wrappers, to an environment that has never begun, with the generator."""
     env, other = (BaseParallelWrapper(parallel("SpringDuel-v0")) for _ in range(2))

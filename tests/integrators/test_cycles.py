@@ -16,6 +16,7 @@ from springgym.scene import DriveActuator, Placed, Scene, ThrustActuator, Wrench
 from springgym.simulator import Simulator
 from springgym.surfaces import Contact, floor
 from tests.integrators.problems import error, oscillator, reference, simulator, tetrahedron
+from tests.params import slow_but
 
 EVERY, STEP = 6, 2e-3
 FAR, NEAR = -9.0, -0.03
@@ -53,9 +54,10 @@ def assert_same(one: list[np.ndarray], other: list[np.ndarray]) -> None:
         np.testing.assert_array_equal(mine, its)
 
 
-@pytest.mark.parametrize(("every", "height"), [(2, None), (EVERY, None), (EVERY, NEAR)])
+@pytest.mark.parametrize(
+    ("every", "height"), slow_but([(2, None), (EVERY, None), (EVERY, NEAR)], (2, None), (EVERY, None))
+)
 @pytest.mark.parametrize("cuts", [[1] * 8, [3, 0, 5], [7, 1]])
-@pytest.mark.seldom("*--0.03")
 def test_calls_cut_at_cycles_give_the_same_bits(every: int, height: float | None, cuts: list[int]) -> None:
     whole, cut = (spun(every, height, copies=1) for _ in range(2))
     whole.advance(8 * every)
@@ -70,9 +72,7 @@ def test_calls_cut_at_cycles_give_the_same_bits(every: int, height: float | None
 def test_calls_that_end_amid_a_cycle_are_refused(steps: int) -> None:
     made = spun()
     before = seen(made)
-    with pytest.raises(
-        ValueError, match=f"steps is {steps}; it must be a multiple of damping_every, 6"
-    ):
+    with pytest.raises(ValueError, match=f"steps is {steps}; it must be a multiple of damping_every, 6"):
         made.advance(steps)
     assert_same(seen(made), before)
     made.advance(2 * EVERY)
@@ -127,7 +127,7 @@ def assert_struck(made: Simulator, copy: int = 0) -> None:
 
 
 @pytest.mark.parametrize("cuts", [[1] * 66, [3, 19, 1, 0, 43]])
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_colliding_bodies_give_the_same_bits_in_calls_cut_at_cycles(cuts: list[int]) -> None:
     whole, cut = struck(), struck()
     whole.advance(66 * EVERY)
@@ -155,7 +155,7 @@ def test_copies_of_colliding_bodies_in_first_and_second_cycles_are_as_alone() ->
         assert batch.measure().balance[copy] == alone.measure().balance[0]
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_ledger_of_colliding_bodies_closes() -> None:
     gaps = []
     for finer in (1, 4):
@@ -168,7 +168,7 @@ def test_ledger_of_colliding_bodies_closes() -> None:
     assert gaps[1] < gaps[0] / 10
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_colliding_bodies_move_as_with_dampers_in_every_step() -> None:
     """In cycles of two steps the error is no more than doubled; in longer ones it falls with the step."""
     ends = {}
@@ -199,8 +199,7 @@ def test_a_state_between_two_cycles_returns() -> None:
         spun(2).restore(kept)
 
 
-@pytest.mark.parametrize("height", [None, FAR])
-@pytest.mark.seldom("-9.0")
+@pytest.mark.parametrize("height", slow_but([None, FAR], None))
 def test_order_stays_two(height: float | None) -> None:
     counts = 240 * np.array([1, 2, 4])
     duration = 0.6
@@ -213,8 +212,7 @@ def test_order_stays_two(height: float | None) -> None:
     assert -np.polyfit(np.log(counts), np.log(errors), 1)[0] == pytest.approx(2, abs=0.15)
 
 
-@pytest.mark.parametrize("height", [None, FAR])
-@pytest.mark.seldom("-9.0")
+@pytest.mark.parametrize("height", slow_but([None, FAR], None))
 def test_ledger_closes(height: float | None) -> None:
     counts, gaps = 240 * np.array([1, 2, 4]), []
     for count in counts.tolist():
@@ -250,7 +248,9 @@ def test_strong_dampers_add_no_energy() -> None:
 def tops(damping: float) -> Scene:
     body = top(damping=damping)
     tip = body.parts["tip"]
-    return Scene(body, *start(body, spin=50.0, pinned=tip), pinned=tip, wrench=WrenchActuator(axial=False))
+    return Scene(
+        body, *start(body, spin=50.0, pinned=tip), pinned=tip, wrench=WrenchActuator(perpendicular=True)
+    )
 
 
 @pytest.mark.parametrize(("damping", "most"), [(1.0, 10), (100.0, 10), (500.0, 4), (1e4, 1)])
@@ -298,9 +298,10 @@ def test_where_all_acts_at_every_step(reason: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "scene", [tops(100.0), tops(100.0).with_(surfaces=(floor(-0.5),)), CUBES], ids=["free", "floor", "bodies"]
+    "scene",
+    [tops(100.0), tops(100.0).with_(surfaces=(floor(-0.5),)), pytest.param(CUBES, marks=pytest.mark.slow)],
+    ids=["free", "floor", "bodies"],
 )
-@pytest.mark.seldom("bodies")
 def test_cycles_are_asked_for(scene: Scene) -> None:
     assert Simulator(scene).damping_every == 1
     made = Simulator(scene, damping_every=4)
@@ -348,7 +349,7 @@ def test_a_control_period_is_of_whole_cycles(env_id: str) -> None:
 
 
 @pytest.mark.own_kernels
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_a_task_among_surfaces_says_its_cycle() -> None:
     at = episodes("SpringFreeTop-v0")
     assert (at.simulator.damping_every, at.steps % 4) == (at.task.damping_every, 0)
@@ -359,7 +360,7 @@ def test_a_task_among_surfaces_says_its_cycle() -> None:
 
 
 @pytest.mark.own_kernels
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_a_task_of_colliding_bodies_says_its_cycle() -> None:
     at = episodes("SpringDuel-v0")
     assert (at.simulator.damping_every, at.steps % 4) == (at.task.damping_every, 0) == (2, 0)

@@ -35,17 +35,6 @@ def test_the_paper_s_scenes_are_there():
     assert set(wanted.split()) <= set(names())
 
 
-@pytest.mark.parametrize("name", names())
-@pytest.mark.seldom("pile-300")
-def test_every_scene_reads(name):
-    plan = load(name)
-    assert plan.name == name
-    assert plan.title
-    assert "energy" in plan.checks or all("energy" in part.checks for part in plan.parts)
-    # something is to happen: it moves, or can fall
-    assert plan.scene.velocities.any() or plan.scene.gravity
-
-
 def test_what_a_small_file_means(read):
     plan = read(BOX)
     assert plan.name == "mine"
