@@ -18,7 +18,7 @@ from tests.test_pages import PAGES, ROOT, prose
 
 SOURCES = sorted(
     path
-    for folder in ("springgym", "agents", "tests", "docs")
+    for folder in ("springgym", "agents", "benchmarks", "tests", "docs")
     for path in (ROOT / folder).glob("**/*.py")
     if path != Path(__file__)
 )

@@ -197,11 +197,14 @@ def test_commands_of_a_page_are_understood(page: Path) -> None:
         program = Path(words[0]).name
         name = words[1] if len(words) > 1 else ""
         script = ROOT / (f"agents/{name}.py" if name in cli.SCRIPTS else name)
+        if measures := name == "-m" and words[2].startswith("benchmarks."):
+            script = (ROOT / words[2].replace(".", "/")).with_suffix(".py")
+            assert script.exists(), line
         if program == "springgym" and name not in cli.SCRIPTS:
             arguments = cli._parser(words[1]).parse_args(words[1:])
             if scene := getattr(arguments, "scene", None):
                 assert scene in names() or scene.endswith((".yaml", ".yml")), line
-        elif program == "springgym" or (program.startswith("python") and name.endswith(".py")):
+        elif program == "springgym" or measures or (program.startswith("python") and name.endswith(".py")):
             for option in (word for word in words[2:] if word.startswith("--")):
                 assert f'"{option}"' in declarations(script), line
         elif program.startswith("pip") or words[1:3] == ["-m", "pip"]:
@@ -232,7 +235,7 @@ def test_names_of_a_page_are_there(page: Path) -> None:
         resolve(name)
     for env_id in set(re.findall(r"\bSpring\w+-v\d+\b", page.read_text(encoding="utf-8"))):
         assert env_id in gym.registry or page.name == "CHANGELOG.md", env_id
-    for path in set(re.findall(r"`((?:springgym|docs|tests|agents|configs)/[\w/.-]+)`", text)):
+    for path in set(re.findall(r"`((?:springgym|docs|tests|agents|benchmarks|configs)/[\w/.-]+)`", text)):
         assert (ROOT / path).exists() or path.startswith("docs/_build"), path
 
 
