@@ -16,6 +16,7 @@ from springgym.contact.totals import PairReadings
 from springgym.integrators import METHODS
 from springgym.scene import MOST_TOLD
 from springgym.scenes.checks import NOT_COVERED, Check, check, fitting
+from springgym.scenes.checks.basis import two_figures
 from springgym.scenes.plan import LEAST, Plan
 from springgym.scenes.reading import document, load
 from springgym.scenes.reading import names as scene_names
@@ -237,7 +238,7 @@ def _report(recording: Recording, whole: float) -> int:
 
 
 def table(checks: list[Check], otherwise: str = "FAILED") -> str:
-    """Return checks as lines of text; differences are relative, or absolute where theory says 0.
+    """Return checks as lines of text.
 
     What theory leaves out is told where it is more than the tolerance: then it does not cover the run. What
     else does not pass is followed by ``otherwise``.
@@ -255,18 +256,16 @@ def table(checks: list[Check], otherwise: str = "FAILED") -> str:
 
 
 def _row(result: Check, otherwise: str) -> tuple[str, ...]:
-    scale = abs(result.theory) or 1.0
-    relative = "" if result.theory else f" {result.unit}"
     seen = not np.isnan(result.measured)
     verdict = otherwise if result.verdict == "FAILED" else result.verdict
     if verdict == NOT_COVERED:
-        verdict += f", theory leaves out {result.doubt / scale:.1e}{relative}"
+        verdict += f", theory leaves out {two_figures(result, result.doubt)}"
     return (
         result.quantity,
         f"{result.theory:.6g}",
         f"{result.measured:.6g}" if seen else "not seen",
         result.unit,
-        f"{(result.measured - result.theory) / scale:+.1e}{relative}" if seen else "",
-        f"{result.tolerance / scale:.1e}{relative}",
+        two_figures(result, result.measured - result.theory, "+") if seen else "",
+        two_figures(result, result.tolerance),
         verdict,
     )
