@@ -90,6 +90,8 @@ class Task:
     `springgym.forces.cycle`: 1, or an even number"""
     hold: ClassVar[int] = 50
     """number of consecutive steps in which the aim must be met to count as success"""
+    has_aim: ClassVar[bool] = True
+    """whether an aim can be met; without one, ``info`` has no ``is_success``"""
     wins: ClassVar[bool] = False
     """whether an episode can end by success, as a won duel does; otherwise a failure is never a success"""
     evaluate: ClassVar[Callable[..., None]]
