@@ -218,7 +218,7 @@ class UnknownEnvironment(gym.error.NameNotFound, ValueError):
 
 
 def nearest_id(env_id: str) -> str | None:
-    """Return the registered id whose name, without its version, is most like that of an id; None if none is."""
+    """Return the registered id whose name, without its version, is most like that of an id, if one is."""
     ids = {known.partition("-v")[0].lower(): known for known in gym.registry}
     return next((ids[one] for one in get_close_matches(env_id.partition("-v")[0].lower(), ids, 1, 0.7)), None)
 
