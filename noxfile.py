@@ -21,10 +21,11 @@ def pytest(session: nox.Session, *arguments: str) -> None:
 
 @nox.session
 def style(session: nox.Session) -> None:
-    """Check the style and the format of the code; `nox -s style -- --fix` corrects them."""
+    """Check the style and the format of the code, and the spelling; `nox -s style -- --fix` corrects them."""
     fix = "--fix" in session.posargs
     session.run(sys.executable, "-m", "ruff", "check", *(["--fix"] if fix else []), ".")
     session.run(sys.executable, "-m", "ruff", "format", *([] if fix else ["--check"]), ".")
+    session.run("codespell", *(["--write-changes"] if fix else []), external=True)
 
 
 @nox.session
@@ -69,16 +70,16 @@ def package(session: nox.Session) -> None:
 @nox.session
 def kernels(session: nox.Session) -> None:
     """Build the wheel of compiled code into dist/: `nox -s kernels -- SpringTop-v0` of one environment."""
-    session.run(sys.executable, "kernels.py", *session.posargs)
+    session.run(sys.executable, "tools/kernels.py", *session.posargs)
 
 
 @nox.session
 def release(session: nox.Session) -> None:
     """Check whether a tag can be released: `nox -s release -- v0.2.0`."""
-    session.run(sys.executable, "release.py", *session.posargs)
+    session.run(sys.executable, "tools/release.py", *session.posargs)
 
 
 @nox.session
 def rehearse(session: nox.Session) -> None:
     """Rehearse the release of a tag in clean environments: `nox -s rehearse -- v0.2.0`."""
-    session.run(sys.executable, "rehearse.py", *session.posargs)
+    session.run(sys.executable, "tools/rehearse.py", *session.posargs)

@@ -11,7 +11,7 @@ from setuptools import setup
 from setuptools.command.build_py import build_py
 
 ROOT = Path(__file__).resolve().parent
-sys.path.insert(0, str(ROOT))  # which a build in isolation leaves out
+sys.path.insert(0, str(ROOT / "tools"))
 
 from release import text, with_addresses  # noqa: E402
 

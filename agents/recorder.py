@@ -388,9 +388,9 @@ def plot_learning_curve(run: Run, end: int, evaluations: Sequence[Evaluation]) -
     figure, (top, bottom) = plt.subplots(
         2, 1, figsize=(7, 6), sharex=True, layout="constrained", height_ratios=(3, 2)
     )
-    top.plot(*curve("reward_per_step"), color="C0", alpha=0.3, lw=1)
-    top.plot(*curve("return_per_step"), color="C0", alpha=0.5, label="with the noise of training")
-    top.plot(end, trained.return_per_step, "o", color="C0", clip_on=False, label="trained")
+    top.plot(*curve("reward_per_step"), color="0.6", lw=1, label="training steps")
+    top.plot(*curve("return_per_step"), color="C0", lw=2, label="last 100 training episodes")
+    top.plot(end, trained.return_per_step, "o", color="k", clip_on=False, label="trained agent")
     for i, baseline in enumerate(baselines, start=1):
         top.axhline(baseline.return_per_step, color=f"C{i}", ls="--", label=baseline.agent)
     top.set(ylabel="return per step", title=f"{run.env_id}, {run.algo.upper()}, seed {run.seed}")
@@ -400,11 +400,12 @@ def plot_learning_curve(run: Run, end: int, evaluations: Sequence[Evaluation]) -
     ):
         if any(row[column] for row in progress):
             steps = [int(row["timesteps"]) for row in progress]
-            axes.plot(steps, [scale * float(row[column]) for row in progress], "C0.-", label="without noise")
+            reached = [scale * float(row[column]) for row in progress]
+            axes.plot(steps, reached, "k.-", label="evaluation, without exploration")
     top.legend()
-    bottom.plot(*curve("success_rate", 100), color="C0", alpha=0.3)
+    bottom.plot(*curve("success_rate", 100), color="C0", lw=2)
     if trained.success_rate is not None:
-        bottom.plot(end, 100 * trained.success_rate, "o", color="C0", clip_on=False)
+        bottom.plot(end, 100 * trained.success_rate, "o", color="k", clip_on=False)
     bottom.set(xlabel="environment steps", ylabel="success, %", xlim=(0, None), ylim=(-5, 105))
     bottom.xaxis.set_major_formatter(EngFormatter())
     for axes in (top, bottom):

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import sys
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
@@ -76,10 +77,10 @@ return per step, which is at most 1, averaged over training seeds. The brackets 
 number of seeds, if there are several. The second line is the share of held-out episodes that succeed. Agents
 play without exploration.
 
-*Best known* is the largest return in the table, and the algorithm that reaches it. A planner with the exact
-model is one of the algorithms. *Sparse* is PPO in a variant of the task that gives no reward before the aim
-is met. *Used* names what an algorithm used besides the rewards of its own episodes in the task. There,
-"model" stands for a controller that was written for the task.
+The best known return of a task is **bold**. A planner with the exact model is one of the algorithms. A dash
+stands for what was not run and, in *used*, for nothing. *Sparse* is PPO in a variant of the task that gives
+no reward before the aim is met. *Used* names what an algorithm used besides the rewards of its own episodes
+in the task. There, "model" stands for a controller that was written for the task.
 
 [Hand in rows](benchmark.md#hand-in-rows) says how you add an algorithm of your own.
 """
@@ -243,13 +244,13 @@ def table_of(tier: str, rows: Sequence[dict[str, Any]]) -> list[str]:
     by_cell = {of: runs for of, runs in everything.items() if of[0] in tasks}
     present = [name for name in ALGORITHMS if any(algorithm == name for _, algorithm in by_cell)]
     sparse = any((sparse_of(task), "ppo") in everything for task in tasks)
-    first, *others = present  # on a phone, the first is seen without scrolling
-    columns = [first, "best known", *others, *(["sparse"] if sparse else []), "used"]
+    columns = [*present, *(["sparse"] if sparse else []), "used"]
     lines = [f"| task | {' | '.join(columns)} |", "|---" * (len(columns) + 1) + "|"]
     for task in tasks:
         if any(name == task for name, _ in by_cell):
-            reached, *further = (shown(by_cell.get((task, name), [])) for name in present)
-            results = [reached, ceiling(task, by_cell), *further]
+            best = best_known(task, by_cell)[0]["algorithm"]
+            results = [shown(by_cell.get((task, name), [])) for name in present]
+            results[present.index(best)] = f"**{results[present.index(best)].replace('<br>', '**<br>')}"
             if sparse:
                 results.append(shown(everything.get((sparse_of(task) or "", "ppo"), [])))
             told = [
@@ -526,7 +527,7 @@ def page(rows: Sequence[dict[str, Any]]) -> str:
     ]
     cpus, versions = (sorted({row[key] for row in rows}) for key in ("cpu", "springgym"))
     lines.append(f"Measured with springgym {', '.join(versions)} on {', '.join(cpus)}.\n")
-    return "\n".join(lines)
+    return re.sub(r"(?<=\|)  (?=\|)", " – ", "\n".join(lines))
 
 
 def older(rows: Sequence[dict[str, Any]]) -> str:
@@ -539,6 +540,7 @@ def older(rows: Sequence[dict[str, Any]]) -> str:
 def draw_curves(rows: Sequence[dict[str, Any]], folder: Path) -> None:
     """Draw the learning curves of every environment of which rows have some, and remove the others."""
     from matplotlib import pyplot as plt
+    from matplotlib.ticker import EngFormatter
 
     folder.mkdir(exist_ok=True)
     by_cell = cells([*rows, *planned()])
@@ -552,36 +554,45 @@ def draw_curves(rows: Sequence[dict[str, Any]], folder: Path) -> None:
             path.unlink(missing_ok=True)
             continue
         figure, axes = plt.subplots(1, 2, figsize=(8, 3.2), sharey=True, layout="constrained")
-        for n, name in enumerate(TRAINED):
-            if curves[name]:
-                for column, own in enumerate(axes):
-                    draw_curve(own, curves[name], column, name, f"C{n}")
-        for name, style in (("classical", "--"), ("plan", ":")):
-            for own in axes if (row.id, name) in by_cell else ():
-                level = np.mean([run["mean_return"] for run in by_cell[row.id, name]])
-                own.axhline(level, color="0.4", ls=style, lw=1, label=name)
-        axes[0].set(xlabel="samples", ylabel="return per step", title=row.id, xlim=(0, None))
-        axes[1].set(xlabel="seconds of one core", xlim=(0, None))
-        for own in axes:
+        scale, unit = measure(row.id)
+        for column, own in enumerate(axes):
+            for n, name in enumerate(TRAINED):
+                if curves[name]:
+                    draw_curve(own, curves[name], column, scale, name, f"C{n}")
+            own.set_xlim(0, 1.45 * own.dataLim.x1)  # beside the ends of the lines are their names
+            for name, style in (("classical", "--"), ("plan", ":")):
+                if runs := by_cell.get((row.id, name)):
+                    level = scale * np.mean([run["mean_return"] for run in runs])
+                    own.axhline(level, color="0.25", ls=style, lw=1.5)
+                    place = own.get_yaxis_transform()
+                    own.text(0.01, level, name, color="0.25", va="bottom", transform=place)
+            own.margins(y=0.1)
+            own.locator_params(axis="x", nbins=6)
             own.grid(alpha=0.3)
-        axes[0].legend()
+        axes[0].set(xlabel="samples", ylabel=f"return{unit or ' per step'}", title=row.id)
+        axes[0].xaxis.set_major_formatter(EngFormatter(sep=""))
+        axes[1].set(xlabel="seconds of one core")
         figure.savefig(path, metadata={"Date": None})
         plt.close(figure)
 
 
 def draw_curve(
-    axes: Any, curves: Sequence[Sequence[Sequence[float]]], column: int, name: str, color: str
+    axes: Any, curves: Sequence[Sequence[Sequence[float]]], column: int, scale: float, name: str, color: str
 ) -> None:
-    """Draw the median of curves against samples (column 0) or seconds (1), and the band of all.
+    """Draw the median of curves against samples (column 0) or seconds (1), its name, and the band of all.
 
     Every curve is interpolated at common places, as far as all of them reach.
     """
     tables = [np.array([point[:3] for point in points], float) for points in curves]
     first, last = max(t[0, column] for t in tables), min(t[-1, column] for t in tables)
     at = np.linspace(first, last, 100)
-    values = np.array([np.interp(at, table[:, column], table[:, 2]) for table in tables])
-    axes.plot(at, np.median(values, axis=0), color=color, label=f"{name}, {len(curves)}")
-    axes.fill_between(at, values.min(axis=0), values.max(axis=0), color=color, alpha=0.2, lw=0)
+    values = scale * np.array([np.interp(at, table[:, column], table[:, 2]) for table in tables])
+    middle = np.median(values, axis=0)
+    axes.plot(at, middle, color=color, lw=2)
+    axes.fill_between(at, values.min(axis=0), values.max(axis=0), color=color, alpha=0.3, lw=0)
+    place = {"xytext": (5, 0), "textcoords": "offset points", "va": "center"}
+    told = f"{name}, {len(curves)} seed{'s' * (len(curves) > 1)}"
+    axes.annotate(told, (at[-1], middle[-1]), color=color, weight="bold", **place)
 
 
 def draw(rows: Sequence[dict[str, Any]], path: Path) -> None:

@@ -37,12 +37,9 @@ html_static_path = ["_static", "_media"]
 html_css_files = ["site.css"]
 html_js_files = ["films.js"]
 html_show_sphinx = False
-html_theme_options = {
-    "navigation_with_keys": True,
-    "source_repository": PYPROJECT["project"]["urls"]["Source"],
-    "source_branch": "main",
-    "source_directory": "docs/",
-}
+html_theme_options = {"navigation_with_keys": True, "source_branch": "main", "source_directory": "docs/"}
+if "urls" in PYPROJECT["project"]:
+    html_theme_options["source_repository"] = PYPROJECT["project"]["urls"]["Source"]
 html_math_renderer = "svg"
 exclude_patterns = ["_build", "_media", "**.ipynb_checkpoints"]
 

@@ -27,8 +27,9 @@ sys.path.append(str(HERE.parent / "agents"))
 from evaluate import score  # noqa: E402
 from results import interval_of_mean, is_old  # noqa: E402
 
-from springgym.bench.curves import cost  # noqa: E402
-from springgym.bench.errors import EPISODES, EVERY, PERIODS  # noqa: E402
+from benchmarks.curves import cost  # noqa: E402
+from benchmarks.errors import EPISODES, EVERY, PERIODS  # noqa: E402
+from springgym.cli import significant  # noqa: E402
 from springgym.envs.randomisation import RANDOMIZABLE  # noqa: E402
 from springgym.registration import ENVIRONMENTS, VARIANTS, Row  # noqa: E402
 
@@ -244,8 +245,8 @@ def of_the_trade(env_id: str, report: Report) -> list[str]:
         return []
     finer = f"costs {found.finer:.1f} times as much" if found.finer else "was not reached"
     return [
-        f"A step costs {found.usual:.2g} µs of one core, in a batch of 64. A tenth of the median error "
-        f"{finer}, and ten times the error would save {100 * found.saved:.0f} %. "
+        f"A step costs {significant(found.usual, 2)} µs of one core, in a batch of 64. A tenth of the median "
+        f"error {finer}, and ten times the error would save {100 * found.saved:.0f} %. "
         "[Speed](../speed.md#error-against-cost) compares all environments.\n"
     ]
 
@@ -371,7 +372,7 @@ def table_of_errors(report: Report) -> list[str]:
 
 
 def _errors(report: Report) -> Iterator[tuple[str, dict[str, str], dict[str, Any]]]:
-    """The rows of the errors, as `springgym.bench.errors` has them."""
+    """The rows of the errors, as `benchmarks.errors` has them."""
     names = ("dtype", "integrator", "dynamics")
     for own in report["errors"]["rows"]:
         yield own["environment"], {name: own[name] for name in names if name in own}, own
@@ -640,10 +641,10 @@ and prints the seed of every round.
 OWN_SCENES = """## A scene of your own
 
 `springgym.make_scene_env(scene, reward, actuators={"force": 20.0, "torque": 2.0})` makes an environment
-from a `Scene`, or from a scene file by name (which needs the extra `scenes`). With `num_envs` it makes a
-batch. Your functions receive the measures and the situation of all copies. With several bodies, they ask for
-the measures of each by name: `m["box"].centre`. [A tutorial](tutorials/task.md) shows goals, memory, terms of
-the reward, marks and colours:
+from a `Scene`, or from a scene file by name. With `num_envs` it makes a batch. Your functions receive the
+measures and the situation of all copies. With several bodies, they ask for the measures of each by name:
+`m["box"].centre`. [A tutorial](tutorials/task.md) shows goals, memory, terms of the reward, marks and
+colours:
 
 ```python
 import gymnasium

@@ -4,8 +4,8 @@
     python docs/figures.py accuracy scenes       # some
     python docs/figures.py agent --agent runs/SpringTop-v0-ppo-0
 
-Curves come from figures/accuracy.json and numbers.json, which ``springgym accuracy`` and ``springgym
-bench`` write.
+Curves come from figures/accuracy.json and numbers.json, which ``python -m benchmarks.accuracy`` and
+``python docs/measured.py --write`` write.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def classical(env_id: str) -> Agent:
 
 def accuracy(folder: Path, args: argparse.Namespace) -> None:
     """Error against cost, from what was measured."""
-    from springgym.accuracy.figures import draw
+    from benchmarks.figures import draw
 
     report = json.loads((FIGURES / "accuracy.json").read_text(encoding="utf-8"))
     for name, result in report.items():
@@ -65,10 +65,10 @@ def accuracy(folder: Path, args: argparse.Namespace) -> None:
 
 def speed(folder: Path, args: argparse.Namespace) -> None:
     """Speed of programs and sizes, and error against cost of environments, from what was measured."""
-    from springgym.bench.figures import draw, draw_curves
+    from benchmarks.figures import draw_curves, draw_speed
 
     numbers = json.loads((FIGURES.parent / "numbers.json").read_text(encoding="utf-8"))
-    draw(numbers, folder / "speed.svg")
+    draw_speed(numbers, folder / "speed.svg")
     draw_curves(numbers["curves"]["rows"], folder / "curves.svg")
 
 

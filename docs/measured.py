@@ -32,18 +32,17 @@ sys.path[:0] = [str(ROOT), str(HERE), str(ROOT / "agents")]
 
 import environments  # noqa: E402
 
-from springgym import bench  # noqa: E402
-from springgym.accuracy import conditions  # noqa: E402
-from springgym.accuracy import table as cheapest_methods  # noqa: E402
-from springgym.accuracy.code import SIMULATION, digests  # noqa: E402
-from springgym.accuracy.work_precision import cheapest  # noqa: E402
-from springgym.bench.ratios import ratios, speed  # noqa: E402
-from springgym.cli import guarded, whole_file  # noqa: E402
+from benchmarks import speed as bench  # noqa: E402
+from benchmarks.accuracy import table as cheapest_methods  # noqa: E402
+from benchmarks.conditions import changed_since, conditions  # noqa: E402
+from benchmarks.ratios import like, ratios, speed  # noqa: E402
+from benchmarks.work_precision import cheapest  # noqa: E402
+from springgym.cli import guarded, significant, whole_file  # noqa: E402
 from springgym.registration import ENVIRONMENTS  # noqa: E402
 
 SOURCE = HERE / "numbers.json"
 OTHERS = {
-    "accuracy": HERE / "figures" / "accuracy.json",  # springgym accuracy
+    "accuracy": HERE / "figures" / "accuracy.json",  # python -m benchmarks.accuracy --out docs/figures
     "baselines": HERE / "baselines.json",  # agents/benchmark.py
     "learning": HERE / "learning_time.json",  # agents/studies/learning_time.py
 }
@@ -51,8 +50,6 @@ PAGES = (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(HERE.glob("*.md")
 ROUNDS = 5
 LONG = ("variants", "suite", "another")
 """Sections that are measured only when they are named."""
-OF_SIMULATION = ("kernel", "features", "peers", "equal-error", "sizes")
-"""Sections that run no environment."""
 
 Report = Mapping[str, Any]
 
@@ -84,34 +81,16 @@ def _lines(value: object) -> str:
     return "[\n" + ",\n".join(f"   {json.dumps(row, ensure_ascii=False)}" for row in value) + "\n  ]"
 
 
-def older(report: Report) -> dict[str, list[str]]:
-    """The sections that are older than the code they measure, and the parts of it that have changed."""
-    now: dict[str, str] = digests()
-    found: dict[str, list[str]] = {}
-    for name, measured in _measured(report):
-        then = measured.get("code", {})
-        if changed := [part for part in _parts(name) if then.get(part) != now[part]]:
-            found.setdefault(name, []).extend(part for part in changed if part not in found.get(name, ()))
-    return found
-
-
-def _measured(report: Report) -> Iterator[tuple[str, Report]]:
-    for name, section in report.items():
-        if name == "accuracy":
-            yield from ((name, found["measured"]) for found in section.values())
-        elif name == "learning":
-            yield from ((name, row["measured"]) for row in section)
-        elif name not in ("baselines", "suite"):  # the former have a test of their own: their probes
-            yield name, section["measured"]
-
-
-def _parts(section: str) -> tuple[str, ...]:
-    """Parts of the code that a section measures, or measures with."""
-    if section == "accuracy":
-        return (*SIMULATION, "accuracy")
-    if section in OF_SIMULATION:
-        return (*SIMULATION, "bench")
-    return (*SIMULATION, "envs", "bench") if section in bench.NAMES else (*SIMULATION, "envs")
+def older(report: Report) -> list[str]:
+    """The sections measured before springgym/ has changed, or at a commit that nobody knows."""
+    measured = [
+        (name, section["measured"]) for name, section in report.items() if name not in (*OTHERS, "suite")
+    ]
+    measured += [("accuracy", found["measured"]) for found in report["accuracy"].values()]
+    measured += [("learning", own["measured"]) for own in report["learning"]]
+    commits = {own.get("commit") for _, own in measured}
+    changed = {commit for commit in commits if changed_since(commit)}
+    return list(dict.fromkeys(name for name, own in measured if own.get("commit") in changed))
 
 
 # --- Measuring ----------------------------------------------------------------------------------------
@@ -119,7 +98,7 @@ def _parts(section: str) -> tuple[str, ...]:
 
 def measure(name: str) -> dict[str, Any]:
     """Measure a section again."""
-    if name in bench.NAMES:
+    if name in bench.SECTIONS:
         return bench.measure(name, ROUNDS)
     return MEASURES[name]()
 
@@ -160,10 +139,7 @@ def suite() -> dict[str, Any]:
 
 def another() -> dict[str, Any]:
     """Measure what the pages tell of a second processor: run this there."""
-    report = {
-        name: bench.measure(name, ROUNDS)
-        for name in ("kernel", "environments", "features", "peers", "equal-error")
-    }
+    report = {name: bench.measure(name, ROUNDS) for name in ("kernel", "environments", "features", "peers")}
     return {
         "rounds": ROUNDS,
         "rows": [{"name": key, "value": value} for key, value in told_of_another(report)],
@@ -249,10 +225,6 @@ def _env(copies: int, threads: int, field: str, how: str = "native") -> Number:
 
 def _peer(program: str, told: Callable[[float], str], copies: int = 1, precision: str = "float64") -> Number:
     return _of("peers", told, program=program, copies=copies, precision=precision)
-
-
-def _mujoco(precision: str, copies: int) -> Number:
-    return _ratio(f"default {precision}, {copies} copies / MuJoCo's best, same springs and error")
 
 
 def _collects(how: str) -> Number:
@@ -369,6 +341,7 @@ DEARER = (
 F32 = "native, float32"
 NUMBERS: dict[str, Number] = {
     "measured": lambda report: conditions_of(report["kernel"]),
+    "commit": lambda report: report["kernel"]["measured"]["commit"],
     "measured errors": lambda report: conditions_of(report["errors"]),
     "measured curves": lambda report: conditions_of(report["curves"]),
     "rounds": lambda report: str(report["kernel"]["rounds"]),
@@ -391,8 +364,6 @@ NUMBERS: dict[str, Number] = {
     "import": _of("startup", "{:.1f}".format, start="import"),
     "first step, cold": _of("startup", "{:.1f}".format, start="cold first step"),
     "first step, warm": _of("startup", "{:.1f}".format, start="warm first step"),
-    "paper's top": _peer("springgym verlet", lambda x: millions(x, " million"), 1024),
-    "paper's top, float32": _peer("springgym verlet", lambda x: millions(x, " million"), 1024, "float32"),
     "damped / C++": _ratio("damped verlet float64, 1024 copies: springgym / C++"),
     "MuJoCo RK4": _peer("MuJoCo RK4", grouped),
     "MuJoCo Euler": _peer("MuJoCo Euler", grouped),
@@ -401,9 +372,9 @@ NUMBERS: dict[str, Number] = {
     "rigid": _peer("springgym rigid", millions),
     "rigid batch": _peer("springgym rigid", millions, 1024),
     "MuJoCo rigid Euler": _peer("MuJoCo rigid Euler", millions),
-    "one / one MuJoCo": _mujoco("float64", 1),
-    "batch / one MuJoCo": _mujoco("float64", 1024),
-    "batch float32 / one MuJoCo": _mujoco("float32", 1024),
+    "one / one MuJoCo": _ratio(
+        "default float64, 1 copies, 1 threads / MuJoCo's best, same springs and error"
+    ),
     "MuJoCo RK4 step / Euler step": _longer,
     "RK4 error": _of("kernel", power, "error", method="rk4", precision="float64"),
     "Verlet error": _of("kernel", power, "error", method="verlet", precision="float64"),
@@ -437,15 +408,9 @@ NUMBERS: dict[str, Number] = {
     "MuJoCo ball joint, cost": _accuracy("rigid-twin", times, "cost", "MuJoCo RK4", 1.25e-3),
     "cusp-top cost": _accuracy("cusp-top", times, "cost", "verlet", 5.123e-4),
     "cusp-top error": _accuracy("cusp-top", power, "error", "verlet", 5.123e-4),
-    "top learns, steps": _learning(TOP, lambda own: f"{own['steps']:,}"),
     "top learns, seconds": _learning(TOP, lambda own: f"{own['seconds']:.0f}"),
     "learning processor": _learning(TOP, lambda own: own["measured"]["cpu"]),
-    "top, PPO steps": _baseline(TOP, "ppo", lambda runs: millions(runs[0]["steps"], " million")),
     "top, PPO seconds": _baseline(TOP, "ppo", _seconds),
-    "top, PPO seeds": _baseline(TOP, "ppo", lambda runs: str(len(runs))),
-    "top, PPO success": _baseline(TOP, "ppo", _success),
-    "top, PPO return": _baseline(TOP, "ppo", _return),
-    "top, classical return": _baseline(TOP, "classical", _return),
     "duel, PPO success": _baseline("SpringDuel-v0", "ppo", _success),
     "duel, PPO span": _baseline("SpringDuel-v0", "ppo", _span),
     "duel, PPO seeds": _baseline("SpringDuel-v0", "ppo", lambda runs: str(len(runs))),
@@ -529,17 +494,38 @@ def table_of_curves(report: Report) -> str:
             rows.append([f"`{env.id}`", *["not yet"] * 4])
             continue
         finer = "not reached" if found.finer is None else f"× {found.finer:.1f}"
-        error = next(own for own in _curve(report, env.id) if own["default"])["median"]
+        error = row(report, "errors", environment=env.id)["median"]
         rows.append(
-            [f"`{env.id}`", power(error), f"{found.usual:.2g} µs", finer, f"{percent(found.saved)} %"]
+            [
+                f"`{env.id}`",
+                power(error),
+                f"{significant(found.usual, 2)} µs",
+                finer,
+                f"{percent(found.saved)} %",
+            ]
         )
     told = ["a tenth of the error costs", "ten times the error saves"]
     head = ["environment", "median error", "a step costs", *told]
     return table(head, rows)
 
 
-def _curve(report: Report, env_id: str) -> list[Report]:
-    return [own for own in report["curves"]["rows"] if own["environment"] == env_id]
+def table_of_equal_error(report: Report) -> str:
+    """Simulated seconds a second at equal error, where as many copies of MuJoCo ran on as many threads."""
+    rows = report["equal-error"]["rows"]
+    lines = []
+    for copies, threads in dict.fromkeys(map(like, rows)):
+        same = [own for own in rows if like(own) == (copies, threads)]
+        others = [own for own in same if own["program"].startswith("MuJoCo")]
+        if others:
+            best = max(others, key=lambda own: own["median"])
+            ours = {own["precision"]: own["median"] for own in same if own["program"].startswith("springgym")}
+            what = f"{copies} top{'s' * (copies > 1)}, {threads} core{'s' * (threads > 1)}"
+            cells = (ours["float64"], ours["float32"], best["median"])
+            method = best["program"].removeprefix("MuJoCo ")
+            ratio = times(ours["float64"] / best["median"])
+            lines.append([what, *(grouped(cell) for cell in cells), method, f"× {ratio}"])
+    head = ["simulated seconds a second", "springgym", "in float32", "MuJoCo", "by", "springgym / MuJoCo"]
+    return table(head, lines)
 
 
 OWN_COPIES = {"single": {"how": "single"}} | {
@@ -567,9 +553,6 @@ def told_of_another(report: Report) -> Iterator[tuple[str, float]]:
             f"top float32, {threads}",
             row(report, "environments", how=F32, copies=4096, threads=threads)["median"],
         )
-    for precision in ("float64", "float32"):
-        key = f"default {precision}, 1024 copies / MuJoCo's best, same springs and error"
-        yield f"batch {precision} / one MuJoCo", found[key]
     for feature in COLLIDING:
         for copies in (64, 1):
             off, on = (
@@ -619,14 +602,13 @@ NUMBERS |= {
     "another, rounds": lambda report: str(report["another"]["rounds"]),
     "another, top float32": _other("top float32, 1", grouped),
     "another, top float32, 2 threads": _other("top float32, 2", grouped),
-    "another, batch / one MuJoCo": _other("batch float64 / one MuJoCo", times),
-    "another, batch float32 / one MuJoCo": _other("batch float32 / one MuJoCo", times),
 }
 
 TABLES: dict[str, Callable[[Report], str]] = {
     "the paper's top": table_of_the_top,
     "environments": table_of_environments,
     "curves": table_of_curves,
+    "equal error": table_of_equal_error,
     "another, the paper's top": table_of_another_top,
     "another, environments": table_of_another_environments,
     "another, collisions": table_of_collisions,
@@ -683,7 +665,7 @@ def main() -> int:
     parser.add_argument(
         "--check", action="store_true", help="write nothing: say what differs and what is older"
     )
-    known = (*bench.NAMES, *MEASURES)
+    known = (*bench.SECTIONS, *MEASURES)
     parser.add_argument(
         "--write", nargs="*", choices=known, metavar="SECTION", help=f"measure: {', '.join(known)}"
     )
@@ -700,9 +682,9 @@ def main() -> int:
             report = read() | {name: section}
             write(report)
             print(f"{name}: {time.perf_counter() - began:.0f} s", flush=True)
-        from springgym.bench.figures import draw, draw_curves
+        from benchmarks.figures import draw_curves, draw_speed
 
-        draw(report, HERE / "figures" / "speed.svg")
+        draw_speed(report, HERE / "figures" / "speed.svg")
         draw_curves(report["curves"]["rows"], HERE / "figures" / "curves.svg")
     fill_pages(report)
     return 0
@@ -715,8 +697,8 @@ def check(report: Report) -> int:
         for difference in differences(page.read_text(encoding="utf-8"), report):
             print(f"{page.relative_to(ROOT)}: {difference}")
             status = 1
-    for name, parts in older(report).items():
-        print(f"{name}: older than {', '.join(parts)} of springgym")
+    for name in older(report):
+        print(f"{name}: measured before springgym has changed")
         status = 1
     return status
 

@@ -104,18 +104,18 @@ def environment(env_id: str, folder: Path) -> None:
     agent = load_agent(env_id)
     for pixels, suffix in (SMALL, "-small"), (PIXELS, ""):
         env = agent.make(render_mode="rgb_array")
-        task: Any = env.unwrapped.episodes.task  # type: ignore[attr-defined]
+        episodes: Any = env.unwrapped.episodes  # type: ignore[attr-defined]
         if suffix:
-            task.marks = partial(unnamed, task.marks)
-        rate = 1 / task.period
+            episodes.marks = partial(unnamed, episodes.marks)
+        rate = 1 / episodes.task.period
         pictures = played(env, agent.policy(env), round(STILL * rate))
         write(islice(pictures, round(SECONDS * rate)), folder / f"{env_id}{suffix}.mp4", rate, pixels)
         env.close()
 
 
-def unnamed(marks: Callable[..., Marks], *seen: Any) -> Marks:
-    """Return the marks of a moment without words."""
-    return replace(marks(*seen), text=(), key=())
+def unnamed(marks: Callable[[int], Marks], copy: int) -> Marks:
+    """Return the marks of a copy without words."""
+    return replace(marks(copy), text=(), key=())
 
 
 def played(env: gym.Env, policy: Policy, still: int) -> Iterator[np.ndarray]:

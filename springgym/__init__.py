@@ -1,4 +1,4 @@
-"""Gymnasium environments on a fast mass-spring simulator that states its error."""
+"""Gymnasium environments built on a fast mass-spring simulator with error estimates."""
 
 from __future__ import annotations
 

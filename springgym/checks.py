@@ -17,6 +17,8 @@ from __future__ import annotations
 import difflib
 import math
 import operator
+import os
+import stat
 from collections.abc import Collection, Iterable
 from numbers import Real
 from typing import Any
@@ -182,6 +184,20 @@ def indices(name: str, value: object, count: int, *, once: bool = False) -> np.n
         if again.size:
             raise ValueError(f"{name} names {again[0]} twice; it must name each once")
     return index
+
+
+def unreadable(path: os.PathLike[str], most: int) -> str:
+    """Return why a file cannot be read, or must not be; empty if it can.
+
+    It must be a regular file, because pipes and devices may have no end, of at most ``most`` bytes.
+    """
+    try:
+        found = os.stat(path)
+    except (OSError, ValueError) as error:  # a null character in the name
+        return getattr(error, "strerror", None) or str(error)
+    if not stat.S_ISREG(found.st_mode):
+        return "it is not a regular file"
+    return f"it has {found.st_size:,} bytes, and at most {most:,} are read" if found.st_size > most else ""
 
 
 def sum_of_squares(values: np.ndarray) -> float:

@@ -28,18 +28,14 @@ COMMANDS = {
         "simulate a scene; plot it, film it, compare it with theory",
     ),
     "view": ("springgym.view", "view", "show a scene or an episode in the browser, where you can change it"),
-    "model": ("springgym.modelling", "scenes", "find the cheapest model of a top within an error"),
     "compile": ("springgym.precompiling", "", "compile environments ahead of their first step"),
-    "bench": ("springgym.bench", "bench", "measure the speed on this machine"),
-    "accuracy": ("springgym.accuracy", "accuracy", "measure error against cost of every integrator"),
-    "hard-cases": ("springgym.accuracy.hard_cases", "accuracy", "run the cases where simulators break"),
 }
 """Name of each subcommand, its module, the extra that holds what it needs, and a line of help."""
 
 SCRIPTS = {
     "train": ("agents", "train an agent, compare it with baselines and film it"),
     "evaluate": ("agents", "compare agents on the same held-out episodes"),
-    "watch": ("scenes,render", "watch an agent in a window, in the browser or as a film"),
+    "watch": ("render", "watch an agent in a window, in the browser or as a film"),
 }
 """Subcommands that run the script of their name in ``agents/``, the extras that they need, a line of help."""
 
@@ -186,7 +182,7 @@ def _parse(name: str, arguments: list[str]) -> argparse.Namespace:
 def _parser(given: str) -> argparse.ArgumentParser:
     """Return the parser of all commands, with the options of the given one."""
     parser = argparse.ArgumentParser(
-        prog="springgym", description="Mass-spring bodies: agents, simulation, speed, accuracy."
+        prog="springgym", description="Train agents and simulate mass-spring bodies."
     )
     parser.add_argument("--version", action="version", version=f"springgym {springgym.__version__}")
     commands = parser.add_subparsers(dest="command", metavar="command", required=True)

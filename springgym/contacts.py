@@ -9,14 +9,22 @@ import numpy as np
 
 from springgym.bodies.rotations import axes
 from springgym.collisions import as_met
-from springgym.contact.round import Rolling
-from springgym.contact.rows import FAR, ROWS
-from springgym.contact.totals import ENTRIES, FAST, GAP, IMPULSE, MISSES, TOUCHING, Collisions
+from springgym.contact.records import (
+    ENTRIES,
+    FAR,
+    FAST,
+    GAP,
+    IMPULSE,
+    MISSES,
+    ROWS,
+    TOUCHING,
+    Collisions,
+    Rolling,
+)
 from springgym.core.blocks import numbers
 from springgym.core.compiling import kernel
 from springgym.core.kinds import Ragged
 from springgym.core.ragged import share
-from springgym.forces import Terms
 from springgym.forces.memory import PHASE
 from springgym.rigid import Rigid
 from springgym.rigid.node import Company
@@ -24,6 +32,7 @@ from springgym.rigid.rolling import FEATURES
 from springgym.rigid.surfaces import ARRAYS, NORMAL, PUSH, RUB
 from springgym.scene import Scene
 from springgym.surfaces import Surface, by_kind, scales
+from springgym.terms import Terms
 
 NONE = -1
 """In place of a number: no body, no surface, no contact."""
@@ -237,10 +246,6 @@ def _of_bodies(scene: Scene, here: Here) -> Contacts:
     radius = np.array([shape.radius for shape in scene.shapes])
     both = (np.abs(weight)[:, None] @ places)[:, 0]  # the sum of the points of both
     point = 0.5 * (both + (radius[second] - radius[first])[:, None] * normal)
-    if contacts.ellipsoids is not None:
-        there = contacts.ellipsoids.there
-        of_ellipsoid = there[first] | there[second]
-        point[of_ellipsoid] = numbers(contacts.ellipsoids.middle)[:rows][row, :, lane][of_ellipsoid]
     none = np.full(len(row), NONE)
     copy = here.block * width + lane
     force = impulse / here.span[lane][:, None]

@@ -30,7 +30,7 @@ from springgym.forces.memory import stored_in_contact
 from springgym.integrators.record import Phase
 
 if TYPE_CHECKING:
-    from springgym.forces import Terms
+    from springgym.terms import Terms
 
 
 FIELDS = {

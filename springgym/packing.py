@@ -11,38 +11,33 @@ from numpy.typing import ArrayLike, DTypeLike
 from springgym import rigid
 from springgym.bodies.elasticity import spring_forces
 from springgym.checks import HUGE, TINY
-from springgym.contact.cone import Resistance, law_of, resistance_of
-from springgym.contact.ellipsoids import new_ellipsoids
-from springgym.contact.lists import Lists, new_lists
+from springgym.contact.cone import resistance_of
+from springgym.contact.lists import new_lists
 from springgym.contact.overlap import Outlines, outlines
-from springgym.contact.pairs import (
-    MORE_SWEEPS,
-    SWEEPS,
+from springgym.contact.pairs import SWEEPS, longest_edge, most_contacts, packed_shapes, parallel
+from springgym.contact.records import (
+    ENTRIES,
+    Collisions,
+    ContactRows,
+    Lists,
     Pairs,
-    longest_edge,
-    most_contacts,
-    packed_shapes,
-    parallel,
+    Resistance,
+    Rolling,
+    Solids,
+    Surfaces,
 )
-from springgym.contact.round import Rolling, packed_rounds
-from springgym.contact.rows import ContactRows, new_contacts
-from springgym.contact.sleep import Sleep
-from springgym.contact.solids import Solids
+from springgym.contact.round import packed_rounds
+from springgym.contact.rows import new_contacts
 from springgym.contact.spheres import new_spheres
-from springgym.contact.surfaces import Surfaces
-from springgym.contact.totals import ENTRIES, Collisions, empty_totals
+from springgym.contact.totals import empty_totals
 from springgym.contact.warm import new_warm_start
 from springgym.core.blocks import aligned_zeros, get_copies, numbers, set_copies
 from springgym.core.kinds import Ragged
 from springgym.core.lanes import block_dtype
 from springgym.core.ragged import share, stacked
-from springgym.forces import Particles, Terms
-from springgym.forces.actuators import Drive, Thrust, Wrench
 from springgym.forces.cycle import cycle
-from springgym.forces.ledger import ENTRIES as LEDGER
 from springgym.forces.memory import STORED, memory
-from springgym.forces.paper_contact import PaperLaw
-from springgym.forces.springs import Dampers, Decay, Springs, decay, interleaved
+from springgym.forces.springs import decay, interleaved
 from springgym.integrators.node import Exchange, Space
 from springgym.integrators.record import Integrator, workspace
 from springgym.own_forces import OfBody, to_compiled
@@ -52,6 +47,7 @@ from springgym.rigid.surfaces import ARRAYS
 from springgym.scene import DriveActuator, Scene
 from springgym.surfaces import Contact, PaperContact, Surface, by_kind, coupled, loss_of, packed_kind, scales
 from springgym.surfaces.contact import RESISTANCES
+from springgym.terms import Dampers, Decay, Drive, PaperLaw, Particles, Springs, Terms, Thrust, Wrench
 
 
 class Parameter(NamedTuple):
@@ -107,8 +103,6 @@ class Options(NamedTuple):
     """names of parameters that differ from copy to copy"""
     blocks: Callable[..., np.ndarray]
     """a function that makes an array of blocks of some shape"""
-    sleep: float | None = None
-    """speed below which bodies rest, and fall asleep [m/s]; None if none do"""
 
     def parameter(self, names: Collection[str], value: ArrayLike) -> np.ndarray:
         """Return an array for a value that depends on parameters: blocks of copies if one of them varies."""
@@ -174,7 +168,6 @@ def _shared(scene: Scene, options: Options) -> Terms:
         gravity=gravity,
         surfaces=surfaces_of(surfaces),
         friction=friction,
-        friction_law=law_of([contact]) if friction is not None and isinstance(contact, Contact) else None,
         resistance=_resistance(contact),
         loss=loss,
         paper_law=law,
@@ -243,7 +236,7 @@ def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Optio
         dampers=dampers,
         surfaces=surfaces,
         memory=kept,
-        cycle=cycle(options.every, count, options.blocks) if options.every > 1 else None,
+        cycle=cycle(options.every, options.blocks) if options.every > 1 else None,
         rounds=packed_rounds(body) if part.surfaces and any(of.body.rounds for of in scene.bodies) else None,
         **actuators,
     )
@@ -257,12 +250,8 @@ def _collisions(scene: Scene, options: Options) -> Collisions | None:
     pairs = pack_pairs(scene, options)
     totals, totals_before = (options.blocks(len(scene.meetings) * ENTRIES) for _ in range(2))
     changing = aligned_zeros((len(totals), 1 + len(scene.meetings)), block_dtype(np.int64, 1))
-    sleep = None
-    if options.sleep is not None:
-        pinned = np.array([not part.free.any() for part in scene.parts])
-        sleep = Sleep(options.blocks(len(scene.bodies)), options.sleep, pinned)
     warm = new_warm_start(pairs, len(scene.bodies), options.blocks)
-    collisions = Collisions(pairs, totals, totals_before, changing, sleep, warm)
+    collisions = Collisions(pairs, totals, totals_before, changing, warm)
     empty_totals(collisions, slice(None))
     return collisions
 
@@ -290,14 +279,13 @@ def pack_pairs(scene: Scene, options: Options) -> Pairs:
         parallel=parallel(met, longest),
         strength=np.array(met.strength),
         friction=options.parameter({"friction"} & varying, frictions) if rubs else None,
-        friction_law=law_of([met.contacts[n] for n in met.how]) if rubs else None,
         resistance=resistance_of(
             *(np.where(scene.resisted, met.of_contacts(name), 0.0) for name in RESISTANCES)
         ),
         loss=options.parameter({"restitution"} & varying, loss_of(restitutions)) if loses else None,
         shapes=packed_shapes(scene.shapes, scene.starts[:-1].tolist()),
         most=most_contacts(met, scene.shapes)[0],
-        sweeps=MORE_SWEEPS if scene.ellipsoids.any() else SWEEPS,
+        sweeps=SWEEPS,
     )
 
 
@@ -324,15 +312,8 @@ def search_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> tuple[List
     resisted = np.zeros(len(scene.bodies), bool)
     for of in (pairs.first, pairs.second):
         resisted[of[scene.resisted]] = True
-    shapes = [
-        shape._replace(ellipsoid=False, radius=0.0) if shape.ellipsoid and not meets else shape
-        for shape, meets in zip(scene.shapes, scene.ellipsoids, strict=True)
-    ]
-    spheres = new_spheres(scene.starts, shapes, resisted, dtype)
-    contacts = new_contacts(pairs, most, dtype)
-    bodies = [placed.body for placed in scene.bodies]
-    ellipsoids = new_ellipsoids(scene.starts, shapes, bodies, len(contacts.pair), dtype)
-    contacts = contacts._replace(spheres=spheres, ellipsoids=ellipsoids)
+    spheres = new_spheres(scene.starts, scene.shapes, resisted, dtype)
+    contacts = new_contacts(pairs, most, dtype)._replace(spheres=spheres)
     return new_lists(pairs, len(scene.positions), dtype), contacts
 
 
@@ -372,10 +353,6 @@ def node_workspace(scene: Scene, pairs: Pairs | None, dtype: DTypeLike) -> Space
             any_busy=np.zeros(len(bodies), bool),
             lists=lists,
             contacts=contacts,
-            kept=rows(3),
-            expected=rows(3),
-            entered=aligned_zeros((len(bodies) * LEDGER,), dtype),
-            ready=aligned_zeros((len(bodies),), dtype),
         )
     return Space(
         a=rows(3),
@@ -438,7 +415,7 @@ def _actuators(part: Scene, scene: Scene, blocks: Callable[..., np.ndarray]) -> 
     terms: dict[str, Any] = {}
     markers = np.array(part.body.markers, np.uint32)
     if any(placed.wrench for placed in scene.bodies):
-        axial = 1.0 if part.wrench is None else float(part.wrench.axial)
+        axial = 1.0 if part.wrench is None else float(not part.wrench.perpendicular)
         terms["wrench"] = Wrench(blocks(3), blocks(3), blocks(3), markers, part.pivot, axial)
     if any(placed.thrust for placed in scene.bodies):
         named, turns = (part.thrust.particles, part.thrust.turns) if part.thrust else ((), False)
@@ -516,11 +493,8 @@ def marks(terms: Terms) -> list[np.ndarray]:
     """Return the arrays that are zero in copies which begin anew from where they are and how they move."""
     kept: list[np.ndarray | Ragged] = [term.marks for term in (terms.memory, terms.cycle) if term is not None]
     found = [of.values if isinstance(of, Ragged) else of for of in kept]
-    if terms.collisions is not None:
-        if terms.collisions.sleep is not None:
-            found.append(terms.collisions.sleep.rested)
-        if terms.collisions.warm is not None:
-            found.append(terms.collisions.warm.pair)
+    if terms.collisions is not None and terms.collisions.warm is not None:
+        found.append(terms.collisions.warm.pair)
     return found
 
 

@@ -22,12 +22,9 @@ from springgym.collisions import (
     as_met,
     check_apart,
     meetings,
-    place_ellipsoids,
     shape,
-    tell_ellipsoids,
 )
 from springgym.collisions.meeting import ALL, Meeting, Named
-from springgym.core.compiling import kernel
 from springgym.identity import digest
 from springgym.own_forces import checked_forces
 from springgym.records import ReadOnly, read_only
@@ -56,13 +53,14 @@ MOST_TOLD = 20
 class WrenchActuator:
     """Apply a force and a torque to the body.
 
-    If ``axial``, only the component of the world torque along the axis of the body acts.
+    If ``perpendicular``, only the component of the world torque perpendicular to the body's axis acts: it
+    tilts the body, and does not spin it.
     """
 
-    axial: bool = True
+    perpendicular: bool = False
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "axial", flag("axial of a wrench", self.axial))
+        object.__setattr__(self, "perpendicular", flag("perpendicular of a wrench", self.perpendicular))
 
 
 @dataclass(frozen=True)
@@ -196,7 +194,7 @@ class Placed(ReadOnly):
                 refuse(driven > self.drive.speed, fast % (self.drive.particle, self.drive.speed))
                 moves[..., self.drive.particle] = False
             refuse(moves, "pinned particle {n}{of} has a velocity; it must be zero")
-        if (short := too_short(self.body.springs, self.body.lengths, positions)) is not None:
+        if (short := too_short(self.body.springs, positions)) is not None:
             refuse(short, "spring {n}{of} starts with both ends at the same place; it has no direction")
 
     @cached_property
@@ -225,38 +223,20 @@ def _as_bytes(feature: Round) -> tuple[bytes, bytes, tuple[int, ...]]:
     return feature.matrix.tobytes(), feature.centre.tobytes(), feature.particles
 
 
-def too_short(springs: np.ndarray, lengths: np.ndarray, positions: np.ndarray) -> np.ndarray | None:
+def too_short(springs: np.ndarray, positions: np.ndarray) -> np.ndarray | None:
     """Return a mask (…, S) of springs too short to have a direction, or None if all are long enough.
 
-    Positions are (…, N, 3), and lengths without load are (S,) [m]. To return None takes much less time.
+    Positions are (…, N, 3) [m].
     """
-    placed = np.array(positions, order="C").reshape(-1, *positions.shape[-2:])
-    if extremes(springs, lengths[None], placed)[0] >= TINY**2:
-        return None
+    short = squared_lengths(springs, positions) < TINY**2
+    return short if short.any() else None
+
+
+def squared_lengths(springs: np.ndarray, positions: np.ndarray) -> np.ndarray:
+    """Return the squared lengths (…, S) of springs (S, 2) between positions (…, N, 3) [m²]."""
     first, second = springs.T
     apart = positions.take(second, axis=-2) - positions.take(first, axis=-2)
-    return np.asarray(np.einsum("...n,...n", apart, apart) < TINY**2)
-
-
-@kernel
-def extremes(springs: np.ndarray, lengths: np.ndarray, positions: np.ndarray) -> tuple[float, float]:
-    """Return the least square of a spring's length [m²] and the largest strain; NaN if one is not a number.
-
-    Springs are (S, 2), their lengths (k, S), or (1, S) for all copies, and positions (k, N, 3) [m].
-    """
-    least, most = math.inf, 0.0
-    for k in range(positions.shape[0]):
-        row = min(k, lengths.shape[0] - 1)
-        for n in range(springs.shape[0]):
-            square = 0.0
-            for axis in range(3):
-                apart = positions[k, springs[n, 1], axis] - positions[k, springs[n, 0], axis]
-                square += apart * apart
-            strain = abs(math.sqrt(square) / lengths[row, n] - 1.0)
-            if math.isnan(strain):
-                return strain, strain
-            least, most = min(least, square), max(most, strain)
-    return least, most
+    return np.asarray(np.einsum("...n,...n", apart, apart))
 
 
 def _numbered(bodies: tuple[Placed, ...]) -> tuple[Placed, ...]:
@@ -410,25 +390,6 @@ class Scene(ReadOnly):
         each = [shape(body) for body in self._different]
         return tuple(each[kind] for kind in self.kinds)
 
-    @cached_property
-    def ellipsoids(self) -> np.ndarray:
-        """Return which bodies meet others as ellipsoids, (bodies,)."""
-        meets = np.zeros(len(self.bodies), bool)
-        meets[self.meetings.first] = meets[self.meetings.second] = True
-        return meets & np.array([shape.ellipsoid for shape in self.shapes], bool)
-
-    def tell_ellipsoids(self, positions: np.ndarray, found: np.ndarray) -> bool:
-        """Find in which pairs that may meet an ellipsoid and another body are in each other.
-
-        The ``positions`` (k, N, 3) are of all particles [m]. What is found of these pairs is stored in
-        ``found`` (k, pairs). Returns whether it says so of any pair.
-        """
-        bodies = [placed.body for placed in self.bodies]
-        both = self.meetings.first, self.meetings.second
-        ellipsoids = place_ellipsoids(self.shapes, bodies, self.starts, positions)
-        met = as_met(self.shapes, bodies, self.starts, positions)
-        return tell_ellipsoids(self.shapes, self.starts, both, met, ellipsoids, found)
-
     @property
     def can_touch(self) -> bool:
         """Return whether any body can touch a surface or another body."""
@@ -570,8 +531,7 @@ class Scene(ReadOnly):
         names = [placed.name for placed in self.bodies]
         bodies = [placed.body for placed in self.bodies]
         met = as_met(self.shapes, bodies, self.starts, positions)
-        ellipsoids = place_ellipsoids(self.shapes, bodies, self.starts, positions)
-        check_apart(self.shapes, names, self.starts, self.meetings, met, ellipsoids, copies)
+        check_apart(self.shapes, names, self.starts, self.meetings, met, copies)
 
     @cached_property
     def faithful_speed(self) -> float:
@@ -636,7 +596,7 @@ class Scene(ReadOnly):
             that collide overlap.
         """
         doubtful = {0} if len(self.bodies) == 1 else set(self._held)
-        short = None if len(self.bodies) == 1 else too_short(self.springs, self.lengths, positions)
+        short = None if len(self.bodies) == 1 else too_short(self.springs, positions)
         if short is not None:
             doubtful |= set(self._springs_of[short.any(axis=tuple(range(positions.ndim - 2)))].tolist())
         for n in sorted(doubtful):

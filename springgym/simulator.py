@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import sys
 import warnings
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence, Set
@@ -22,7 +23,8 @@ from springgym import checks, contacts, measures, packing, stability
 from springgym.checks import FLOAT, HUGE, INDEX, MANY, TINY
 from springgym.contact import totals
 from springgym.contact.overlap import tell_shown
-from springgym.contact.totals import RESOLVED, Collisions, PairReadings
+from springgym.contact.records import Collisions
+from springgym.contact.totals import RESOLVED, PairReadings
 from springgym.contacts import Contacts, PairSums
 from springgym.core.blocks import (
     WIDTH,
@@ -37,7 +39,6 @@ from springgym.core.blocks import (
     numbers,
     put,
     to_copies,
-    within,
 )
 from springgym.core.compiling import SameTypes
 from springgym.core.kinds import Nested, Ragged
@@ -155,13 +156,8 @@ class Simulator:
         it, so that `pairs` and `unresolved` report it.
     damping_every
         Number of steps in a cycle of dampers and wrench, see `springgym.forces.cycle`: 1, or an even number
-        of at most `springgym.stability.LONGEST_CYCLE`. The default is `springgym.stability.damping_every` of
-        the scene, or 1 if masses, stiffness or damping vary. It must be 1 where
+        of at most `springgym.stability.LONGEST_CYCLE`. `advance` then takes whole cycles. It must be 1 where
         `springgym.stability.damps_each_step` returns a reason.
-    sleep
-        Speed [m/s] below which bodies that collide rest: what has rested for `springgym.contact.sleep.DOZE`
-        seconds, with all that it touches, is left where it is until something that moves comes near. By
-        default no body sleeps. See `springgym.contact.sleep`.
 
     Raises
     ------
@@ -187,9 +183,8 @@ class Simulator:
         ledger: bool = True,
         tolerance: tuple[float, float] | None = None,
         strain_limit: float | None = None,
-        damping_every: int | None = None,
+        damping_every: int = 1,
         unresolved: str = "raise",
-        sleep: float | None = None,
     ) -> None:
         self._guard = Guard()
         self.scene = checks.instance("scene", scene, Scene)
@@ -207,10 +202,8 @@ class Simulator:
         """stability limit [s]"""
         self.step = self._checked_step(step)
         particles = len(scene.positions)
-        self.damping_every = self._checked_cycle(damping_every, varying)
+        self.damping_every = self._checked_cycle(damping_every)
         """steps after which dampers and the wrench act for all of them at once"""
-        self.sleep = self._checked_sleep(sleep)
-        """speed below which bodies rest, and fall asleep [m/s]; None if none do"""
         self.copies = checks.whole("copies", copies, 1, MOST_PARTICLES // particles)
         self.threads = checks.whole("threads", threads, 1, MOST_THREADS)
         self.dtype = _checked_dtype(dtype)
@@ -244,7 +237,7 @@ class Simulator:
             stacked([np.array(placed.body.markers, np.uint32) for placed in scene.bodies]),
         )
         self._busy = len(scene.springs) + min(len(scene.meetings), NEIGHBOURS * bodies)
-        options = Options(self.integrator, self.step, self.damping_every, varying, self._blocks, self.sleep)
+        options = Options(self.integrator, self.step, self.damping_every, varying, self._blocks)
         self._terms, self._twin, self._packed = pack(scene, self._kind.rigid, options)
         self._workspace = self._workspaces()
         self._outlines = packing.pack_outlines(scene)
@@ -399,15 +392,6 @@ class Simulator:
         return to_copies(self._v, self.copies)
 
     @property
-    @guarded
-    def asleep(self) -> np.ndarray:
-        """Return which bodies of each copy sleep, (copies, bodies) of bool: none without ``sleep``."""
-        collisions = self._terms.collisions
-        if collisions is None or collisions.sleep is None:
-            return np.zeros((self.copies, len(self.scene.bodies)), bool)
-        return to_copies(collisions.sleep.rested, self.copies) < 0
-
-    @property
     def width(self) -> int:
         """Return the number of copies in a block."""
         return int(numbers(self._x).shape[-1])
@@ -450,10 +434,10 @@ class Simulator:
         self._check_settled(x, v, index)
         self._check_distance(x)
         for lanes, values in zip(self._moving, (x, v), strict=True):
-            put(lanes, index, np.array(values, order="C").reshape(len(index), lanes.shape[1]))
+            put(lanes, index, np.array(values, order="C").reshape(len(index), lanes.shape[1]), HUGE)
         self._settle(index)
         for lanes, zeros in self._emptied:
-            put(lanes, index, zeros)
+            put(lanes, index, zeros, HUGE)
         if self._terms.collisions is not None:
             totals.empty_totals(self._terms.collisions, index)
             self.unresolved[index] = False
@@ -594,11 +578,11 @@ class Simulator:
             if value.__class__ is not np.ndarray or value.dtype is not FLOAT or value.shape != shape:
                 value = np.array(np.broadcast_to(checks.array(name, value, shape, shape[1:]), shape))
             rows = np.ascontiguousarray(value).reshape(self.copies, lanes.shape[1])
-            if not within(rows, HUGE):
+            if not put(lanes, self._all[:0], rows, HUGE):
                 checks.array(name, value, shape)  # which says what is wrong
             given.append((lanes, rows))
         for lanes, rows in given:
-            put(lanes, self._all, rows)
+            put(lanes, self._all, rows, HUGE)
 
     @guarded
     def state(self, copies: ArrayLike | None = None) -> dict[str, Any]:
@@ -638,7 +622,6 @@ class Simulator:
             "integrator": self.integrator.name,
             "step": self.step,
             "damping_every": self.damping_every,
-            "sleep": self.sleep,
             "tolerance": [control.relative, control.absolute] if isinstance(control, Control) else None,
             "ledger": self._ledger is not None,
             "varying": self._varying,
@@ -723,7 +706,7 @@ class Simulator:
         Raises
         ------
         TypeError, ValueError
-            If the other simulator has another scene, number of copies or dtype; nothing is changed.
+            If the other simulator differs in more than `GOES_FORWARD`; nothing is changed.
         """
         must = "; it must be made like this simulator but for its step"
         made = checks.instance("other", other, Simulator).identity
@@ -763,7 +746,7 @@ class Simulator:
         Parameters
         ----------
         steps
-            Number of steps, at least 0.
+            Number of steps, at least 0, and a multiple of ``damping_every``.
         check
             Whether to check that no copy has diverged.
         read
@@ -776,7 +759,8 @@ class Simulator:
         Raises
         ------
         TypeError, ValueError
-            If ``steps`` is not a whole number of at least 0, or a flag is not a bool; nothing is changed.
+            If ``steps`` is not a whole number of at least 0 or ends amid a cycle, or a flag is not a bool;
+            nothing is changed.
         SimulationDivergedError
             If ``check`` is set and a copy has diverged. The other copies are not affected.
         UnresolvedContactError
@@ -786,6 +770,11 @@ class Simulator:
         # Compiled code is given an int and a bool, and no other type: see `SameTypes`.
         if steps.__class__ is not int or not 0 <= steps <= MANY:
             steps = checks.whole("steps", steps)
+        if steps % self.damping_every:
+            raise ValueError(
+                f"steps is {steps}; it must be a multiple of damping_every, {self.damping_every}, "
+                "as dampers act once in so many steps"
+            )
         if check.__class__ is not bool or read.__class__ is not bool:
             check, read = checks.flag("check", check), checks.flag("read", read)
         self._share(steps, settles=True, reads=check or read, then=then)
@@ -897,8 +886,6 @@ class Simulator:
         shown = self._shown[copies]
         place, pairs = self.readout.positions[copies], collisions.pairs
         found = tell_shown(place, pairs.first, pairs.second, self._outlines, self._boxes[thread], shown)
-        if self.scene.ellipsoids.any():
-            found = self.scene.tell_ellipsoids(place, shown)
         if found:
             totals.count_shown(collisions, start, shown)
         lanes = numbers(collisions.totals)[first:last]
@@ -1099,6 +1086,7 @@ class Simulator:
             yield first, last, steps, True
             return
         most = max(AT_ONCE // busy, FEWEST)
+        most -= most % self.damping_every
         for taken in range(0, steps, most):
             some = min(most, steps - taken)
             blocks = max(AT_ONCE // (some * busy), 1)
@@ -1174,11 +1162,8 @@ class Simulator:
             )
         return step
 
-    def _checked_cycle(self, every: int | None, varying: Collection[str]) -> int:
+    def _checked_cycle(self, every: int) -> int:
         one = stability.damps_each_step(self.scene, self.integrator)
-        if every is None:
-            unknown = self._kind.rigid or not set(stability.VARIED).isdisjoint(varying)
-            return 1 if unknown else stability.damping_every(self.scene, self.integrator, self.step)
         every = checks.whole("damping_every", every, 1, stability.LONGEST_CYCLE)
         if every > 1 and every % 2:
             raise ValueError(f"damping_every is {every}; it must be 1 or even, because a cycle has a middle")
@@ -1187,28 +1172,13 @@ class Simulator:
             raise ValueError(f"damping_every is {every}; it must be 1: {reason}")
         return every
 
-    def _checked_sleep(self, speed: float | None) -> float | None:
-        if speed is None:
-            return None
-        speed = checks.number("sleep", speed, low=TINY)
-        pushed = [
-            placed.name
-            for placed in self.scene.bodies
-            if placed.wrench or placed.thrust or placed.drive or placed.forces
-        ]
-        if self._kind.rigid or not self.scene.meetings or pushed:
-            reason = "no bodies of the scene collide"
-            if self._kind.rigid:
-                reason = "rigid bodies do not sleep"
-            elif pushed:
-                reason = f"body {pushed[0]!r} has actuators or forces, which would not wake it"
-            raise ValueError(f"sleep is {speed:g}; it must be None: {reason}")
-        return speed
-
 
 def _tell(what: str) -> None:
     """Warn at the line that called the simulator."""
-    warnings.warn(what, PrecisionWarning, stacklevel=4)
+    level = 1
+    while sys._getframe(level - 1).f_globals["__name__"] in (__name__, Guard.__module__):
+        level += 1
+    warnings.warn(what, PrecisionWarning, stacklevel=level)
 
 
 @lru_cache(maxsize=8)

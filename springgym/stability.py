@@ -192,17 +192,6 @@ def _turned(angle: np.ndarray) -> np.ndarray:
     return np.moveaxis(np.array([[c, s], [-s, c]]), -1, 0)
 
 
-def damping_every(scene: Scene, integrator: Integrator, step: float) -> int:
-    """Return the largest number of steps in a harmless cycle, see `cycles_harmless`: 1, or an even number.
-
-    It is 1 where there is contact: how much it makes bodies ring depends on what happens.
-    """
-    if scene.can_touch or damps_each_step(scene, integrator):
-        return 1
-    of = vibrations(scene)
-    return next((n for n in range(LONGEST_CYCLE, 1, -2) if cycles_harmless(of, step, n)), 1)
-
-
 def cycles_in(of: Vibrations, period: float, steps: int, exactly: bool) -> tuple[int, int]:
     """Return the number of steps in the cheapest period [s] of whole cycles, and the number of steps in a
     cycle.

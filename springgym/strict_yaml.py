@@ -17,14 +17,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, Union, cast, get_args, get_origin, get_type_hints
 
-from springgym.extras import missing
+import yaml
 
-try:
-    import yaml
-except ImportError as error:
-    raise ImportError(missing("reading YAML", "pyyaml", "scenes")) from error
-
-from springgym.checks import HUGE, instance, shown, suggestion
+from springgym.checks import HUGE, instance, shown, suggestion, unreadable
 
 
 class YamlError(ValueError):
@@ -44,6 +39,9 @@ class Tree(NamedTuple):
             value = value[int(key)] if isinstance(value, list) else value[key]
         return value
 
+
+LARGEST = 10_000_000
+"""Largest size of a file [bytes]."""
 
 MOST_REPEATED = 10_000
 """Values that aliases may add to a document: a few hundred bytes of aliases to aliases make billions."""
@@ -77,6 +75,8 @@ def read_yaml(path: Path) -> Tree:
     YamlError
         If it cannot be read or is not valid, or a key is given twice.
     """
+    if why := unreadable(path, LARGEST):
+        raise YamlError(f"{path}: cannot read it: {why}")
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

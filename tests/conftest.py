@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import gc
 import os
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Generator, Iterator
 from contextlib import contextmanager, nullcontext
-from fnmatch import fnmatchcase
 from functools import cache, partialmethod
 from typing import Any
 
@@ -93,13 +92,8 @@ def small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
-    """Take few kernels, in fixtures of any scope too, but for tests marked ``own_kernels``.
-
-    Slow tests compile what users do, but for those that another test stands for in every run.
-    """
-    own = item.get_closest_marker("own_kernels")
-    own = own or (item.get_closest_marker("slow") and not item.stash.get(SELDOM, False))
-    with nullcontext() if own else _few_kernels():
+    """Take few kernels, in fixtures of any scope too, but for tests marked ``own_kernels``."""
+    with nullcontext() if item.get_closest_marker("own_kernels") else _few_kernels():
         return (yield)
 
 
@@ -142,37 +136,8 @@ def pytest_collection_finish() -> None:
     gc.set_threshold(50_000, 20, 20)
 
 
-SELDOM = pytest.StashKey[bool]()
-"""The key under which a test says that it is slow only because another test stands for it in every run."""
-
-
-def leave_to_slow_runs(items: Iterable[pytest.Item]) -> set[str]:
-    """Mark as slow the tests that are ``seldom``, and the cases of tests that are, or that are not ``often``.
-
-    Return the patterns that match none of the cases that were collected.
-    """
-    matched: dict[str, bool] = {}
-    for item in items:
-        often, seldom = (item.get_closest_marker(name) for name in ("often", "seldom"))
-        fits = {}
-        for mark in (often, seldom):
-            for pattern in mark.args if mark else ():
-                fits[pattern] = fnmatchcase(item.callspec.id, pattern)  # type: ignore[attr-defined]
-                key = f"{item.nodeid.partition('[')[0]}: {pattern}"
-                matched[key] = matched.get(key, False) or fits[pattern]
-        left = not any(map(fits.get, often.args)) if often else False
-        left |= seldom is not None and (not seldom.args or any(map(fits.get, seldom.args)))
-        if left and not item.get_closest_marker("slow"):
-            item.stash[SELDOM] = True
-            item.add_marker("slow")
-    return {key for key, found in matched.items() if not found}
-
-
 @pytest.hookimpl(tryfirst=True)  # before those that are not asked for are left out
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    unmatched = leave_to_slow_runs(items)
-    if unmatched and not any("::" in argument for argument in config.args):
-        raise pytest.UsageError(f"no such case: {'; '.join(sorted(unmatched))}")
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: [scope(item.nodeid) != first for first in LONGEST])
 
 

@@ -1,12 +1,11 @@
-"""Digests of what every scene and every environment computes, to compare two commits to the bit.
+"""Digests of what every environment and every scene computes, to compare two commits to the bit.
 
     python -m tests.identity --write before.json     # on the commit before
     python -m tests.identity --compare before.json   # on the commit after, on the same machine
 
-A case is a scene × dynamics × method × kind of batch, or an environment × observation × action × dynamics ×
-kind of batch. Each of its results (positions, a measure, rewards, an entry of ``info``) has a digest.
-Bits depend on the processor and the version of Numba: a file compares on the machine where it was written.
-The script calls the public interface alone, so that one text of it runs on both commits.
+Each result (positions, a measure, rewards, an entry of ``info``) of each case has a digest. Bits depend on
+the processor and the version of Numba: a file compares on the machine where it was written. The script calls
+the public interface alone, so that one text of it runs on both commits.
 """
 
 from __future__ import annotations
@@ -16,11 +15,9 @@ import hashlib
 import json
 import re
 import sys
-import time
 import warnings
 from collections.abc import Callable, Iterator
 from functools import partial
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -28,316 +25,105 @@ import gymnasium as gym
 import numpy as np
 
 from springgym import integrators, rigid, scenes
-from springgym.bodies import cube, rope, top
-from springgym.registration import ENVIRONMENTS
-from springgym.scene import DriveActuator, Scene, ThrustActuator, WrenchActuator
+from springgym.registration import ENVIRONMENTS, VARIANTS
 from springgym.simulator import Simulator
-from springgym.surfaces import Contact, Plane, floor
 
-Case = Callable[[], dict[str, str]]
+Results = dict[str, str]
 
-COPIES = 9
+COPIES = 20
 """More than a block of either precision holds, and no multiple of it."""
 
-CALLS = (13, 27)
-"""Steps of the two calls of a scene."""
-
-STEPS = 40
+PERIODS = 60
 """Control periods of an environment."""
 
-METHODS = {"springs": tuple(integrators.METHODS), "rigid": tuple(rigid.METHODS)}
+CALLS = (13, 47)
+"""Steps of the two calls of a scene."""
 
-DRIVES = {"force": 3, "torque": 3, "body_torque": 3, "acceleration": 3}
-
-
-def digest(values: Any) -> str:
-    array = np.ascontiguousarray(values)
-    return hashlib.sha256(f"{array.dtype}{array.shape}".encode() + array.tobytes()).hexdigest()[:16]
-
-
-# --- Scenes -------------------------------------------------------------------------------------------
-
-
-def own_scenes() -> dict[str, Scene]:
-    """Scenes with what the files of scenes lack: actuators, and surfaces that are not alone."""
-    spinner, block, line = top(), cube(), rope()
-    crown, tip = spinner.parts["crown"], spinner.parts["tip"]
-    wall = Plane((0.0, 0.0, 0.0), (-0.6, 0.0, 0.8))
-    return {
-        "own-wrench": Scene(spinner, pinned=tip, wrench=WrenchActuator(axial=False)),
-        "own-thrust": Scene(spinner, pinned=tip, thrust=ThrustActuator(crown, turns=True)),
-        "own-free": Scene(block, gravity=None, wrench=WrenchActuator(), thrust=ThrustActuator((0, 6))),
-        "own-drive": Scene(line, pinned=(0,), drive=DriveActuator(0, 2.0)),
-        "own-corner": Scene(
-            block,
-            block.positions + np.array([0.0, 0.0, 2.0]),
-            surfaces=(floor(), wall),
-            contact=Contact(0.4, 0.3),
-        ),
-    }
-
-
-def all_scenes() -> dict[str, Scene]:
-    return {name: scenes.load(name).scene for name in scenes.names()} | own_scenes()
-
-
-def fall(scene: Scene) -> float:
-    """Return how far the scene can be moved down until its lowest particle nearly meets a surface [m]."""
-    if not scene.surfaces or scene.pins:
-        return 0.0
-
-    def clear(way: float) -> bool:
-        moved = scene.positions - [0.0, 0.0, way]
-        return all((surface.height(moved) > 1e-3).all() for surface in scene.surfaces)
-
-    low, high = 0.0, 10.0
-    for _ in range(50):
-        middle = (low + high) / 2
-        low, high = (middle, high) if clear(middle) else (low, middle)
-    return low
-
-
-def starts(scene: Scene, copies: int) -> tuple[np.ndarray, np.ndarray]:
-    """The last copy, and every second before it, about to meet the surfaces; the others as the scene says."""
-    rng = np.random.default_rng(0)
-    shape = (copies, *scene.positions.shape)
-    free = np.array([n not in scene.pins for n in range(shape[1])])[:, None]
-    down = np.zeros((copies, 1, 3))
-    down[copies - 1 :: -2, 0, 2] = fall(scene)
-    velocities = scene.velocities + free * rng.uniform(-1e-2, 1e-2, shape)
-    if down.any():
-        velocities = velocities - free * np.sign(down) * 0.3
-    return scene.positions - down, velocities
-
-
-def play(simulator: Simulator) -> dict[str, str]:
-    """Return what two unequal calls give, with all actuators driven."""
-    rng = np.random.default_rng(1)
-    scene, copies = simulator.scene, simulator.copies
-    simulator.place(*starts(scene, copies))
-    for steps in CALLS:
-        given = {name: rng.uniform(-3, 3, (copies, size)) for name, size in DRIVES.items()}
-        if scene.thrust:
-            given["thrust"] = rng.uniform(-3, 3, (copies, len(scene.thrust.particles), 3))
-        for name, value in given.items():
-            try:
-                simulator.actuate(**{name: value})
-            except ValueError:
-                continue  # the scene has no such actuator
-        simulator.advance(steps, check=False)
-    results = {"positions": simulator.positions, "velocities": simulator.velocities, "time": simulator.time}
-    measured = {f"measures.{name}": value for name, value in simulator.measure()._asdict().items()}
-    return {name: digest(value) for name, value in (results | measured).items()}
-
-
-def refused_or(make: Callable[[], Simulator], run: Callable[[Simulator], dict[str, str]] = play) -> Case:
-    """Run a simulator; that it cannot be made is a result, too."""
-
-    def case() -> dict[str, str]:
-        try:
-            simulator = make()
-        except ValueError as error:
-            return {"refused": type(error).__name__}
-        return run(simulator)
-
-    return case
-
-
-def varied(simulator: Simulator) -> dict[str, str]:
-    """As `play`, each copy with parameters of its own."""
-    rng, copies = np.random.default_rng(2), simulator.copies
-    scene = simulator.scene
-    every = np.arange(copies)
-
-    def near(value: Any) -> np.ndarray:
-        return value * rng.uniform(0.95, 1.0, (copies, *np.shape(value)))
-
-    simulator.vary(every, masses=near(scene.body.masses) + 0.05 * scene.body.masses)
-    simulator.vary(every, gravity=near(np.array(scene.gravity)))
-    if simulator.dynamics == "springs":
-        body = scene.body
-        simulator.vary(
-            every, stiffness=near(body.stiffness), lengths=near(body.lengths), damping=near(body.damping)
-        )
-    if scene.surfaces:
-        simulator.vary(
-            every, friction=rng.uniform(0.1, 0.6, copies), restitution=rng.uniform(0.2, 0.9, copies)
-        )
-    return play(simulator)
-
-
-VARIED = {
-    "springs": ("masses", "gravity", "stiffness", "lengths", "damping"),
-    "rigid": ("masses", "gravity"),
-    "surfaces": ("friction", "restitution"),
+OPTIONS: dict[str, dict[str, Any]] = {
+    "float64": {},
+    "float32": {"dtype": "float32"},
+    "frame": {"observation": "frame"},
+    "rigid": {"dynamics": "rigid"},
+    "randomised": {"randomize": {"masses": (0.95, 1.05), "gravity": (0.95, 1.05), "actuator": (0.9, 1.0)}},
 }
-VARIED_SCENES = ("top", "cube-drop", "irregular-fall", "own-wrench")
+"""Of a batch of each environment; what an environment refuses is a result, too."""
+
+EVERY_METHOD = ("top", "cube-pendulum", "rope-swing")
+"""Scenes that are computed by all methods."""
 
 
-KINDS = (("one", 1, np.float64), ("batch64", COPIES, np.float64), ("batch32", COPIES, np.float32))
-
-SINGLES = ("verlet", "rk4", "suzuki")
-"""Methods that run own scenes in float32, too: each costs a compilation."""
-
-
-def scene_cases() -> Iterator[tuple[str, Case]]:
-    for name, scene in all_scenes().items():
-        for dynamics, methods in METHODS.items():
-            for method in methods:
-                options: dict[str, Any] = {"dynamics": dynamics, "integrator": method}
-                for kind, copies, dtype in KINDS:
-                    if kind == "batch32" and name.startswith("own-") and method not in SINGLES:
-                        continue
-                    made = partial(Simulator, scene, copies=copies, dtype=dtype, **options)
-                    yield f"scene {name} {dynamics} {method} {kind}", refused_or(made)
-        yield f"scene {name} paper one", refused_or(partial(Simulator.paper, scene))
-        if name in VARIED_SCENES:
-            for dynamics in METHODS:
-                names = VARIED[dynamics] + (VARIED["surfaces"] if scene.surfaces else ())
-                made = partial(
-                    Simulator, scene, dynamics=dynamics, copies=COPIES, varying=names, ledger=False
-                )
-                yield f"scene {name} {dynamics} varied", refused_or(made, varied)
-
-
-# --- Environments -------------------------------------------------------------------------------------
+def digest(*values: Any) -> str:
+    found = hashlib.sha256()
+    for array in map(np.ascontiguousarray, values):
+        found.update(f"{array.dtype}{array.shape}".encode() + array.tobytes())
+    return found.hexdigest()[:16]
 
 
 def numbers(info: dict[str, Any], name: str = "info") -> Iterator[tuple[str, np.ndarray]]:
-    """The numbers in ``info``, by name."""
+    """Yield the numbers in ``info``, by name."""
     for key, value in info.items():
         if isinstance(value, dict):
             yield from numbers(value, f"{name}.{key}")
         elif np.asarray(value).dtype.kind in "biuf":
-            yield f"{name}.{key}", np.asarray(value)
+            yield f"{name}.{key}", np.array(value)
 
 
-def note(seen: dict[str, list[np.ndarray]], info: dict[str, Any], **results: Any) -> None:
-    for name, value in (results | dict(numbers(info))).items():
-        seen.setdefault(name, []).append(np.array(value))
-
-
-def digests(seen: dict[str, list[np.ndarray]]) -> dict[str, str]:
-    return {name: digest([digest(value) for value in values]) for name, values in seen.items()}
-
-
-def single(env_id: str, **options: Any) -> dict[str, str]:
-    """Return what one environment gives in the first steps of two seeds."""
-    env = gym.make(env_id, **options)
-    seen: dict[str, list[np.ndarray]] = {}
-    for seed in (0, 1):
-        rng = np.random.default_rng(seed)
-        observation, info = env.reset(seed=seed)
-        note(seen, info, observation=observation)
-        for _ in range(STEPS):
-            action = rng.uniform(-1.1, 1.1, env.action_space.shape)
-            observation, reward, terminated, truncated, info = env.step(action.astype(np.float32))
-            note(seen, info, observation=observation, reward=reward, terminated=terminated)
-            if terminated or truncated:
-                break
-    env.close()
-    return digests(seen)
-
-
-def batch(env_id: str, **options: Any) -> dict[str, str]:
-    """Return what a batch gives in its first steps, over the ends of episodes."""
-    envs = gym.make_vec(
-        env_id, num_envs=COPIES, vectorization_mode="vector_entry_point", max_episode_steps=25, **options
-    )
+def environment(env_id: str, copies: int | None, **options: Any) -> Results:
+    """Play one environment, or a batch, with actions at random, over the ends of episodes."""
+    options |= {"max_episode_steps": 25}
+    how: dict[str, Any] = {"num_envs": copies, "vectorization_mode": "vector_entry_point"}
+    env: Any = gym.make(env_id, **options) if copies is None else gym.make_vec(env_id, **how, **options)
     rng = np.random.default_rng(0)
+    observation, info = env.reset(seed=0)
     seen: dict[str, list[np.ndarray]] = {}
-    observation, info = envs.reset(seed=0)
-    note(seen, info, observation=observation)
-    for _ in range(STEPS):
-        action = rng.uniform(-1.1, 1.1, envs.action_space.shape).astype(np.float32)
-        observation, reward, terminated, truncated, info = envs.step(action)
-        note(seen, info, observation=observation, reward=reward, terminated=terminated, truncated=truncated)
-    envs.close()
-    return digests(seen)
+    for _ in range(PERIODS):
+        action = rng.uniform(-1.1, 1.1, env.action_space.shape).astype(np.float32)
+        observation, reward, terminated, truncated, info = env.step(action)
+        found = {"observation": observation, "reward": reward, "terminated": terminated}
+        for name, value in (found | dict(numbers(info))).items():
+            seen.setdefault(name, []).append(np.array(value))
+        if copies is None and (terminated or truncated):
+            env.reset()
+    return {name: digest(*values) for name, values in seen.items()}
 
 
-RANGES = ("masses", "stiffness", "damping", "scale", "gravity", "friction", "restitution", "actuator")
+def scene(name: str, **options: Any) -> Results:
+    """Simulate copies of a scene that start a little otherwise than each other, in two unequal calls."""
+    simulator = Simulator(scenes.load(name).scene, unresolved="count", **options)
+    free = np.isin(np.arange(len(simulator.scene.masses)), simulator.scene.pins, invert=True)[:, None]
+    shape = simulator.velocities.shape
+    jitter = np.random.default_rng(0).uniform(-1e-2, 1e-2, shape).astype(simulator.dtype)
+    simulator.place(simulator.positions, simulator.velocities + free * jitter)
+    for steps in CALLS:
+        simulator.advance(steps, check=False)
+    measured = {f"measures.{key}": value for key, value in simulator.measure()._asdict().items()}
+    found = {"positions": simulator.positions, "velocities": simulator.velocities} | measured
+    return {key: digest(value) for key, value in found.items()}
 
 
-def randomized(env_id: str, dynamics: str) -> dict[str, str]:
-    """As `batch`, with all randomised that the environment lets be."""
-    ranges = {}
-    between = (0.95, 1.05)
-    for name in RANGES:
+def cases() -> Iterator[tuple[str, Callable[[], Results]]]:
+    for row in (*ENVIRONMENTS, *VARIANTS):
+        yield f"environment {row.id} single", partial(environment, row.id, None)
+        for kind, options in OPTIONS.items():
+            yield f"environment {row.id} {kind}", partial(environment, row.id, COPIES, **options)
+    for name in scenes.names():
+        yield f"scene {name} single", partial(scene, name)
+        for dtype in ("float64", "float32"):
+            yield f"scene {name} {dtype}", partial(scene, name, copies=COPIES, dtype=dtype)
+    for name in EVERY_METHOD:
+        for dynamics, methods in {"springs": integrators.METHODS, "rigid": rigid.METHODS}.items():
+            for method in methods:
+                made = partial(scene, name, copies=COPIES, dynamics=dynamics, integrator=method)
+                yield f"scene {name} {dynamics} {method}", made
+
+
+def computed(case: Callable[[], Results]) -> Results:
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
         try:
-            gym.make(env_id, dynamics=dynamics, randomize={name: between}).close()
-        except ValueError:
-            continue
-        ranges[name] = between
-    return batch(env_id, dynamics=dynamics, randomize=ranges)
-
-
-RANDOMIZED = (
-    ("SpringTop-v0", "springs"),
-    ("SpringTumble-v0", "springs"),
-    ("SpringTumble-v0", "rigid"),
-    ("SpringRope-v0", "springs"),
-)
-
-
-def modes(env_id: str) -> tuple[list[str], list[str]]:
-    """Names of an environment's observations and actions: those that it takes out of all there are."""
-    row = next(row for row in ENVIRONMENTS if row.id == env_id)
-    module = __import__(f"springgym.envs.{row.module}", fromlist=[row.name])
-    task = getattr(module, row.name)
-    return list(task.observations), list(task.actions)
-
-
-def accepted_or_refused(run: Callable[..., dict[str, str]], env_id: str, **options: str) -> dict[str, str]:
-    try:
-        return run(env_id, **options)
-    except ValueError as error:
-        return {"refused": type(error).__name__}
-
-
-def environment_cases() -> Iterator[tuple[str, Case]]:
-    for row in ENVIRONMENTS:
-        for dynamics, observation, action in product(METHODS, *modes(row.id)):
-            options = {"observation": observation, "action": action, "dynamics": dynamics}
-            for kind, run in (("single", single), ("batch", batch)):
-                case = partial(accepted_or_refused, run, row.id, **options)
-                yield f"environment {row.id} {dynamics} {observation} {action} {kind}", case
-    for env_id, dynamics in RANDOMIZED:
-        yield f"environment {env_id} {dynamics} randomized", partial(randomized, env_id, dynamics)
-    yield "environment SpringTop-v0 float32", partial(batch, "SpringTop-v0", dtype="float32")
-
-
-# --- The command --------------------------------------------------------------------------------------
-
-
-def compute(only: str, found: Callable[[str, dict[str, str]], str], keep: Callable[[], None]) -> None:
-    """Run the cases that ``only`` finds, and say of each what came of it."""
-    began = time.perf_counter()
-    for cases in (environment_cases, scene_cases):
-        for name, case in cases():
-            if not re.search(only, name):
-                continue
-            before = time.perf_counter()
-            with warnings.catch_warnings(), np.errstate(all="ignore"):
-                warnings.simplefilter("ignore")
-                results = case()
-            verdict = found(name, results)
-            now = time.perf_counter()
-            print(f"{now - began:7.0f} s  {name} ({now - before:.1f} s) {verdict}", flush=True)
-            keep()
-
-
-def compared(reference: dict[str, str] | None, results: dict[str, str]) -> tuple[bool, str]:
-    """Tell whether results equal those of the reference, and name the results that differ."""
-    if reference is None:
-        return True, "NEW"
-    gone = sorted(reference.keys() - results.keys())
-    differ = [name for name in reference if name in results and results[name] != reference[name]]
-    new = sorted(results.keys() - reference.keys())
-    words = [f"DIFFERS in {', '.join(differ)}"] if differ else []
-    words += [f"LACKS {', '.join(gone)}"] if gone else []
-    words += [f"new: {', '.join(new)}"] if new else []
-    return not differ and not gone, "; ".join(words) or "same"
+            return case()
+        except (ValueError, TypeError) as error:
+            return {"refused": type(error).__name__}
 
 
 def main() -> int:
@@ -349,32 +135,21 @@ def main() -> int:
     parser.add_argument("--only", default="", help="cases whose name this regular expression finds")
     args = parser.parse_args()
     path = args.write or args.compare
-    known: dict[str, dict[str, str]] = (
-        json.loads(path.read_text(encoding="utf-8")) if args.compare or path.exists() else {}
-    )
-    bad: list[str] = []
-    seen: set[str] = set()
-
-    def found(name: str, results: dict[str, str]) -> str:
-        seen.add(name)
+    known: dict[str, Results] = json.loads(path.read_text()) if args.compare or path.exists() else {}
+    wanted = {name: case for name, case in cases() if re.search(args.only, name)}
+    gone = [] if args.write else [name for name in known.keys() - wanted if re.search(args.only, name)]
+    bad = [f"{name}: not run" for name in gone]
+    for name, case in wanted.items():
+        results = computed(case)
+        before = results if args.write else known.get(name, results)
+        differ = [key for key in before.keys() | results.keys() if before.get(key) != results.get(key)]
+        print(name, f"DIFFERS in {', '.join(sorted(differ))}" if differ else "", flush=True)
         if args.write:
             known[name] = results
-            return "refused" if "refused" in results else ""
-        same, words = compared(known.get(name), results)
-        if not same:
+            path.write_text(json.dumps(known, indent=0, sort_keys=True))
+        elif differ:
             bad.append(name)
-        return words
-
-    def keep() -> None:
-        if args.write:
-            path.write_text(json.dumps(known, indent=0, sort_keys=True), encoding="utf-8")
-
-    compute(args.only, found, keep)
-    if args.write:
-        print(f"{len(seen)} cases written to {path}")
-        return 0
-    bad += [f"{name}: not run" for name in known if name not in seen and re.search(args.only, name)]
-    print(f"{len(seen)} cases, {len(bad)} not as in {path}", *bad, sep="\n")
+    print(f"{len(wanted)} cases", *([] if args.write else [f"{len(bad)} not as in {path}", *bad]), sep="\n")
     return 1 if bad else 0
 
 

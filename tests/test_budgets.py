@@ -41,7 +41,9 @@ def docstring_lines(tree: ast.Module) -> set[int]:
     strings = (
         node
         for node in ast.walk(tree)
-        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+        if isinstance(node, ast.Expr)
+        and isinstance(node.value, ast.Constant)
+        and isinstance(node.value.value, str)
     )
     return {line for node in strings for line in range(node.lineno, (node.end_lineno or 0) + 1)}
 

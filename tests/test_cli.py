@@ -97,19 +97,6 @@ def test_interrupts_and_closed_pipes_have_their_status(capsys):
     assert capsys.readouterr().err == ""
 
 
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (["bench", "--rounds", "0"], "--rounds 0: it must be at least 1"),
-        (["accuracy", "--out", "OUT"], "accuracy.json: cannot add to this report: Expecting value"),
-    ],
-)
-def test_what_would_be_lost_after_minutes_is_told_at_once(arguments, says, tmp_path, capsys):
-    (tmp_path / "accuracy.json").write_text("half a rep")
-    assert main([argument.replace("OUT", str(tmp_path)) for argument in arguments]) == 2
-    assert says in capsys.readouterr().err
-
-
 def test_how_to_install_is_of_the_package_or_of_the_clone(monkeypatch, tmp_path):
     monkeypatch.setattr(extras, "SOURCE", tmp_path)
     assert install("view") == 'pip install "springgym[view]"'
@@ -123,7 +110,7 @@ def test_the_module_is_the_command():
     assert "newtons-cradle" in told
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_scripts_are_commands(tmp_path):
     """`springgym evaluate` runs the script, which also finds environments in the current folder."""
     (tmp_path / "own.py").write_text(
@@ -150,7 +137,7 @@ def test_version(capsys):
     assert capsys.readouterr().out == f"springgym {springgym.__version__}\n"
 
 
-@pytest.mark.parametrize("command", ["simulate", "compile", "bench"])
+@pytest.mark.parametrize("command", ["simulate", "compile"])
 def test_an_unknown_option_is_answered_by_its_command(command, capsys):
     with pytest.raises(SystemExit) as ended:
         main([command, "--absent"])

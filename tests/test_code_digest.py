@@ -318,7 +318,7 @@ def make(k):
 """
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_functions_of_one_factory_are_told_apart(tmp_path: Path) -> None:
     """In one process and between two; with the constant of a module, which only the functions name."""
     (tmp_path / "pulls.py").write_text(PULLS)

@@ -32,6 +32,7 @@ from springgym.integrators.record import Phase
 from springgym.measures import read
 from springgym.scene import Scene, WrenchActuator
 from springgym.simulator import Simulator
+from tests.params import slow_but
 
 pytestmark = pytest.mark.own_kernels
 
@@ -104,7 +105,7 @@ def test_edits_in_called_files_are_noticed(package: Path, tmp_path: Path) -> Non
     assert finish(start(package, cache)) == (8.0, 1)
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_processes_that_compile_at_once_leave_whole_entries(package: Path, tmp_path: Path) -> None:
     cache = tmp_path / "cache"
     together = [start(package, cache) for _ in range(3)]
@@ -230,7 +231,7 @@ def test_what_does_not_compile_leaves_nobody_waiting(cache: Path, monkeypatch: p
     assert not [thread for thread in threading.enumerate() if isinstance(thread, threading.Timer)]
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_a_kernel_that_was_sent_to_another_process_compiles(cache: Path) -> None:
     sent = pickle.dumps(kernel(total.py_func))
     run = "import pickle, sys, numpy as np; print(pickle.load(sys.stdin.buffer)(np.array([1.0, 2.0])))"
@@ -238,8 +239,7 @@ def test_a_kernel_that_was_sent_to_another_process_compiles(cache: Path) -> None
     assert subprocess.run(command, input=sent, capture_output=True, check=True).stdout == b"3.0\n"
 
 
-@pytest.mark.parametrize(("quiet", "lines"), [("", 1), ("logging.disable()", 0)])
-@pytest.mark.often("-1")
+@pytest.mark.parametrize(("quiet", "lines"), slow_but([("", 1), ("logging.disable()", 0)], ("", 1)))
 def test_a_script_tells_on_stderr(quiet: str, lines: int, package: Path, tmp_path: Path) -> None:
     run = f"import logging, springgym.core.compiling as compiling\ncompiling.PATIENCE = 0.0\n{quiet}\n{RUN}"
     process = start(package, tmp_path / "cache", run)
@@ -352,8 +352,10 @@ print(value, sum(double_sum.stats.cache_hits.values()))
 """Uses two kernels of a Numba that lacks something."""
 
 
-@pytest.mark.parametrize("lacks", [*compiling.INSIDE, "core.codegen.CPUCodegen.magic_tuple"])
-@pytest.mark.often("core.serialize.dumps")
+LACKS = [*compiling.INSIDE, "core.codegen.CPUCodegen.magic_tuple"]
+
+
+@pytest.mark.parametrize("lacks", slow_but(LACKS, "core.serialize.dumps"))
 def test_a_numba_that_lacks_something_costs_compilations(lacks: str, package: Path, tmp_path: Path) -> None:
     """Whatever of its private side is gone: there is one warning, no cache, and the same value."""
     (package / "outer.py").write_text(
@@ -577,7 +579,7 @@ print(double_sum(3.0), sum(double_sum.stats.cache_hits.values()))
 """Edits a file after it was imported, and before the kernel is compiled."""
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_what_was_edited_since_it_was_imported_is_cached_as_it_was(package: Path, tmp_path: Path) -> None:
     cache = tmp_path / "cache"
     assert finish(start(package, cache, LATE)) == (8.0, 0)
@@ -727,3 +729,11 @@ def test_a_class_of_a_script_is_found_again(tmp_path, monkeypatch):
 
 def summed(pair):
     return pair.first + pair.second
+
+
+def test_code_that_is_not_compiled_is_refused_in_a_line() -> None:
+    env = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    run = [sys.executable, "-c", "import springgym; import springgym.simulator"]
+    done = subprocess.run(run, env=env, capture_output=True, text=True, check=False, timeout=60)
+    last = done.stderr.splitlines()[-1]
+    assert last == "ImportError: springgym runs compiled code only: unset NUMBA_DISABLE_JIT"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib.util
 import json
 import re
-from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -15,6 +14,8 @@ import pytest
 
 from springgym.envs.sb3 import make_sb3
 from springgym.registration import ENVIRONMENTS
+from tests.envs.cases import DUEL
+from tests.params import slow_unless
 
 DOCS = Path(__file__).parents[1] / "docs"
 
@@ -59,14 +60,15 @@ def test_pages_show_all_kinds_of_variants() -> None:
     assert {"hard", "start", "surface", "body"} <= {name for v in found for name in v.arguments}
 
 
-@pytest.mark.parametrize("row", ENVIRONMENTS, ids=lambda row: row.id)
-@pytest.mark.seldom("SpringDuel-v0")
+@pytest.mark.parametrize(
+    "row", [pytest.param(row, id=row.id, marks=slow_unless(row.id != DUEL)) for row in ENVIRONMENTS]
+)
 def test_every_variant_of_the_page_can_be_made(row: Any) -> None:
     page = (DOCS / "environments" / f"{row.id}.md").read_text(encoding="utf-8")
     for variant in page_writer().variants(row):
         assert f"{variant.written} | {variant.change} |" in page
         env = gym.make(row.id, **variant.arguments)
-        if variant.arguments.get("surface") != "bowl" and row.id != "SpringDuel-v0":  # a kernel of its own
+        if variant.arguments.get("surface") != "bowl" and row.id != DUEL:  # a kernel of its own
             env.reset(seed=0)
 
 
@@ -177,7 +179,7 @@ def outdated_rows() -> set[str]:
     return outdated
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_baselines_are_of_the_tasks_and_configurations_as_they_are() -> None:
     """The page marks rows that were made before the physics or the reward of their task changed.
 
@@ -209,15 +211,3 @@ def test_docstrings_have_gymnasiums_headings() -> None:
     for row in writer.ENVIRONMENTS:
         text = writer.docstring(row)
         assert [h for h in headings if f"## {h}\n" not in text] == [], row.id
-
-
-def test_every_module_of_the_reference_shows_functions_or_classes() -> None:
-    """A package shows what its ``__all__`` names; without one, only what it defines itself."""
-    listed = re.findall(r"^   (springgym[\w.]*)$", (DOCS / "api.md").read_text(encoding="utf-8"), re.M)
-    assert len(listed) > 30
-    for name in listed:
-        module = import_module(name)
-        shown = getattr(module, "__all__", None) or [
-            own for own, value in vars(module).items() if getattr(value, "__module__", None) == name
-        ]
-        assert any(callable(getattr(module, own)) and not own.startswith("_") for own in shown), name

@@ -1,6 +1,6 @@
 """A scene pays for what it has, and what it has at zero strength changes no bit of the motion.
 
-The features of `springgym bench`, each absent and then present with nothing to do.
+The features of `benchmarks.speed`, each absent and then present with nothing to do.
 """
 
 from __future__ import annotations
@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from springgym.bench.sections import all_features
+from benchmarks.speed import all_features
 from springgym.integrators import integrator
 from springgym.integrators.record import refusal
 from springgym.scene import Scene
 from springgym.simulator import PAPER_STEP, Simulator
 from springgym.surfaces import Bowl, floor
+from tests.params import slow_unless
 
 pytestmark = pytest.mark.own_kernels
 
@@ -77,20 +78,23 @@ surfaces are foreseen to give is added before dampers act, and taken back."""
 
 def case(name: str, method: str) -> Any:
     """Parameters of a test, left to slow runs where other cases are compiled for the same."""
-    quick = (name in AT_ONCE and method == "verlet") or (name, method) == TWICE[0]
-    return pytest.param(name, method, marks=[] if quick else [pytest.mark.slow])
+    return pytest.param(name, method, marks=slow_unless((name, method) == ("without surfaces", "verlet")))
 
 
 CASES = [
     case(name, method)
-    for method in ("verlet", "rk4", "pefrl")
-    for name, (_, on, options, _) in ABSENT_AND_IDLE.items()
-    if refusal(integrator(method), on, options.get("varying", ())) is None and (name, method) not in TWICE
+    for name, method in [
+        *((name, "verlet") for name in ABSENT_AND_IDLE),
+        *((name, "rk4") for name in ("without surfaces", "ledger")),
+        *((name, "pefrl") for name in ("gravity", "damping")),
+    ]
+    if refusal(integrator(method), ABSENT_AND_IDLE[name][1], ABSENT_AND_IDLE[name][2].get("varying", ()))
+    is None
+    and (name, method) not in TWICE
 ]
 
 
 @pytest.mark.parametrize(("name", "method"), CASES)
-@pytest.mark.often("without surfaces-verlet")
 def test_idle_is_absent_to_the_bit(name: str, method: str) -> None:
     off, on, options, values = ABSENT_AND_IDLE[name]
     without, idle = moved(off, method), moved(on, method, values, **options)
@@ -99,7 +103,7 @@ def test_idle_is_absent_to_the_bit(name: str, method: str) -> None:
 
 
 @pytest.mark.parametrize(("name", "method"), [case(*each) for each in TWICE])
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_idle_is_absent_but_for_rounding(name: str, method: str) -> None:
     off, on, options, values = ABSENT_AND_IDLE[name]
     np.testing.assert_allclose(moved(on, method, values, **options), moved(off, method), rtol=0, atol=1e-10)

@@ -15,13 +15,13 @@ from hypothesis.extra.numpy import arrays
 from springgym.bodies import start, top
 from springgym.core.blocks import (
     aligned_zeros,
+    ascending,
     block_array,
     flat_numbers,
     numbers,
     put,
     set_copies,
     to_copies,
-    within,
 )
 from springgym.core.compiling import kernel
 from springgym.core.lanes import (
@@ -40,11 +40,13 @@ from springgym.core.lanes import (
 )
 from springgym.scene import Scene, WrenchActuator
 from springgym.simulator import Simulator
+from tests.params import slow_but
 
 pytestmark = pytest.mark.own_kernels
 
 WIDTHS = (1, 8, 16)
 DTYPES = (np.float32, np.float64)
+KINDS = [(1, np.float64), (16, np.float32), (8, np.float64), (1, np.float32)]
 
 
 @kernel
@@ -116,11 +118,9 @@ def numbers_of(dtype: Any) -> st.SearchStrategy[float]:
     return st.floats(width=np.dtype(dtype).itemsize * 8)  # infinities, NaN and subnormals among them
 
 
-@pytest.mark.parametrize("dtype", DTYPES)
-@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize(("width", "dtype"), slow_but(KINDS, (1, np.float64), (16, np.float32)))
 @settings(deadline=None, max_examples=100)
 @given(data=st.data())
-@pytest.mark.often("1-float64", "16-float32")
 def test_operations(width: int, dtype: Any, data: st.DataObject) -> None:
     """Each operation gives, to the bit, what NumPy gives number by number."""
     a, b = (data.draw(arrays(dtype, width, elements=numbers_of(dtype))) for _ in range(2))
@@ -144,11 +144,9 @@ def fuse(a: Any, b: Any, c: Any, out: Any) -> float:
     return multiply_add(c[0], c[0], c[0])
 
 
-@pytest.mark.parametrize("dtype", DTYPES)
-@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize(("width", "dtype"), slow_but(KINDS, (1, np.float64), (16, np.float32)))
 @settings(deadline=None, max_examples=100)
 @given(data=st.data())
-@pytest.mark.often("1-float64", "16-float32")
 def test_multiply_add_rounds_once(width: int, dtype: Any, data: st.DataObject) -> None:
     """No number is nearer to the exact a b + c, and lanes give what a number alone gives."""
     order_one = st.floats(-4.0, 4.0, width=32).map(lambda x: x + x * 2.0**-20)
@@ -207,12 +205,12 @@ def test_rows_of_a_batch(copies: int, dtype: Any) -> None:
     """What goes into blocks copy by copy comes out again, and only what was named is changed."""
     rows = np.arange(copies * 6).reshape(copies, 2, 3).astype(dtype)
     array = block_array(copies, (2, 3), dtype)
-    put(flat_numbers(array), np.arange(copies), rows.reshape(copies, 6).astype(float))
+    put(flat_numbers(array), np.arange(copies), rows.reshape(copies, 6).astype(float), math.inf)
     np.testing.assert_array_equal(to_copies(array, copies), rows)
     chosen = np.unique([0, copies // 2, copies - 1])
     for value, set_chosen in (
         (-1.0, lambda: set_copies(array, chosen, -1.0)),
-        (-2.0, lambda: put(flat_numbers(array), chosen, np.full((1, 6), -2.0))),
+        (-2.0, lambda: put(flat_numbers(array), chosen, np.full((1, 6), -2.0), 2.0)),
     ):
         set_chosen()
         rows[chosen] = value
@@ -220,13 +218,21 @@ def test_rows_of_a_batch(copies: int, dtype: Any) -> None:
     assert array.ctypes.data % 64 == 0
 
 
-def test_numbers_that_are_within_a_bound() -> None:
-    rows = np.linspace(-3.0, 3.0, 8).reshape(2, 4)
-    assert within(rows, 3.0)
-    assert not within(rows, 2.9)
+def test_numbers_beyond_a_bound_are_not_put() -> None:
+    rows, lanes = np.linspace(-3.0, 3.0, 8).reshape(2, 4), flat_numbers(block_array(2, (4,), np.float64))
+    assert not put(lanes, np.arange(2), rows, 2.9)
     for wrong in (math.nan, math.inf, -math.inf):
-        rows[1, 3] = wrong
-        assert not within(rows, 1e30)
+        assert not put(lanes, np.arange(2), np.where(rows == 3.0, wrong, rows), 1e30)
+    assert not lanes.any()
+    assert put(lanes, np.arange(0), rows, 3.0)
+    assert not lanes.any()
+    assert put(lanes, np.arange(2), rows, 3.0)
+    assert (rows == lanes[0, :, :2].T).all()
+
+
+def test_ascending_indices() -> None:
+    assert all(ascending(np.array(index, int), 5) for index in ([], [0], [4], [0, 1, 4]))
+    assert not any(ascending(np.array(index), 5) for index in ([5], [-1], [0, 0], [1, 0], [0, 5], [-1, 2]))
 
 
 COPIES = 2 * 16 + 3
@@ -237,7 +243,7 @@ def simulate(which: range, dtype: Any, integrator: str, threads: int = 1) -> lis
     """Positions, velocities and measures of some of `COPIES` tops that each start in their own way."""
     body = top(damping=100.0)
     tip = body.parts["tip"]
-    scene = Scene(body, pinned=tip, wrench=WrenchActuator(axial=False))
+    scene = Scene(body, pinned=tip, wrench=WrenchActuator(perpendicular=True))
     simulator = Simulator(
         scene, integrator=integrator, step=2e-4, copies=len(which), dtype=dtype, threads=threads
     )

@@ -1,8 +1,7 @@
-"""What is measured is told once: pages and source agree, and a source older than its code is told of."""
+"""What is measured is told once: pages and source agree, and a source older than the code is found."""
 
 from __future__ import annotations
 
-import ast
 import copy
 import re
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from springgym.accuracy.code import PACKAGE, PARTS, digests, meaning
+from benchmarks import conditions
 from springgym.registration import ENVIRONMENTS, VARIANTS, Row
 from tests.test_docs import page_writer
 
@@ -120,7 +119,7 @@ def test_a_name_that_is_not_there_is_told() -> None:
 
 def test_speeds_are_of_one_processor() -> None:
     """They stand in one table, under one line that says where they were measured."""
-    sections = (*MEASURED.OF_SIMULATION, "environments", "startup")
+    sections = ("kernel", "features", "peers", "equal-error", "sizes", "environments", "startup")
     where = {name: (REPORT[name]["measured"]["cpu"], REPORT[name]["measured"]["cores"]) for name in sections}
     assert len(set(where.values())) == 1, where
 
@@ -151,82 +150,46 @@ def usual(row: Row) -> str:
 # --- Source and code ----------------------------------------------------------------------------------
 
 
-def told(older: dict[str, list[str]]) -> str:
-    """Sections that are older than the same code, by that code."""
-    by_code: dict[str, list[str]] = {}
-    for name, parts in older.items():
-        by_code.setdefault(", ".join(parts), []).append(name)
-    return "; ".join(f"{', '.join(names)}: older than {parts}" for parts, names in by_code.items())
-
-
-def test_numbers_are_of_the_code_as_it_is() -> None:
-    """Not each change of the code is followed by an hour of measuring, but each run of the tests says so."""
-    if older := MEASURED.older(REPORT):
-        pytest.xfail(f"to be measured before a release. {told(older)}")
-
-
 @pytest.mark.slow
 def test_a_release_has_numbers_of_its_own_code() -> None:
     """Run what `CONTRIBUTING.md` lists under Releases."""
-    older = {name: parts for name, parts in MEASURED.older(REPORT).items() if name not in ELSEWHERE}
-    assert not older, told(older)
+    assert [name for name in MEASURED.older(REPORT) if name not in ELSEWHERE] == []
 
 
-def test_an_older_source_is_told() -> None:
-    now = {"measured": {"code": dict(digests())}}
-    then = {"measured": {"code": digests() | {"forces": "00000000"}}}
-    report = {"kernel": now, "errors": then, "peers": {"measured": {}}}
-    found = MEASURED.older(report)
-    assert found.keys() == {"errors", "peers"}
-    assert found["errors"] == ["forces"]
-    assert "envs" not in found["peers"]
-    assert "errors: older than forces" in told(found)
+def test_an_older_source_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    def git(command: str, *arguments: str) -> str | None:
+        assert command == "diff"
+        return {"old": "springgym/scene.py", "new": ""}.get(arguments[1])
+
+    monkeypatch.setattr(conditions, "git", git)
+    commits = {"kernel": "new", "errors": "old", "peers": "lost", "sizes": None}
+    report: dict[str, Any] = {name: {"measured": {"commit": commit}} for name, commit in commits.items()}
+    report |= {"accuracy": {"rope": {"measured": {"commit": "old"}}}, "learning": []}
+    assert MEASURED.older(report) == ["errors", "peers", "sizes", "accuracy"]
 
 
-SOURCE = '''"""A module."""
-import math
-
-HALF = 0.5
-"""What it is."""
-
-
-def fall(time: float) -> float:
-    """How far."""
-    if time < 0:
-        raise ValueError(f"time is {time}")
-    return HALF * math.pi * time**2  # not a constant of nature
-'''
+def test_a_commit_is_that_of_this_clone() -> None:
+    head = conditions.git("rev-parse", "HEAD")
+    if head is None:
+        pytest.skip("this is no clone")
+    found = conditions.conditions()["commit"]
+    assert head.startswith(found.removesuffix("-dirty"))
+    assert conditions.changed_since(head) == found.endswith("-dirty")
+    assert conditions.changed_since("0000000")
 
 
-@pytest.mark.parametrize(
-    ("old", "new"),
-    [
-        ('"""How far."""', '"""How far it falls."""'),
-        ('"""What it is."""\n', ""),
-        ("  # not a constant of nature", ""),
-        ("time: float", "time"),
-        ("time is {time}", "time is {time}; it must be positive"),
-        ("\n\n\ndef", "\n\ndef"),
-    ],
-)
-def test_words_do_not_make_numbers_old(old: str, new: str) -> None:
-    changed = SOURCE.replace(old, new)
-    assert changed != SOURCE
-    assert meaning(changed) == meaning(SOURCE)
-
-
-@pytest.mark.parametrize(("old", "new"), [("0.5", "0.25"), ("time < 0", "time <= 0"), ("time**2", "time**3")])
-def test_another_computation_makes_numbers_old(old: str, new: str) -> None:
-    assert meaning(SOURCE.replace(old, new)) != meaning(SOURCE)
-
-
-def test_all_that_is_simulated_with_counts() -> None:
-    """Each module is of a part, but those that only check, tell, or run the others."""
-    of_parts = {path for patterns in PARTS.values() for pattern in patterns for path in PACKAGE.glob(pattern)}
-    free = {"__init__", "__main__", "checks", "cli", "extras", "identity", "modelling"}
-    free |= {"contacts", "precompiling", "records", "registration", "scripts", "simulating", "strict_yaml"}
-    missing = {path for path in PACKAGE.glob("*.py") if path not in of_parts and path.stem not in free}
-    assert missing == set()
-    for pattern in (pattern for patterns in PARTS.values() for pattern in patterns):
-        assert list(PACKAGE.glob(pattern)), pattern
-    assert all(ast.parse(path.read_text(encoding="utf-8")) for path in of_parts if path.suffix == ".py")
+def test_a_measure_has_one_value_in_all_pages() -> None:
+    """Errors of an environment's step stand in tables of several pages."""
+    found: dict[str, set[str]] = {}
+    for page in (*MEASURED.PAGES, *sorted((ROOT / "docs" / "environments").glob("*.md"))):
+        head: list[str] = []
+        for line in page.read_text(encoding="utf-8").splitlines():
+            cells = [cell.strip() for cell in line.strip("|").split("|")] if line.startswith("|") else []
+            head = (head or cells) if cells else []
+            for name in {"error of a step", "median error"} & set(head):
+                if cells and cells[0].startswith("`Spring") and (len(cells) == len(head)):
+                    arguments = cells[head.index("arguments")] if "arguments" in head else ""
+                    value = f"{float(cells[head.index(name)]):.1e}"
+                    found.setdefault(f"{cells[0]} {arguments}", set()).add(value)
+    assert len(found) >= len(ENVIRONMENTS)
+    assert {name: values for name, values in found.items() if len(values) > 1} == {}

@@ -24,12 +24,13 @@ from springgym import precompiling
 from springgym.cli import main
 from springgym.core import compiling
 from springgym.core.compiling import INTELS, KERNELS, LEVELS, MADE, fitting_level, shipped
+from tests.params import slow_but
 from tests.test_compiling import FILES, RUN, finish, flipped, start
 
 pytestmark = pytest.mark.own_kernels
 
 ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT))
+sys.path.insert(0, str(ROOT / "tools"))
 
 import kernels  # noqa: E402
 
@@ -103,13 +104,6 @@ def test_what_cannot_be_compiled_is_told_in_a_line(
     assert error.count("\n") == 1
 
 
-def test_without_compiled_code_there_is_nothing_to_compile(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("SPRINGGYM_CPU", "host")
-    monkeypatch.setattr(compiling, "INTERPRETED", True)
-    with pytest.raises(ValueError, match="NUMBA_DISABLE_JIT is set, with which nothing is compiled"):
-        precompiling.compile_one(("SpringTop-v0", "single", "float64"))
-
-
 def test_environments_of_ones_own_are_found_by_their_module(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, own_ids: None
 ) -> None:
@@ -145,7 +139,7 @@ def test_a_level_is_of_processors_that_have_it(monkeypatch: pytest.MonkeyPatch) 
 
 
 @pytest.mark.skipif(not HAS_V3, reason="this processor has no AVX2")
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_code_of_a_level_is_found_by_who_is_told_the_level(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -214,8 +208,7 @@ def test_installed_code_is_found_without_being_told(wheel: Path, installed: Path
 
 
 @needs_level
-@pytest.mark.parametrize("told", ["host", "x86-64-v3"])
-@pytest.mark.often("host")
+@pytest.mark.parametrize("told", slow_but(["host", "x86-64-v3"], "host"))
 def test_who_says_what_to_compile_for_gets_that(
     told: str, wheel: Path, installed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -242,6 +235,9 @@ def with_(changes: dict[str, Any]) -> str:
         (with_({"NumPy": "1.0"}), "it is for NumPy 1.0, and this is "),
         (with_({"Numba": "0.1"}), "it is for Numba 0.1, and this is "),
         (with_({"levels": ["x86-64-v5"]}), "it is for processors of x86-64-v5, and this is one of "),
+        (with_({"levels": [1, None]}), "it is for processors of 1, None, and this is one of "),
+        (with_({"levels": 1}), "it is damaged (TypeError: "),
+        ("[" * 10**5, "it is damaged (RecursionError: "),
         ("{}", "it is damaged (KeyError: 'versions')"),
         ("", "it is damaged (JSONDecodeError: "),
     ],
@@ -269,7 +265,7 @@ def test_a_process_that_compiles_instead_says_so(wheel: Path, installed: Path, t
 
 
 @needs_level
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_a_broken_entry_of_installed_code_costs_a_compilation(
     wheel: Path, installed: Path, tmp_path: Path
 ) -> None:

@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
+import json
+import os
 import re
+import shutil
 import subprocess
 import sys
 import tomllib
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
 import yaml
 
 import springgym
-from tests.conftest import SELDOM, leave_to_slow_runs
 
 ROOT = Path(__file__).parents[1]
 TEMPLATES = sorted((ROOT / ".github" / "ISSUE_TEMPLATE").glob("*.yml"))
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
-sys.path.insert(0, str(ROOT))
+sys.path.insert(0, str(ROOT / "tools"))
 
+import readme_commands  # noqa: E402
 import rehearse  # noqa: E402
 import release  # noqa: E402
 
@@ -31,7 +33,8 @@ def project() -> dict[str, Any]:
     return found
 
 
-COLAB = "docs/notebooks/first.ipynb"
+ADDRESS = "https://github.com/mcd/springgym"
+COLAB = release.COLAB
 AUTHOR = project()["authors"][0]["name"]
 
 
@@ -40,7 +43,7 @@ def text(path: str) -> str:
 
 
 def test_version_authors_and_address_are_set_once() -> None:
-    """If this fails: ``python release.py --write``."""
+    """If this fails: ``python tools/release.py --write``."""
     version = springgym.__version__
     assert release.version() == version
     assert yaml.safe_load(text("CITATION.cff"))["version"] == version
@@ -48,46 +51,85 @@ def test_version_authors_and_address_are_set_once() -> None:
     assert f"\n## {version} (" in text("CHANGELOG.md")
     for path, wanted in release.repeated().items():
         assert text(path) == wanted, path
-    places = (*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), *(ROOT / "springgym").rglob("*.py"))
-    holding = {path.name for path in places if release.PLACEHOLDER in path.read_text(encoding="utf-8")}
-    assert holding <= {"citing.md", "index.md"}
+
+
+def test_addresses_stand_where_the_release_writes_them_and_nowhere_else() -> None:
+    kinds = ("*.md", "*.py", "*.toml", "*.cff", "*.yml", "*.ipynb")
+    folders = (".github", "agents", "configs", "docs", "springgym")
+    places = [*(path for kind in kinds for path in ROOT.glob(kind))]
+    places += [path for folder in folders for kind in kinds for path in (ROOT / folder).rglob(kind)]
+    assert len(places) > 300
+    own = re.compile(r"OWNER|github\.com/[\w-]+/springgym|[\w-]+\.github\.io/springgym")
+    holding = {
+        path.relative_to(ROOT).as_posix()
+        for path in places
+        if "_build" not in path.parts and own.search(path.read_text(encoding="utf-8"))
+    }
+    written = {"pyproject.toml", "CITATION.cff", "docs/citing.md", COLAB}
+    assert holding == (written if release.source() else set())
 
 
 @pytest.fixture
 def to_release(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A tree that can be released as v1.2.3, but for what a test does to it."""
-    pages = ("CHANGELOG.md", "CITATION.cff", "docs/citing.md", "docs/index.md", COLAB)
+    pages = ("CHANGELOG.md", "CITATION.cff", "README.md", "docs/citing.md", "docs/start.md", COLAB)
     for path in ("pyproject.toml", "springgym/__init__.py", *pages):
         (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / path).write_text(text(path), encoding="utf-8")
-    owned = re.sub(r"//[\w-]+(?=\.github\.io)", "//mcd", text("pyproject.toml"))
-    owned = re.sub(r"(?<=github\.com/)[\w-]+(?=/springgym)", "mcd", owned)
-    (tmp_path / "pyproject.toml").write_text(owned, encoding="utf-8")
     (tmp_path / "springgym" / "__init__.py").write_text('__version__ = "1.2.3"\n')
     log = "## 1.2.3 (2031-02-03)\n\n### Added\n- A [top](docs/top.md).\n\n## 1.2.2 (2030-01-01)\n\n- Old.\n"
     (tmp_path / "CHANGELOG.md").write_text(log)
     monkeypatch.setattr(release, "ROOT", tmp_path)
-    assert release.main(["--write"]) == 0
+    assert release.main(["--write", "--address", ADDRESS]) == 0
     return tmp_path
 
 
 def test_what_can_be_released(to_release: Path, capsys: pytest.CaptureFixture[str]) -> None:
     notes = to_release / "notes.md"
     assert release.main(["v1.2.3", "--notes", str(notes)]) == 0
-    address = "https://github.com/mcd/springgym/blob/v1.2.3/docs/top.md"
-    assert notes.read_text() == f"### Added\n- A [top]({address}).\n"
+    assert notes.read_text() == f"### Added\n- A [top]({ADDRESS}/blob/v1.2.3/docs/top.md).\n"
     citation = yaml.safe_load((to_release / "CITATION.cff").read_text())
     assert (citation["version"], citation["date-released"]) == ("1.2.3", "2031-02-03")
-    assert citation["repository-code"] == "https://github.com/mcd/springgym"
+    assert (citation["repository-code"], citation["url"]) == (ADDRESS, "https://mcd.github.io/springgym")
     citing = (to_release / "docs" / "citing.md").read_text()
-    assert "version = {1.2.3},\n  year    = {2031},\n  url     = {https://github.com/mcd/springgym}" in citing
+    assert f"version = {{1.2.3}},\n  year    = {{2031}},\n  url     = {{{ADDRESS}}},\n}}" in citing
+    urls = tomllib.loads((to_release / "pyproject.toml").read_text())["project"]["urls"]
+    assert (urls["Source"], urls["Issues"]) == (ADDRESS, f"{ADDRESS}/issues")
+    cell = json.loads((to_release / COLAB).read_text())["cells"][0]["source"]
+    assert f"(https://colab.research.google.com/github/mcd/springgym/blob/main/{COLAB})\n" in cell[2]
     assert capsys.readouterr().err == ""
+
+
+def test_the_address_can_be_written_again(to_release: Path) -> None:
+    before = {path: path.read_text() for path in to_release.rglob("*") if path.is_file()}
+    assert release.main(["--write", "--address", "https://github.com/other/springs"]) == 0
+    assert "/mcd/" not in "".join(path.read_text() for path in before)
+    assert release.main(["--write", "--address", ADDRESS]) == 0
+    assert {path: path.read_text() for path in before} == before
+    for wrong in (["v1.2.3", "--address", ADDRESS], ["--write", "--address", "github.com/mcd"]):
+        with pytest.raises(SystemExit):
+            release.main(wrong)
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/start.md"])
+def test_pages_say_that_springgym_is_on_pypi_once_it_is(page: str, to_release: Path) -> None:
+    before, after = (f"\n{release.ON_PYPI[released]}\n" for released in (False, True))
+    said = (to_release / page).read_text()
+    assert after in said
+    assert before not in said
+    log = to_release / "CHANGELOG.md"
+    log.write_text("## 1.2.3 (not released yet)\n\n- A top.\n")
+    assert release.main(["--write"]) == 0
+    assert (to_release / page).read_text() == said.replace(after, before)
+    (to_release / page).write_text(said.replace(after, "\n"))
+    with pytest.raises(ValueError, match=re.escape(f"{page} must say once")):
+        release.repeated()
 
 
 @pytest.mark.parametrize(
     ("path", "old", "new", "says"),
     [
-        ("pyproject.toml", "/mcd/", f"/{release.PLACEHOLDER}/", "still contain OWNER"),
+        ("pyproject.toml", "[project.urls]", "[tool.urls]", "pyproject.toml has no addresses"),
         (
             "springgym/__init__.py",
             "1.2.3",
@@ -104,8 +146,7 @@ def test_what_can_be_released(to_release: Path, capsys: pytest.CaptureFixture[st
         ("CHANGELOG.md", "### Added\n- A [top](docs/top.md).\n", "", "CHANGELOG.md has no entries for 1.2.3"),
         ("CITATION.cff", "1.2.3", "1.2.2", "CITATION.cff has another version, date"),
         ("docs/citing.md", "/mcd/", "/other/", "docs/citing.md has another version, date"),
-        ("docs/index.md", "/mcd/", "/other/", "docs/index.md has another version, date"),
-        (COLAB, "git+https://github.com/mcd/", "git+https://github.com/x/", f"{COLAB} has another"),
+        ("README.md", release.ON_PYPI[True], release.ON_PYPI[False], "README.md has another version"),
         (COLAB, "github/mcd/springgym/blob", "github/x/springgym/blob", f"{COLAB} has another"),
         ("pyproject.toml", AUTHOR, "J. McDonald", "CITATION.cff has another version, date"),
     ],
@@ -122,18 +163,75 @@ def test_what_cannot_be_released(
     assert not (to_release / "notes.md").exists()
 
 
-def test_links_of_what_is_uploaded_are_whole() -> None:
-    source = f"{project()['urls']['Source']}/"
+def test_links_of_what_is_uploaded_are_whole(to_release: Path) -> None:
     uploaded = release.with_addresses(text("README.md"))
     links = re.findall(r'\]\(([^)\s]+)\)|(?:src|href)="([^"]+)"', uploaded)
     assert len(links) > 20
     for one, other in links:
         link = one or other
         assert re.match(r"https?://|#", link), link
-        if link.startswith(source):
-            kind, tag, path = link.removeprefix(source).split("/", 2)
-            assert (kind, tag) == ("raw" if other else "blob", f"v{springgym.__version__}")
+        if link.startswith(f"{ADDRESS}/"):
+            kind, tag, path = link.removeprefix(f"{ADDRESS}/").split("/", 2)
+            assert (kind, tag) == ("raw" if other else "blob", "v1.2.3")
             assert (ROOT / path.partition("#")[0]).exists(), link
+
+
+def test_the_readme_has_the_commands_of_the_main_job_and_of_the_tests() -> None:
+    main, tests = readme_commands.commands(text("README.md"))
+    install = '.venv/bin/pip install -c constraints.txt -e ".[{}]" && .venv/bin/{}'
+    assert main == f"python3 -m venv .venv && {install.format('agents', 'springgym train SpringTop-v0')}"
+    assert tests == install.format("test", "python -m pytest")
+    assert {"agents", "test"} <= project()["optional-dependencies"].keys()
+
+
+def block(command: str) -> str:
+    return f"Text.\n\n```sh\n{command}\n```\n"
+
+
+JOB, TESTS = "echo .venv/springgym train Top", "echo .venv/python -m pytest && {} && echo 2 passed"
+
+
+def ci_run(folder: Path, *blocks: str) -> subprocess.CompletedProcess[str]:
+    """Run the script of continuous integration over another README."""
+    for path in (".ci/run", "tools/readme_commands.py"):
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / path, folder / path)
+    (folder / "README.md").write_text("".join(map(block, blocks)), encoding="utf-8")
+    command = [shutil.which("bash") or "bash", ".ci/run"]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="it is a script of bash")
+def test_ci_runs_the_commands_of_the_readme(tmp_path: Path) -> None:
+    done = ci_run(tmp_path, JOB, "# Optional\nfalse", TESTS.format("true"))
+    assert done.returncode == 0, done.stderr
+    told, job, said, tests, last = done.stdout.splitlines()
+    venv = tests.removesuffix("/python -m pytest")
+    assert told == f"== {JOB}".replace(".venv", venv)
+    assert said == f"== {TESTS}".replace(".venv", venv).format("true")
+    assert job.startswith(f"{venv}/springgym train Top --timesteps ")
+    assert not Path(venv).parent.exists()
+    assert last == "2 passed"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="it is a script of bash")
+@pytest.mark.parametrize(
+    "blocks",
+    [
+        (),
+        (JOB,),
+        (TESTS.format("true"), JOB),
+        (JOB, JOB, TESTS.format("true")),
+        (f"{JOB}\n{JOB}", TESTS.format("true")),
+        (JOB, TESTS.format("false")),
+        (f"false && {JOB}", TESTS.format("true")),
+    ],
+    ids=["nothing", "no tests", "turned round", "three", "two lines", "tests fail", "the job fails"],
+)
+def test_ci_fails_where_a_command_fails_or_is_missing(blocks: tuple[str, ...], tmp_path: Path) -> None:
+    done = ci_run(tmp_path, *blocks)
+    assert done.returncode != 0
+    assert "2 passed" not in done.stdout.splitlines()
 
 
 def test_citation_has_what_its_format_asks_for() -> None:
@@ -195,19 +293,6 @@ def test_workflows_try_what_is_promised() -> None:
     assert {systems[row["os"]] for row in rows} == {w[-1] for w in promised if w[0] == "Operating System"}
 
 
-def test_every_test_belongs_to_one_part_of_the_slow_ones() -> None:
-    job = yaml.safe_load(text(".github/workflows/nightly.yml"))["jobs"]["slow"]
-    assert job["steps"][-1]["run"] == "nox -s slow -- ${{ matrix.part }}"
-    found = [
-        file
-        for part in job["strategy"]["matrix"]["part"]
-        for pattern in part.split()
-        for path in ROOT.glob(pattern)
-        for file in (path.rglob("test_*.py") if path.is_dir() else [path])
-    ]
-    assert sorted(found) == sorted((ROOT / "tests").rglob("test_*.py"))
-
-
 def test_the_rehearsal_tries_lower_bounds_and_tests_that_there_are() -> None:
     bounds = [re.match(r"(\w+)>=([\d.]+)", wanted) for wanted in project()["dependencies"]]
     lowest = {bound[1]: bound[2] for bound in bounds if bound}
@@ -219,7 +304,7 @@ def test_the_rehearsal_tries_lower_bounds_and_tests_that_there_are() -> None:
     assert tuple(map(int, promised.groups())) == rehearse.LOWEST_ON
     assert [path for path in rehearse.TESTS if not (ROOT / path).exists()] == []
     assert f"def test_{rehearse.SKIPPED}_runs(" in text("tests/test_pages.py")
-    for code in (rehearse.STEP, rehearse.AGENT, rehearse.AT_ONCE, rehearse.EVERY):
+    for code in (rehearse.STEPS.read_text(encoding="utf-8"), rehearse.AT_ONCE, rehearse.EVERY):
         compile(code, "rehearse.py", "exec")
 
 
@@ -243,33 +328,3 @@ def test_site_builds_without_a_warning_and_needs_no_other_host(tmp_path: Path) -
             page.read_text(encoding="utf-8"),
         )
         assert [url for pair in loaded for url in pair if re.match(r"(https?:)?//", url)] == [], page
-
-
-def collected(case: str, *marks: pytest.MarkDecorator) -> Any:
-    """Return what is asked of a test that pytest has collected."""
-    held = [mark.mark for mark in marks]
-    return SimpleNamespace(
-        nodeid=f"test_it.py::test_it[{case}]",
-        callspec=SimpleNamespace(id=case),
-        stash={},
-        get_closest_marker=lambda name: next((mark for mark in held if mark.name == name), None),
-        add_marker=lambda name: held.append(getattr(pytest.mark, name).mark),
-    )
-
-
-def test_what_is_seldom_is_slow_and_shares_kernels() -> None:
-    often, seldom, slow = pytest.mark.often("verlet", "rk*"), pytest.mark.seldom("*-rk4"), pytest.mark.slow
-    given = [
-        (collected("verlet", often), False, False),
-        (collected("rk4", often), False, False),
-        (collected("dopri5", often), True, True),
-        (collected("top-rk4", seldom), True, True),
-        (collected("top-verlet", seldom), False, False),
-        (collected("rk4", often, pytest.mark.seldom), True, True),
-        (collected("dopri5", often, slow), True, False),  # which compiles what users do
-    ]
-    assert leave_to_slow_runs(item for item, *_ in given) == set()
-    for item, is_slow, shares in given:
-        assert (item.get_closest_marker("slow") is not None) == is_slow
-        assert item.stash.get(SELDOM, False) == shares
-    assert leave_to_slow_runs([collected("verlet", often)]) == {"test_it.py::test_it: rk*"}

@@ -1,19 +1,10 @@
 """Rigid bodies that collide: momenta, energy, restitution, friction, pins and balls, and the springs' limit.
 
 All scenes have all kinds of terms (`tests.collisions.stepped.full`), so that their kernels are compiled once:
-that takes a minute, in slow runs. Every run has an impact by plain Python, see `springgym.core.plain`:
-
-NUMBA_DISABLE_JIT=1 python -m tests.test_rigid_collisions    # print what Python computes
+that takes a minute. Every run has one impact; the others are of slow runs.
 """
 
 from __future__ import annotations
-
-import json
-import os
-import subprocess
-import sys
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -42,9 +33,14 @@ def contact(friction: float = 0.0, restitution: float = 1.0) -> Contact:
 # --- In every run ---------------------------------------------------------------------------------------
 
 
-def struck() -> dict[str, Any]:
-    """Simulate a cube that strikes and rubs another off its middle; return what is kept and lost."""
-    simulator = Simulator(pair(CUBE, contact(0.3, 0.5)), dynamics="rigid", step=2e-3)
+def test_an_impact() -> None:
+    """A cube strikes and rubs another off its middle.
+
+    Momenta are kept to rounding, and what friction and loss take is entered.
+    The impulse J is (1 + e) v m/2, by a restitution that is the law's to .04, as below, and to as much again
+    as friction turns the bodies meanwhile. What slips all the time is rubbed by no more than μ J.
+    """
+    simulator = full(pair(CUBE, contact(0.3, 0.5)), dynamics="rigid", step=2e-3)
     x = simulator.scene.positions.copy()
     v = np.zeros_like(x)
     x[8:] = np.add(x[:8], (1.012, 0.2, 0.0))
@@ -53,42 +49,16 @@ def struck() -> dict[str, Any]:
     before = simulator.measure()
     simulator.advance(16)
     after, told = simulator.measure(), simulator.pairs()
-    return {
-        "momenta": [[*m.momentum[0], *m.angular_momentum[0]] for m in (before, after)],
-        "balance": [float(m.balance[0]) for m in (before, after)],
-        "losses": [float(after.friction_loss[0]), float(after.contact_loss[0])],
-        "told": [float(of[0, 0]) for of in (told.friction_loss, told.contact_loss)],
-        "impulse": float(told.impulse[0, 0]),
-        "velocity": simulator.measure("second").centre_velocity[0].tolist(),
-    }
-
-
-def test_an_impact_by_plain_python() -> None:
-    """Momenta are kept to rounding, and what friction and loss take is entered.
-
-    The impulse J is (1 + e) v m/2, by a restitution that is the law's to .04, as below, and to as much again
-    as friction turns the bodies meanwhile. What slips all the time is rubbed by no more than μ J.
-    """
-    command = [sys.executable, "-m", "tests.test_rigid_collisions"]
-    env = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
-    done = subprocess.run(
-        command,
-        env=env,
-        cwd=Path(__file__).parents[1],
-        check=True,
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
-    found = json.loads(done.stdout)
-    np.testing.assert_allclose(*found["momenta"], rtol=0, atol=1e-13)
-    np.testing.assert_allclose(*found["balance"], rtol=1e-6)
-    np.testing.assert_allclose(found["told"], found["losses"], rtol=1e-12)
-    assert min(found["losses"]) > 0.02
-    along, across, _ = found["velocity"]
-    assert CUBE.mass * along == pytest.approx(found["impulse"], rel=1e-3)
-    assert found["impulse"] == pytest.approx((1 + 0.5) * CUBE.mass / 2, abs=2 * 0.04 * CUBE.mass / 2)
-    assert 0.9 * 0.3 * found["impulse"] < CUBE.mass * across <= 0.3 * found["impulse"]
+    losses = after.friction_loss[0], after.contact_loss[0]
+    impulse, (along, across, _) = told.impulse[0, 0], simulator.measure("second").centre_velocity[0]
+    np.testing.assert_allclose(before.momentum, after.momentum, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(before.angular_momentum, after.angular_momentum, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(before.balance, after.balance, rtol=1e-6)
+    np.testing.assert_allclose((told.friction_loss[0, 0], told.contact_loss[0, 0]), losses, rtol=1e-12)
+    assert min(losses) > 0.02
+    assert CUBE.mass * along == pytest.approx(impulse, rel=1e-3)
+    assert impulse == pytest.approx((1 + 0.5) * CUBE.mass / 2, abs=2 * 0.04 * CUBE.mass / 2)
+    assert 0.9 * 0.3 * impulse < CUBE.mass * across <= 0.3 * impulse
 
 
 # --- Free bodies ----------------------------------------------------------------------------------------
@@ -363,7 +333,3 @@ def test_a_rod_that_collides_is_refused_with_the_reason() -> None:
     scene = Scene(bodies=(Placed(CUBE, name="a"), Placed(rod, away, name="b")), collisions="all")
     with pytest.raises(ValueError, match="one line"):
         Simulator(scene, dynamics="rigid")
-
-
-if __name__ == "__main__":
-    print(json.dumps(struck()))

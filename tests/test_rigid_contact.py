@@ -15,6 +15,7 @@ from springgym.simulator import Simulator
 from springgym.surfaces import Bowl, Contact, PaperContact, Pipe, Plane, floor, waves
 from springgym.theory import contact as theory
 from tests.forces.test_contact import VARYING
+from tests.params import slow_but
 
 CUBE = cube(damping=0.0)
 STRENGTH, REACH = 0.05, 0.02
@@ -106,8 +107,7 @@ def test_calls_of_a_and_b_steps_are_one_of_both_and_a_state_restores_an_impact()
     np.testing.assert_array_equal(parts.positions, after)
 
 
-@pytest.mark.parametrize(("friction", "restitution"), [(0.6, 1.0), (0.6, 0.5)])
-@pytest.mark.often("0.6-1.0")
+@pytest.mark.parametrize(("friction", "restitution"), slow_but([(0.6, 1.0), (0.6, 0.5)], (0.6, 1.0)))
 def test_the_ledger_closes_with_friction_and_loss(friction: float, restitution: float) -> None:
     began = thrown(8, 4.0, 1.0)
     simulator = throw(began, contact(friction, restitution), 1e-3)
@@ -143,7 +143,7 @@ def test_nothing_gets_through_at_20_m_per_s_and_100_rad_per_s_in_a_corner_of_thr
         pytest.param((waves(0.1, 2.0, 3.0, 0.1, level=-0.1),), id="waves", marks=pytest.mark.slow),
     ],
 )
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_energy_is_kept_on_curved_surfaces_at_either_step(surfaces: tuple) -> None:
     began = thrown(8, 3.0, 1.0)
     coarse, low = worst_balance(throw(began, contact(), 1e-3, surfaces), 2.0)

@@ -110,7 +110,7 @@ def test_verlet_keeps_lz() -> None:
     assert drift_of_lz("verlet", 5e-4) < 1e-10
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_rk4_loses_lz() -> None:
     """RK4 keeps L_z to its order only: at the paper's step it loses more than a millionth in 10 s."""
     coarse, fine = drift_of_lz("rk4", 5e-4), drift_of_lz("rk4", 2.5e-4)

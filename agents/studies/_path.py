@@ -1,6 +1,7 @@
-"""Put ``agents/`` on the path of a script in this folder, which imports this module before others of it."""
+"""Put ``agents/`` and the clone on the path of a script in this folder, which imports this one first."""
 
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+AGENTS = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(AGENTS), str(AGENTS.parent)]

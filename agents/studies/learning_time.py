@@ -31,7 +31,7 @@ from runs import HELD_OUT_SEED, Run, create_run, write_rows
 from tqdm import tqdm
 from train import begin_with_imitation
 
-from springgym.accuracy import conditions
+from benchmarks.conditions import conditions
 from springgym.cli import guarded
 from springgym.envs.sb3 import StaggeredMonitor
 from springgym.strict_yaml import read_yaml

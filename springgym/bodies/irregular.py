@@ -13,8 +13,11 @@ import numpy as np
 
 from springgym.bodies import surface
 from springgym.bodies.body import Body, rigid_motions, rigidity_matrix
-from springgym.checks import TINY, array, chosen, instance, number, shown
+from springgym.checks import TINY, array, chosen, instance, number, shown, unreadable
 from springgym.extras import missing
+
+LARGEST = 100_000_000
+"""Largest size of a mesh file [bytes]."""
 
 MOST_VERTICES = 400
 """Most vertices of a body. More particles would be so light that only tiny steps are stable, and the search
@@ -151,8 +154,8 @@ def read_mesh(path: str | Path, scale: float) -> tuple[str, np.ndarray, np.ndarr
         raise ImportError(missing("reading a mesh", "trimesh", "mesh")) from error
     scale = number("scale", scale, low=TINY)
     path = Path(instance("path", path, str, PathLike))
-    if not path.is_file():
-        raise FileNotFoundError(f"there is no mesh file {path}")
+    if why := unreadable(path, LARGEST):
+        raise FileNotFoundError(f"there is no mesh file {path}: {why}")
     try:
         mesh = trimesh.load_mesh(path)
     except Exception as error:  # its readers raise whatever they stumble over

@@ -1,8 +1,8 @@
 """Find which bodies of a scene collide, and how. `springgym.contact` computes with it."""
 
 from springgym.collisions.meeting import Collisions, Meeting, Meetings, Pair, meetings
-from springgym.collisions.overlap import check_apart, tell_ellipsoids
-from springgym.collisions.shape import Shape, as_met, place_ellipsoids, shape
+from springgym.collisions.overlap import check_apart
+from springgym.collisions.shape import Shape, as_met, shape
 
 __all__ = [
     "Collisions",
@@ -13,7 +13,5 @@ __all__ = [
     "as_met",
     "check_apart",
     "meetings",
-    "place_ellipsoids",
     "shape",
-    "tell_ellipsoids",
 ]

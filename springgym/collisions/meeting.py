@@ -29,7 +29,7 @@ class Pair:
     contact
         How they meet; as the scene's contact says if not given. Its Δ is by default `REACH` of the smaller
         body's `Body.swept`, and c the `derived_strength` of the softer body's largest stiffness and the
-        reduced mass. The springs of a sphere that turns, of an ellipsoid and of a body that is pinned do not
+        reduced mass. The springs of a sphere that turns and of a body that is pinned do not
         count: contacts do not strain them. If no others are left, c is that of `strength_of_impact`.
 
     Raises

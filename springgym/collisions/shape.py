@@ -34,10 +34,7 @@ class Shape(NamedTuple):
     """whether the body is a sphere that turns, whose first particle contacts see at its centre of mass, see
     `as_met`"""
     skin: bool = False
-    """whether friction acts at its skin, and so turns it: a sphere, a capsule or an ellipsoid"""
-    ellipsoid: bool = False
-    """whether the body is an ellipsoid; the radius is then that of the sphere about its centre of mass that
-    encloses it"""
+    """whether friction acts at its skin, and so turns it: a sphere or a capsule"""
 
 
 @lru_cache(maxsize=1024)
@@ -53,12 +50,7 @@ def shape(body: Body) -> Shape:
             rod = ends[None]
             return Shape(ends, body.triangles, rod, body.rounds[0].extent, rod, skin=True)
         radius = _radius_about_centre(body)
-        sphere = Shape(np.zeros(1, int), body.triangles, none, radius, none, turns=True, skin=True)
-        if radius == 0 and _is_ellipsoid(body):
-            feature = body.rounds[0]
-            enclosing = feature.extent + float(np.linalg.norm(feature.centre - body.centre))
-            return sphere._replace(radius=enclosing, ellipsoid=True)
-        return sphere
+        return Shape(np.zeros(1, int), body.triangles, none, radius, none, turns=True, skin=True)
     return Shape(np.arange(len(body.masses)), body.triangles, body.springs, body.radius, body.springs)
 
 
@@ -68,11 +60,6 @@ def _radius_about_centre(body: Body) -> float:
     about = np.abs(feature.centre - body.centre).max() <= ABOUT * feature.extent
     whole = _is_ball(feature) and _carried(feature, body)
     return feature.extent if len(body.rounds) == 1 and about and whole else 0.0
-
-
-def _is_ellipsoid(body: Body) -> bool:
-    """Tell whether a body's only feature is an ellipsoid that all its particles carry."""
-    return len(body.rounds) == 1 and _carried(body.rounds[0], body)
 
 
 def _ends_of_capsule(body: Body) -> np.ndarray:
@@ -120,30 +107,6 @@ def as_met(
     return positions
 
 
-def place_ellipsoids(
-    shapes: Sequence[Shape], bodies: Sequence[Body], starts: np.ndarray, positions: np.ndarray
-) -> dict[int, np.ndarray]:
-    """Return centre, axes and semi-axes (…, 5, 3) [m] of each ellipsoid, by the numbers of their bodies.
-
-    The ``positions`` (…, N, 3) are of all particles; see `springgym.contact.ellipsoids`.
-    """
-    found = {}
-    for n in (n for n, shape in enumerate(shapes) if shape.ellipsoid):
-        body, x = bodies[n], positions[..., starts[n] : starts[n] + len(bodies[n].masses), :]
-        feature = body.rounds[0]
-        semi, axes = feature.principal()
-        moments = body.masses[:, None] * (body.positions - body.centre)
-        first, _, last = np.linalg.svd(np.einsum("...ni,nj->...ij", x, moments))
-        turn = first @ last
-        middle = np.einsum("n,...ni->...i", body.masses / body.mass, x)
-        rows = np.empty((*x.shape[:-2], 5, 3))
-        rows[..., 0, :] = middle + turn @ (feature.centre - body.centre)
-        rows[..., 1:4, :] = np.swapaxes(turn @ axes, -1, -2)
-        rows[..., 4, :] = semi
-        found[n] = rows
-    return found
-
-
 def check_shape(name: str, body: Body, reach: float, held: bool = False) -> None:
     """Refuse a body that cannot collide with a reach Δ [m]; ``held`` says that it is pinned in part.
 
@@ -167,8 +130,9 @@ def _unfit(body: Body, reach: float, held: bool) -> str | None:
     if given.turns:
         if given.radius == 0:
             return (
-                "of round features, others meet a single ellipsoid, or two spheres of one radius about two "
-                "particles, as `capsule` has; all particles carry them"
+                "only surfaces meet ellipsoids and disks. Other bodies meet one sphere about the centre of "
+                "mass, as `rolling_ball` has, or two of one radius about two particles, as `capsule` has, if "
+                "all particles carry them"
             )
     elif not len(given.triangles):
         if given.radius == 0:

@@ -18,12 +18,9 @@ beginning: where the lines passed through each other since then, d is negative.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from springgym.contact.lists import NONE, Lists, Near, Quad, Search, Touch
-from springgym.contact.rows import FAR
+from springgym.contact.records import FAR, NONE, ContactRows, Lists, Near, Pairs, Quad, Search, Touch
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
 from springgym.core.lanes import (
@@ -51,11 +48,6 @@ from springgym.core.vectors import (
     unit,
     vec,
 )
-
-if TYPE_CHECKING:
-    from springgym.contact.pairs import Pairs
-    from springgym.contact.rows import ContactRows
-
 
 TIE, ROUGH = 1e-6, 8192.0
 """Share of h² in the key of a triangle, and what each `epsilon` adds: 1e-3 in single precision."""

@@ -23,21 +23,18 @@ Rigid bodies are pushed at one point (`springgym.contact.solids`), where j leave
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from springgym.contact.cone import within_cone
-from springgym.contact.ellipsoids import without_turning_by_push
-from springgym.contact.round import PASSES
+from springgym.contact.records import FRICTION, PASSES, ContactRows, Problem, Resistance, Solids, Spheres
 from springgym.contact.rows import add_loss
 from springgym.contact.solids import among_going, between, inverse_mass_of_both, push_both
 from springgym.contact.spheres import (
     at_one_point,
     inverse_mass_by_turning,
-    left_to_face,
+    skins,
     slip_by_turning,
     turn_by_friction,
 )
-from springgym.contact.totals import FRICTION, add_to
+from springgym.contact.totals import add_to
 from springgym.contact.turning import energy_of_turning, stop_turning, without_turning
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
@@ -53,13 +50,6 @@ from springgym.core.vectors import (
     set_row,
     set_row_each,
 )
-
-if TYPE_CHECKING:
-    from springgym.contact.cone import Resistance, Stribeck
-    from springgym.contact.rows import ContactRows, Problem
-    from springgym.contact.solids import Solids
-    from springgym.contact.spheres import Spheres
-
 
 SHALLOW = 0.05
 """Where n is nearer to a face's plane than this sine, or along a rod, no friction acts: d/A has no bound."""
@@ -80,7 +70,7 @@ def lay_out(k: int, problem: Problem, friction: Numbers, spheres: Spheres | None
             apart = plus_scaled(apart, load(contacts.weight, 4 * k + j), row_of(x, k, j, contacts))
         d = dot(apart, n)
         if spheres is not None:
-            d = left_to_face(d, k, problem, spheres, contacts.ellipsoids)
+            d = d - skins(k, problem, spheres)
         first = row_of(x, k, 1, contacts)
         if contacts.members[k] == 4:
             crossed = crosses(k, contacts)
@@ -151,8 +141,7 @@ def stop_slip(v: Rows, k: int, limit: Number, acts: Mask, problem: Problem) -> N
     """Let friction stop what slips in contact k, in some lanes, or give as much as the push there allows."""
     contacts = problem.contacts
     given, slip = row(contacts.friction, k), slip_of(v, k, problem, contacts.solids)
-    before = slip_before(k, problem, problem.pairs.friction_law)
-    j = held_back(slip, before, k, given, limit, problem)
+    j = held_back(slip, k, given, limit, problem)
     push_across(v, k, j - given, acts, problem, contacts.solids)
     set_row(contacts.friction, k, choose(acts, j, given))
 
@@ -160,16 +149,15 @@ def stop_slip(v: Rows, k: int, limit: Number, acts: Mask, problem: Problem) -> N
 @compiled
 def hold(v: Rows, k: int, limit: Number, acts: Mask, problem: Problem, resistance: Resistance | None) -> None:
     """Let friction, and a couple if there is one, stop what slips and turns in contact k, in some lanes."""
+    resists = False
     if resistance is not None:
         p = problem.contacts.pair[k]
-        if resistance.rolling[p] + resistance.torsional[p] > 0.0:
+        resists = resistance.rolling[p] + resistance.torsional[p] > 0.0
+        if resists:
             stop_centre(v, k, limit, acts, problem)
-            for _ in range(PASSES):
-                stop_turning(v, k, acts, problem, resistance)
-                stop_slip(v, k, limit, acts, problem)
-        else:
-            stop_slip(v, k, limit, acts, problem)
-    else:
+    for _ in range(PASSES if resists else 1):
+        if resists:
+            stop_turning(v, k, acts, problem, resistance)
         stop_slip(v, k, limit, acts, problem)
 
 
@@ -184,7 +172,7 @@ def stop_centre(v: Rows, k: int, limit: Number, acts: Mask, problem: Problem) ->
         along = 1.0 / (sqrt(dot(slip, slip)) + TINY) * slip
         inverse = inverse_mass_along(along, k, problem, contacts.solids)
         slip, inverse = without_turning(slip, inverse, v, k, problem)
-        j = within_cone(-1.0 / (inverse + TINY) * slip, limit, inverse, slip, None, 0)
+        j = within_cone(-1.0 / (inverse + TINY) * slip, limit)
         push_across(v, k, j, fresh, problem, contacts.solids)
         set_row(contacts.friction, k, choose(fresh, j, given))
 
@@ -270,28 +258,18 @@ def inverse_mass_along(along: Vector, k: int, problem: Problem, solids: Solids |
 @compiled
 def inverse_mass_of_sides(along: Vector, k: int, problem: Problem, spheres: Spheres | None) -> Number:
     """Return W of contact k, and what the turning of spheres adds to it along a unit vector [1/kg]."""
-    inverse = without_turning_by_push(k, problem, problem.contacts.ellipsoids)
+    inverse = load(problem.contacts.inverse_mass, k)
     if spheres is not None:
         inverse = inverse + inverse_mass_by_turning(along, k, problem, spheres)
     return inverse
 
 
 @compiled
-def slip_before(k: int, problem: Problem, law: Stribeck | None) -> Vector:
-    """Return how contact k slips before the node [m/s], if its law of friction asks for it; else 0."""
-    if law is None:
-        return 0.0 * row(problem.contacts.normal, k)
-    return slip_of(problem.before, k, problem, problem.contacts.solids)
-
-
-@compiled
-def held_back(slip: Vector, before: Vector, k: int, given: Vector, limit: Number, problem: Problem) -> Vector:
+def held_back(slip: Vector, k: int, given: Vector, limit: Number, problem: Problem) -> Vector:
     """Return the impulse that stops a slip, besides what was ``given``; or as much as friction can give."""
     along = 1.0 / (sqrt(dot(slip, slip)) + TINY) * slip
     inverse = inverse_mass_along(along, k, problem, problem.contacts.solids)
-    wanted = given - 1.0 / (inverse + TINY) * slip
-    pairs, contacts = problem.pairs, problem.contacts
-    return within_cone(wanted, limit, inverse, before, pairs.friction_law, contacts.pair[k])
+    return within_cone(given - 1.0 / (inverse + TINY) * slip, limit)
 
 
 @compiled

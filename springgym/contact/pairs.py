@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from springgym.bodies import Body
 from springgym.collisions import Meetings, Shape
-from springgym.contact.cone import Resistance, Stribeck
+from springgym.contact.records import Shapes
 
 MOST_CONTACTS = 64
 """Contacts of a copy, for each of its bodies: beyond, they are counted and left out."""
@@ -20,59 +19,8 @@ PARALLEL = 2.0
 MOST_PARALLEL = 0.2
 
 
-SWEEPS, MORE_SWEEPS = 2, 8
-"""Sweeps, there and back, in which the impulses of contacts are found; and with ellipsoids, whose pushes and
-friction act on each other."""
-
-
-class Shapes(NamedTuple):
-    """The features of all bodies, one body after another, by the numbers of the scene's particles."""
-
-    vertices: np.ndarray
-    """(V, 1) the particle at each vertex"""
-    triangles: np.ndarray | None
-    """(T, 3) the particles at the corners of each triangle; None if no body has triangles"""
-    edges: np.ndarray | None
-    """(E, 2) the particles at the ends of each sharp edge, or rod of a body without triangles; None if no
-    body has any"""
-    start: np.ndarray
-    """(3, bodies + 1) where each body's vertices, triangles and edges begin, and the end"""
-    radius: np.ndarray
-    """(bodies,) [m] of balls and rods"""
-    rods: np.ndarray | None
-    """(bodies,) whether a body is of rods; None if none is"""
-    balls: np.ndarray | None
-    """(bodies,) whether a body is a ball; None if none is"""
-
-
-class Pairs(NamedTuple):
-    """The pairs of bodies that may meet; each array has shape (pairs,)."""
-
-    first: np.ndarray
-    """the index of the first body of each pair"""
-    second: np.ndarray
-    """the index of the second body of each pair"""
-    reach: np.ndarray
-    """the reach Δ, the gap below which contact repels both bodies [m]"""
-    least_reach: float
-    """the least Δ of all pairs [m]"""
-    parallel: np.ndarray
-    """σ², the square of the sine below which two edges count as parallel [1]"""
-    strength: np.ndarray
-    """c of the barrier [N·m²]"""
-    friction: np.ndarray | None
-    """μ [1]; None if no pair rubs"""
-    friction_law: Stribeck | None
-    """what the law of friction takes beside it; None if it is Coulomb's"""
-    resistance: Resistance | None
-    """the coefficients of rolling and torsional resistance of all pairs; None if all are zero"""
-    loss: np.ndarray | None
-    """β of restitution [1]; None if no pair loses any energy by it"""
-    shapes: Shapes
-    most: int
-    """how many contacts a copy can have"""
-    sweeps: int
-    """in how many sweeps impulses are found"""
+SWEEPS = 2
+"""Sweeps, there and back, in which the impulses of contacts are found."""
 
 
 def packed_shapes(shapes: Sequence[Shape], first: Sequence[int]) -> Shapes:

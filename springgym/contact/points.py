@@ -11,10 +11,9 @@ On a curved surface n is the discrete gradient of the height for the way, see
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
-
 from springgym.contact.cone import within_cone
 from springgym.contact.law import Span, meet
+from springgym.contact.records import Given, Surfaces
 from springgym.contact.surfaces import (
     coefficient,
     count,
@@ -28,11 +27,7 @@ from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Numbers, Vector
 from springgym.core.lanes import any_lane, epsilon, load, maximum, minimum, select, sqrt
 from springgym.core.vectors import choose, dot, plus_scaled, row, set_row, unit
-
-if TYPE_CHECKING:
-    from springgym.contact.surfaces import Surfaces
-    from springgym.forces import Terms
-
+from springgym.terms import Terms
 
 TURNS = 40
 """How often the surfaces that know of each other are taken in turn, at the most."""
@@ -46,17 +41,6 @@ rounded."""
 
 LIFTS = 4
 """Newton's steps that lift a node: of ground that is bent, as much as Δ, they leave 1e-9 of it."""
-
-
-class Given(NamedTuple):
-    """The impulses that surfaces give a particle at a node, as changes of its velocity."""
-
-    change: Vector
-    """change of velocity by the pushes of surfaces [m/s]"""
-    rub: Vector
-    """change of velocity by friction [m/s]"""
-    force: Vector
-    """Σ J n [m/s]: the work of the barriers is its product with the way, over the time"""
 
 
 @compiled
@@ -139,7 +123,7 @@ def impulses(
         rubbing = nothing
         if terms.friction is not None:
             left = choose(touched > 2.0, nothing, left)
-            rubbing = -1.0 * within_cone(left, mu * pressed, 1.0, speed, terms.friction_law, 0)
+            rubbing = -1.0 * within_cone(left, mu * pressed)
         if terms.surfaces.coupled is None:
             return Given(now, rubbing, pressing)
         going = active > 0.5

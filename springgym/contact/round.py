@@ -24,8 +24,8 @@ w′ = w friction that sticks is of first order in h: a disk precesses 1.6 % too
 the point of contact over its skin; for the rigid bodies that are the limit of stiff springs see Kane &
 Levinson, Int. J. Non-Linear Mech. 17 (1982) 175, doi:10.1016/0020-7462(82)90017-8.)
 
-Resistance to rolling and to spinning (`springgym.contact.cone.Resistance`) is a couple q, dry as friction is:
-what stops the part of ω across n, or along it, or as much as the push allows. ω is that of the feature's
+Resistance to rolling and to spinning (`springgym.contact.cone`) is a couple q, dry as friction is: what
+stops the part of ω across n, or along it, or as much as the push allows. ω is that of the feature's
 carriers, ω = I⁻¹ Σ mᵢ rᵢ × vᵢ with their arms rᵢ from their centre of mass and their inertia I, and a couple
 moves them by δvᵢ = (I⁻¹ q) × rᵢ. That is no momentum, the angular momentum q, and the work q · (ω₋ + ω₊)/2.
 Couple and friction act on each other. What would stop both the slip and the turning begins, and each then
@@ -46,7 +46,7 @@ less curved outwards than the surface is inwards.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -54,7 +54,8 @@ from springgym.bodies import Body
 from springgym.bodies.round import weights
 from springgym.contact.cone import part_resisted, within_cone
 from springgym.contact.law import Span, barrier_energy, meet
-from springgym.contact.surfaces import Surfaces, coefficient, count, standing, strength_and_reach
+from springgym.contact.records import LEAST, PASSES, Resistance, Rolling, Rounds, Surfaces
+from springgym.contact.surfaces import coefficient, count, standing, strength_and_reach
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
 from springgym.core.lanes import any_lane, epsilon, load, maximum, minimum, select, sqrt
@@ -72,11 +73,7 @@ from springgym.core.vectors import (
     unit,
     vec,
 )
-
-if TYPE_CHECKING:
-    from springgym.contact.cone import Resistance
-    from springgym.forces import Terms
-
+from springgym.terms import Terms
 
 TURNS = 40
 """How often the features and surfaces that know of each other are taken in turn, at the most."""
@@ -95,60 +92,9 @@ LOW, TAKEN = 1e-5, 0.2
 the skin in a step, as that of a coin that falls flat, that it is behind the surface. Its gaps are taken as
 farther by what lets it begin at the second, so that it is pushed out gently, and not within a step."""
 
-PASSES = 2
-"""Number of iterations, within a turn, that find the couple and the friction of a contact from each other."""
-
-LEAST = 0.01
-"""Least share of K by which friction is taken to change the slip of a feature that does not turn."""
-
 AWAY = 0.5
 """K is taken for at least this share of W: a flat disk has it less where the point that touches runs away
 within half a step, and there friction waits for the next."""
-
-
-class Rounds(NamedTuple):
-    """The round features of a body."""
-
-    first: np.ndarray
-    """(features,) index of the first carrier of each feature in the arrays of carriers below"""
-    behind: np.ndarray
-    """(features,) and where they end"""
-    particle: np.ndarray
-    """(carriers,)"""
-    base: np.ndarray
-    """(carriers,) weight of the feature's centre"""
-    slope: np.ndarray
-    """(carriers, 3) B [1/m]"""
-    matrix: np.ndarray
-    """(3 features, 3) rows of A [m²]"""
-
-
-class Rolling(NamedTuple):
-    """Workspace in which round features roll: of particles (N, 3), and of rows (rows, 3).
-
-    There is a row for each feature and surface.
-    """
-
-    velocity: Rows
-    """velocities after the node, with the impulses found so far [m/s]"""
-    change: Rows
-    """change of velocity by pushes [m/s]; this and the next two as `springgym.contact.points.Given`"""
-    rub: Rows
-    """change of velocity by friction [m/s]"""
-    force: Rows
-    """Σ J n [m/s]"""
-    point: Rows
-    """ξ − ξc of the support point [m]"""
-    normal: Rows
-    """n, of the surface"""
-    size: Rows
-    """the gap where the step begins, d + s where it was not missed [m], W n² [1/kg]"""
-    push: Rows
-    """J L [N·s], and J"""
-    friction: Rows
-    """j [N·s]"""
-    couple: Rows
-    """q [N·m·s], if the scene has rolling or torsional resistance"""
 
 
 class Way(NamedTuple):
@@ -521,7 +467,7 @@ def hold_back(r: int, e: int, k: int, going: Mask, problem: RoundProblem, fricti
     """
     changed = 0.0 * problem.span.out
     if friction is not None:
-        space, rounds = problem.space, problem.rounds
+        space = problem.space
         point, n, old = row(space.point, r), row(space.normal, r), row(space.friction, r)
         v, push = space.velocity, row(space.push, r)[0]
         there, slip = slip_at_end(e, k, v, problem, problem.carrier)
@@ -531,8 +477,7 @@ def hold_back(r: int, e: int, k: int, going: Mask, problem: RoundProblem, fricti
         inverse = maximum(inverse_mass(e, point, there, slip, problem, problem.carrier), least) + TINY
         wanted = old - 1.0 / inverse * slip
         limit = load(friction, 0) * sqrt(square) * push
-        before = at(e, point, Way(problem.before, None, None), rounds)
-        new = within_cone(wanted, limit, inverse, before, problem.terms.friction_law, 0)
+        new = within_cone(wanted, limit)
         new = choose(going, new, old)
         set_row(space.friction, r, new)
         give(e, point, new - old, v, problem, problem.carrier)
@@ -643,9 +588,8 @@ def hold_centre(
         whole = inverse_mass(e, point, there, direction, problem, carrier)
         inverse = maximum(whole - dot(direction, cross(spun, lever)), LEAST * whole) + TINY
         limit = load(friction, 0) * sqrt(dot(n, n)) * row(space.push, r)[0]
-        before = at(e, point, Way(problem.before, None, None), rounds)
         wanted = old - 1.0 / inverse * slip
-        new = within_cone(wanted, limit, inverse, before, problem.terms.friction_law, 0)
+        new = within_cone(wanted, limit)
         set_row(space.friction, r, new)
         give(e, point, new - old, v, problem, carrier)
 
@@ -689,7 +633,7 @@ def stop_turning(
         )
         direction = 1.0 / (sqrt(dot(rate, rate)) + TINY) * rate
         gives = dot(direction, turning_by(e, direction, carriers, problem, problem.carrier)) + TINY
-        change = within_cone(held - 1.0 / gives * rate, limit, gives, rate, None, 0) - held
+        change = within_cone(held - 1.0 / gives * rate, limit) - held
         change = choose(going, change, 0.0 * change)
         set_row(space.couple, r, old + change)
         twist(e, change, v, carriers, problem, problem.carrier)
@@ -703,9 +647,9 @@ def sum_up(problem: RoundProblem) -> None:
         for k in range(kinds):
             r = e * kinds + k
             point, n, push = row(space.point, r), row(space.normal, r), row(space.push, r)
-            give(e, point, push[0] * n, space.change, problem, None)
-            give(e, point, push[1] * n, space.force, problem, None)
-            give(e, point, row(space.friction, r), space.rub, problem, None)
+            impulses = push[0] * n, push[1] * n, row(space.friction, r)
+            for part, v in enumerate((space.change, space.force, space.rub)):
+                give(e, point, impulses[part], v, problem, None)
             sum_up_couple(r, e, problem, problem.terms.resistance)
 
 

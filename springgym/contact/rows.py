@@ -7,102 +7,14 @@ copy has, and in which order, does not depend on the others.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
-
 import numpy as np
 from numpy.typing import DTypeLike
 
-from springgym.contact.law import Span
-from springgym.contact.pairs import Pairs
+from springgym.contact.records import ContactRows, Pairs
 from springgym.core.blocks import aligned_zeros
 from springgym.core.compiling import compiled
-from springgym.core.kinds import Number, Numbers, Rows
+from springgym.core.kinds import Number
 from springgym.core.lanes import load, store
-
-if TYPE_CHECKING:
-    from springgym.contact.ellipsoids import Ellipsoids
-    from springgym.contact.solids import Solids
-    from springgym.contact.spheres import Spheres
-
-FAR = 1e9
-"""Distance [m] of what is no contact, in a lane where another copy has one."""
-
-MET, ROWS = range(2)
-"""The list of pairs that have contacts, and the rows of contacts."""
-
-
-class ContactRows(NamedTuple):
-    """The contacts of a node, a row each, with the impulses that they give."""
-
-    length: np.ndarray
-    """(2,) how many pairs have contacts, `MET`, and how many rows of contacts there are, `ROWS`"""
-    met: np.ndarray
-    """(pairs,) list of the pairs that have contacts, in ascending order"""
-    left_out: np.ndarray
-    """(pairs,) how many contacts there was no space for, at this node"""
-    have: np.ndarray
-    """(2,) how many contacts each copy has: in all, and of the pair that is looked at"""
-    pair: np.ndarray
-    """(rows,) the pair of bodies that meet in this contact, the same in all copies"""
-    members: np.ndarray
-    """(rows,) the number of particles of the contact, the same in all copies"""
-    particle: np.ndarray
-    """(4 rows,) the indices of these particles"""
-    weight: np.ndarray
-    """(4 rows,) the weights w of these particles in the way from one body to the other; they sum to 0"""
-    normal: np.ndarray
-    """(rows, 3) the normal n, from the second body to the first"""
-    gap: np.ndarray
-    """(rows,) the gap d between both bodies [m]; `FAR` in copies without this contact"""
-    share: np.ndarray
-    """(rows,) the factor Φ, 0 to 1, by which the strength c is multiplied where edges meet"""
-    approach: np.ndarray
-    """(rows,) the speed u₀ along the normal before the node [m/s]"""
-    gain: np.ndarray
-    """(4 rows,) w/m [1/kg]"""
-    inverse_mass: np.ndarray
-    """(rows,) the inverse mass W along the normal [1/kg]"""
-    impulse: np.ndarray
-    """(rows,) the impulse J along the normal [N·s]"""
-    friction: np.ndarray
-    """(rows, 3) the impulse of friction [N·s]"""
-    couple: np.ndarray
-    """(rows, 3) the angular impulse of the couple on the first body of the pair [N·m·s]"""
-    taper: np.ndarray
-    """(rows, 3) the impulse of the gradient of Φ [N·s]"""
-    tilt: np.ndarray
-    """(2 rows, 3) G and H; of a rod, G and the direction along it: see `springgym.contact.friction`"""
-    grips: np.ndarray
-    """(rows,) 1 where friction acts, else 0"""
-    losses: np.ndarray
-    """(pairs, 3) energy that a pair lost at this node: see `add_loss` [J]"""
-    solids: Solids | None
-    """the rigid bodies that contacts move; None where particles move by themselves"""
-    spheres: Spheres | None = None
-    """the spheres that turn, among bodies of springs; None if there are none"""
-    ellipsoids: Ellipsoids | None = None
-    """the ellipsoids among them; None if there are none"""
-
-
-class Problem(NamedTuple):
-    """All that the impulses of the contacts of a node follow from."""
-
-    span: Span
-    """the time of the node"""
-    rows: int
-    """how many rows of contacts there are"""
-    x: Rows
-    """(N, 3) positions of all particles at the node [m]"""
-    before: Rows
-    """(N, 3) velocities before it [m/s]; of rigid bodies, as `springgym.contact.solids.Solids` has them"""
-    inverse_mass: Numbers
-    """(N,) the inverse masses of the particles [1/kg]"""
-    pairs: Pairs
-    """the pairs of bodies, and what they are like"""
-    contacts: ContactRows
-    """the contacts, and where their impulses are written"""
-    totals: Numbers
-    """the totals of each pair, see `springgym.contact.totals`"""
 
 
 def new_contacts(pairs: Pairs, rows: int, dtype: DTypeLike) -> ContactRows:

@@ -23,11 +23,11 @@ made for all copies of a block, and what is found in one does not depend on anot
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeAlias
+from collections.abc import Callable
+from typing import TypeAlias
 
 import numpy as np
 
-from springgym.contact.ellipsoids import ellipsoid_ball, ellipsoid_faces, ellipsoid_rods, is_ellipsoid
 from springgym.contact.features import (
     ball_ball,
     begin,
@@ -38,9 +38,23 @@ from springgym.contact.features import (
     vertex_faces,
     vertex_rods,
 )
-from springgym.contact.lists import CLOSE, NONE, WATCHED, Lists, Near, Search
-from springgym.contact.rows import FAR, MET, ROWS, Problem
-from springgym.contact.sleep import looked_at, wake
+from springgym.contact.law import Span
+from springgym.contact.records import (
+    CLOSE,
+    FAR,
+    MET,
+    NONE,
+    ROWS,
+    WATCHED,
+    Collisions,
+    ContactRows,
+    Lists,
+    Near,
+    Pairs,
+    Problem,
+    Search,
+    Shapes,
+)
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Number, Numbers, Rows, Vector
 from springgym.core.lanes import any_lane, filled, load, load_each, maximum, minimum, select, sqrt, store
@@ -55,17 +69,6 @@ from springgym.core.vectors import (
     unit,
     vec,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from springgym.contact.ellipsoids import Ellipsoids
-    from springgym.contact.law import Span
-    from springgym.contact.pairs import Pairs, Shapes
-    from springgym.contact.rows import ContactRows
-    from springgym.contact.sleep import Sleep
-    from springgym.contact.totals import Collisions
-
 
 Indices: TypeAlias = "np.ndarray | None"
 """The features of a kind, by their particles; None if no body has any."""
@@ -134,16 +137,15 @@ def find_contacts(
     span: Span,
     collisions: Collisions,
     found_in: tuple[Lists, ContactRows],
-    passes: bool,
 ) -> Problem:
     """Find the contacts of all bodies at a node, and return the `Problem` that their impulses solve.
 
     The particles are at ``x`` (N, 3) and reach the node with velocities ``w`` (N, 3); ``before`` are those
     that contacts change: the same, or the motion of rigid bodies. ``found_in`` are the lists of candidates
-    and the rows of contacts. Bodies that sleep are woken, or left alone, where the node ``passes``.
+    and the rows of contacts.
     """
     lists, contacts = found_in
-    rows = find(x, w, span, collisions.pairs, lists, contacts, collisions.sleep, passes)
+    rows = find(x, w, span, collisions.pairs, lists, contacts)
     return Problem(span, rows, x, before, inverse_mass, collisions.pairs, contacts, collisions.totals)
 
 
@@ -155,49 +157,38 @@ def find(
     pairs: Pairs,
     lists: Lists,
     contacts: ContactRows,
-    sleep: Sleep | None,
-    passes: bool,
 ) -> int:
     """List the contacts of all pairs, and return how many rows that makes.
 
     ``w`` (N, 3) are the velocities before the node, and ``span`` is its time.
     """
     shapes, seen = pairs.shapes, Search(x, w, pairs, lists, contacts)
-    ellipsoids = contacts.ellipsoids
     measure_moved(x, w, span, pairs, lists)
     fresh = not all_far_are_far(lists)
     if fresh:
-        watch(x, w, span, pairs, lists, ellipsoids)
-    anew = not lists_hold(w, span, pairs, lists, ellipsoids) or fresh
+        watch(x, w, span, pairs, lists)
+    anew = not lists_hold(w, span, pairs, lists) or fresh
     if anew:
         begin_lists(x, fresh, pairs, lists)
-    count, again = 0, True
-    while again:  # until nobody is woken
-        store(contacts.have, 0, 0.0)
-        count, again = 0, False
-        contacts.length[MET] = 0
-        for n in range(lists.length[CLOSE]):
-            p = lists.close[n]
-            store(contacts.left_out, p, 0.0)
-            a, b = pairs.first[p], pairs.second[p]
-            near = Near(p, (a, b), span.lead, load(lists.reach, p), shapes.radius[a] + shapes.radius[b])
-            brief = anew and list_features(near, span, seen, shapes.triangles, shapes.edges)
-            if passes:
-                near = looked_at(near, sleep)
-            nearest = select(near.reach > 0.0, load(lists.nearest, p), FAR)
-            needed = anew or any_lane(nearest < ROUNDING * near.reach)
-            if needed and (is_listed(VERTICES, p, lists) or is_listed(EDGES, p, lists)):
-                locate(p, seen, shapes.triangles, shapes.edges)
-                if anew:
-                    list_candidates(p, brief, seen, shapes.triangles, shapes.edges)
-                before = count
-                count = compare(count, near, seen, shapes.triangles, shapes.edges)
-                if passes and wake(before, count, near, contacts, sleep):
-                    again = True
-                if count > before or any_lane(load(contacts.left_out, p) > 0.0):
-                    contacts.met[contacts.length[MET]] = p
-                    contacts.length[MET] += 1
-        anew = anew and not lists.kept[0]  # what is kept is there by now
+    store(contacts.have, 0, 0.0)
+    count = 0
+    contacts.length[MET] = 0
+    for n in range(lists.length[CLOSE]):
+        p = lists.close[n]
+        store(contacts.left_out, p, 0.0)
+        a, b = pairs.first[p], pairs.second[p]
+        near = Near(p, (a, b), span.lead, load(lists.reach, p), shapes.radius[a] + shapes.radius[b])
+        brief = anew and list_features(near, span, seen, shapes.triangles, shapes.edges)
+        needed = anew or any_lane(load(lists.nearest, p) < ROUNDING * near.reach)
+        if needed and (is_listed(VERTICES, p, lists) or is_listed(EDGES, p, lists)):
+            locate(p, seen, shapes.triangles, shapes.edges)
+            if anew:
+                list_candidates(p, brief, seen, shapes.triangles, shapes.edges)
+            before = count
+            count = compare(count, near, seen, shapes.triangles, shapes.edges)
+            if count > before or any_lane(load(contacts.left_out, p) > 0.0):
+                contacts.met[contacts.length[MET]] = p
+                contacts.length[MET] += 1
     contacts.length[ROWS] = count
     return count
 
@@ -223,12 +214,11 @@ def all_far_are_far(lists: Lists) -> bool:
 
 
 @compiled
-def watch(x: Rows, w: Rows, span: Span, pairs: Pairs, lists: Lists, ellipsoids: Ellipsoids | None) -> None:
+def watch(x: Rows, w: Rows, span: Span, pairs: Pairs, lists: Lists) -> None:
     """List the pairs of bodies that may come near each other before one of them has used up its margin."""
     shapes, count = pairs.shapes, 0
     measure_boxes(x, shapes, lists)
     average(w, shapes, lists.mean, lists.turning)
-    add_turning(lists.turning, ellipsoids)
     for body in range(shapes.radius.size):
         sides, mean = row(lists.high, body) - row(lists.low, body), row(lists.mean, body)
         longest = maximum(maximum(sides[0], sides[1]), sides[2]) + 2.0 * shapes.radius[body]
@@ -276,7 +266,6 @@ def measure_moved(x: Rows, w: Rows, span: Span, pairs: Pairs, lists: Lists) -> N
     """Find how far the vertices of each body are from where they were when features were listed.
 
     What is fast is taken for farther, see `FARTHEST`, so that no pair is left out which may meet in a step.
-    The sphere that encloses an ellipsoid has room for it however it turns.
     """
     shapes, usual = pairs.shapes, 0.5 * FARTHEST * pairs.least_reach
     for body in range(shapes.radius.size):
@@ -294,7 +283,7 @@ def measure_moved(x: Rows, w: Rows, span: Span, pairs: Pairs, lists: Lists) -> N
 
 
 @compiled
-def lists_hold(w: Rows, span: Span, pairs: Pairs, lists: Lists, ellipsoids: Ellipsoids | None) -> bool:
+def lists_hold(w: Rows, span: Span, pairs: Pairs, lists: Lists) -> bool:
     """Tell whether all that may touch is in the lists; of pairs that are close, find how far to look."""
     shapes, hold, averaged, shifted = pairs.shapes, lists.kept[0], False, False
     close = 0
@@ -308,7 +297,6 @@ def lists_hold(w: Rows, span: Span, pairs: Pairs, lists: Lists, ellipsoids: Elli
             close += 1
             if not averaged:
                 average(w, shapes, lists.mean, lists.turning)
-                add_turning(lists.turning, ellipsoids)
                 averaged = True
             way = minimum(span.out * approach(a, b, lists.mean, lists.turning), WIDEST)
             far = SPARE * reach + way + radius
@@ -339,14 +327,6 @@ def average(u: Rows, shapes: Shapes, mean: Rows, rest: Numbers) -> None:
             largest = maximum(largest, dot(own, own))
         set_row(mean, body, middle)
         store(rest, body, sqrt(largest))
-
-
-@compiled
-def add_turning(turning: Numbers, ellipsoids: Ellipsoids | None) -> None:
-    """Add how fast the skins of ellipsoids turn to the largest differences of velocities."""
-    if ellipsoids is not None:
-        for body in range(ellipsoids.there.size):
-            store(turning, body, load(turning, body) + load(ellipsoids.turning, body))
 
 
 @compiled
@@ -622,7 +602,7 @@ def compare(count: int, near: Near, seen: Search, triangles: Indices, edges: Ind
     if triangles is not None:
         for m in range(ends[p, VERTICES, 0], ends[p, VERTICES, 2]):
             if lists.faces[m, 1] > lists.faces[m, 0]:
-                count = nearest_face(count, first, m, near, seen, contacts.ellipsoids)
+                count = vertex_faces(count, first, m, near, seen)
     if edges is not None:
         rows, have = crossing(near, seen)
         for k in range(rows):
@@ -633,60 +613,13 @@ def compare(count: int, near: Near, seen: Search, triangles: Indices, edges: Ind
         for side in range(2):
             if is_of(near.bodies[1 - side], rods):
                 for m in range(ends[p, VERTICES, side], ends[p, VERTICES, side + 1]):
-                    count = nearest_rod(count, first, m, 1 - side, near, seen, rods, contacts.ellipsoids)
+                    count = vertex_rods(count, first, m, 1 - side, near, seen, rods)
     if is_of(near.bodies[0], balls) and is_of(near.bodies[1], balls):
         i = shapes.vertices[shapes.start[VERTICES, near.bodies[0]], 0]
         j = shapes.vertices[shapes.start[VERTICES, near.bodies[1]], 0]
         begin(contacts)
-        count = balls_meet(count, i, j, near, seen, balls, contacts.ellipsoids)
+        count = ball_ball(count, count, i, j, near, seen, balls)
     return count
-
-
-@compiled
-def nearest_face(
-    count: int, first: int, m: int, near: Near, seen: Search, ellipsoids: Ellipsoids | None
-) -> int:
-    """List the contact of the vertex, or the ellipsoid, in row ``m`` with the nearest of its candidates."""
-    if ellipsoids is not None:
-        side = 0 if m < seen.lists.ends[near.pair, VERTICES, 1] else 1
-        if is_ellipsoid(near.bodies[side], ellipsoids):
-            return ellipsoid_faces(count, first, m, side, near, seen, ellipsoids)
-    return vertex_faces(count, first, m, near, seen)
-
-
-@compiled
-def nearest_rod(
-    count: int,
-    first: int,
-    m: int,
-    other: int,
-    near: Near,
-    seen: Search,
-    rods: np.ndarray | None,
-    ellipsoids: Ellipsoids | None,
-) -> int:
-    """List the contact of the vertex, or ellipsoid, in row ``m`` with the nearest rod of the ``other``."""
-    if ellipsoids is not None and is_ellipsoid(near.bodies[1 - other], ellipsoids):
-        return ellipsoid_rods(count, first, m, 1 - other, near, seen, ellipsoids)
-    return vertex_rods(count, first, m, other, near, seen, rods)
-
-
-@compiled
-def balls_meet(
-    count: int,
-    i: int,
-    j: int,
-    near: Near,
-    seen: Search,
-    balls: np.ndarray | None,
-    ellipsoids: Ellipsoids | None,
-) -> int:
-    """List the contact of two balls, spheres or ellipsoids."""
-    if ellipsoids is not None and (
-        is_ellipsoid(near.bodies[0], ellipsoids) or is_ellipsoid(near.bodies[1], ellipsoids)
-    ):
-        return ellipsoid_ball(count, i, j, near, seen, ellipsoids)
-    return ball_ball(count, count, i, j, near, seen, balls)
 
 
 @compiled

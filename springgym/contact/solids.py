@@ -19,50 +19,13 @@ Impulses are found in turns until a copy's own agree, whatever other copies of i
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
-
-import numpy as np
-
-from springgym.contact.ellipsoids import set_place
-from springgym.contact.spheres import body_of, is_capsule, lever, meets_ellipsoid, own_weight
+from springgym.contact.law import Span
+from springgym.contact.records import CHANGE, GOING, Ends, Problem, Solids, Spheres
+from springgym.contact.spheres import body_of, is_capsule, lever, own_weight
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Rows, Vector
 from springgym.core.lanes import load, maximum, select, sqrt, store
 from springgym.core.vectors import choose, cross, dot, multiplied, plus_scaled, row, row_each, set_row
-
-if TYPE_CHECKING:
-    from springgym.contact.ellipsoids import Ellipsoids
-    from springgym.contact.law import Span
-    from springgym.contact.rows import Problem
-    from springgym.contact.spheres import Spheres
-
-GOING, CHANGE = range(2)
-"""Of a copy: 1 while its impulses are to change, else 0; and the largest change of a contact's speed since it
-was set to 0, over its Δ [1/s]."""
-
-
-Ends: TypeAlias = tuple[Vector, Vector, Vector, Vector]
-"""A vector of each of the four ends of two edges."""
-
-
-class Solids(NamedTuple):
-    """Rigid bodies as contacts see them at a node, where an array has v [m/s] and L [kg·m²/s] of each in two
-    rows."""
-
-    start: np.ndarray
-    """(bodies + 1,) where the particles of each begin among all, and the end"""
-    balls: np.ndarray
-    """(bodies,) whether a body is a single particle"""
-    lightness: np.ndarray
-    """(bodies,) 1/M [1/kg]; 0 of what is pinned"""
-    turn: np.ndarray
-    """(2 bodies, 3) I⁻¹ about the body's point: xx, yy, zz; xy, xz, yz [1/(kg·m²)]"""
-    point: np.ndarray
-    """(bodies, 3) [m]"""
-    arm: np.ndarray
-    """(2 contacts, 3) from the points of both bodies to where they are pushed [m]"""
-    turns: np.ndarray
-    """(2,) `GOING`, `CHANGE`"""
 
 
 @compiled
@@ -72,7 +35,6 @@ def set_arms(k: int, problem: Problem, solids: Solids) -> Number:
     p = contacts.pair[k]
     a, b = pairs.first[p], pairs.second[p]
     n, place = row(contacts.normal, k), midpoint(k, problem)
-    set_place(k, 0.0 * n[0], problem, contacts.spheres, contacts.ellipsoids)
     if solids.balls[a]:
         place = row(problem.x, solids.start[a])
     elif solids.balls[b]:
@@ -102,23 +64,12 @@ def midpoint(k: int, problem: Problem) -> Vector:
 def on_skin(place: Vector, n: Vector, k: int, problem: Problem, spheres: Spheres | None) -> Vector:
     """Return where contact k touches one of its bodies, if that is a sphere or a capsule; else a place."""
     if spheres is not None:
-        return on_skins(place, n, k, problem, spheres, problem.contacts.ellipsoids)
-    return place
-
-
-@compiled
-def on_skins(
-    place: Vector, n: Vector, k: int, problem: Problem, spheres: Spheres, ellipsoids: Ellipsoids | None
-) -> Vector:
-    """Return where contact k touches one of its bodies, if that is round; else a place."""
-    if ellipsoids is not None and meets_ellipsoid(k, problem, ellipsoids):
-        return row(ellipsoids.place, k)
-    for side in range(2):
-        body = body_of(1 - side, k, problem)
-        if spheres.skin[body] > 0.0:
-            along = lever(body, k, problem, spheres, ellipsoids) * n
-            axis = on_axis(body, k, problem, spheres)
-            place = axis + along if side == 0 else axis - along
+        for side in range(2):
+            body = body_of(1 - side, k, problem)
+            if spheres.skin[body] > 0.0:
+                along = lever(body, k, problem, spheres) * n
+                axis = on_axis(body, k, problem, spheres)
+                place = axis + along if side == 0 else axis - along
     return place
 
 

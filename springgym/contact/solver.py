@@ -17,15 +17,30 @@ than there is.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from springgym.contact.ellipsoids import set_place, turn_by_push, with_turning, without_turning_by_push
 from springgym.contact.features import TAPER, smooth
 from springgym.contact.friction import lay_out
 from springgym.contact.law import barrier_energy, meet
-from springgym.contact.rows import FAR, MET, add_loss
+from springgym.contact.records import (
+    CONTACT,
+    ENERGY,
+    ENTRIES,
+    FAR,
+    FAST,
+    FASTEST,
+    GAP,
+    IMPULSE,
+    MET,
+    MISSES,
+    OVERFLOW,
+    TOUCHING,
+    ContactRows,
+    Ends,
+    Problem,
+    Solids,
+)
+from springgym.contact.rows import add_loss
 from springgym.contact.solids import (
     among_going,
     between,
@@ -35,20 +50,7 @@ from springgym.contact.solids import (
     push_ends_of_both,
     set_arms,
 )
-from springgym.contact.totals import (
-    CONTACT,
-    ENERGY,
-    ENTRIES,
-    FAST,
-    FASTEST,
-    GAP,
-    IMPULSE,
-    MISSES,
-    OVERFLOW,
-    TOUCHING,
-    add_to,
-    entry_of,
-)
+from springgym.contact.totals import add_to, entry_of
 from springgym.contact.turning import begin_couple
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
@@ -65,11 +67,6 @@ from springgym.core.vectors import (
     set_row_each,
     vec,
 )
-
-if TYPE_CHECKING:
-    from springgym.contact.rows import ContactRows, Problem
-    from springgym.contact.solids import Ends, Solids
-
 
 LOW = 0.02
 """What begins a step nearer than this share of Δ was missed before. It is taken as this near: what sweeps
@@ -122,7 +119,6 @@ def weigh(k: int, problem: Problem, touched: Numbers, solids: Solids | None) -> 
             store_each(touched, i, select(there, 1.0 + 0.0 * weight, load_each(touched, i)))
             store(contacts.gain, 4 * k + j, gain)
             inverse = inverse + weight * gain
-        inverse = set_place(k, inverse, problem, contacts.spheres, contacts.ellipsoids)
         lay_out(k, problem, problem.pairs.friction, contacts.spheres)
         return inverse
     raise LookupError("neither rigid bodies nor particles that move by themselves")
@@ -137,8 +133,7 @@ def speed(v: Rows, k: int, problem: Problem, solids: Solids | None) -> Number:
     u = 0.0 * row(contacts.normal, k)
     for j in range(contacts.members[k]):
         u = plus_scaled(u, load(contacts.weight, 4 * k + j), row_each(v, load(contacts.particle, 4 * k + j)))
-    u = dot(row(contacts.normal, k), u)
-    return with_turning(u, v, k, problem, contacts.spheres, contacts.ellipsoids)
+    return dot(row(contacts.normal, k), u)
 
 
 @compiled
@@ -155,7 +150,6 @@ def push_apart(v: Rows, k: int, impulse: Vector, on: Mask, problem: Problem, sol
         push_both(v, k, impulse, on, problem, solids)
     else:
         push_members(v, k, impulse, on, problem.contacts)
-        turn_by_push(v, k, impulse, on, problem, problem.contacts.spheres, problem.contacts.ellipsoids)
 
 
 @compiled
@@ -439,5 +433,5 @@ def shift_apart(
         push_body(shift, a, size, n, 0.0 * n, on, solids)
         push_body(shift, b, -1.0 * size, n, 0.0 * n, on, solids)
     else:
-        inverse = without_turning_by_push(k, problem, contacts.ellipsoids)
+        inverse = load(contacts.inverse_mass, k)
         push_members(shift, k, short / (inverse + TINY) * n, on, contacts)

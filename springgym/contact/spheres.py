@@ -1,4 +1,4 @@
-"""Contacts move spheres and capsules, and friction turns them; for ellipsoids see `ellipsoids`, too.
+"""Contacts move spheres and capsules, and friction turns them.
 
 Friction acts at the skin of such a body, at the arm r = −ρ n from a sphere's centre, or from a capsule's
 axis, with the unit normal n from the other body. The inertia I is that of the body's particles as they lie at
@@ -28,13 +28,15 @@ Of rigid bodies, `springgym.contact.solids` takes the arm alone from here.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numba import types
 from numba.extending import overload
 from numpy.typing import DTypeLike
 
+from springgym.collisions import Shape
+from springgym.contact.records import Problem, Spheres
 from springgym.core.blocks import aligned_zeros
 from springgym.core.compiling import OPTIONS, compiled
 from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
@@ -54,48 +56,10 @@ from springgym.core.vectors import (
     set_row,
 )
 
-if TYPE_CHECKING:
-    from springgym.collisions import Shape
-    from springgym.contact.ellipsoids import Ellipsoids
-    from springgym.contact.rows import Problem
-
-
 INLINE = {**OPTIONS, "forceinline": True}
 """Options of what differs with and without spheres: it is compiled into what calls it."""
 
 Seen: TypeAlias = tuple[Rows, Rows, Numbers]
-
-
-class Spheres(NamedTuple):
-    """The spheres and capsules among bodies that collide, and all particles as contacts see them."""
-
-    start: np.ndarray
-    """(bodies + 1,) where the particles of each body begin among all, and the end"""
-    radius: np.ndarray
-    """(bodies,) [m]; 0 of what is no sphere"""
-    skin: np.ndarray
-    """(bodies,) the radius of spheres and capsules [m]; 0 of others"""
-    thick: np.ndarray
-    """(bodies,) the radius of all that is round, ropes and balls that do not turn among them [m]; else 0"""
-    x: Rows
-    """(N, 3) positions of the particles at the node [m]; in the first row of a sphere, its centre of mass"""
-    before: Rows
-    """(N, 3) velocities of the particles before the node [m/s]; in the first two rows of a sphere, v and ω"""
-    inverse_mass: Numbers
-    """(N,) inverse masses [1/kg]; in the first row of a sphere, 1/M"""
-    turns: np.ndarray
-    """(bodies,) whether contacts turn a body as a whole: spheres, capsules, and what resists their turning"""
-    mass: Numbers
-    """(N,) masses of the particles of bodies that turn [kg]"""
-    centre: Rows
-    """(bodies, 3) centres of mass of bodies that turn [m]"""
-    turn: Rows
-    """(2 bodies, 3) the inverse inertia I⁻¹ of each body that turns, in two rows: xx, yy, zz, and xy, xz, yz
-    [1/(kg·m²)]; 0 if it is pinned"""
-    kept: Rows
-    """(N, 3) velocities of the particles of spheres, saved while their rows hold v and ω [m/s]"""
-    began: Rows
-    """(2 bodies, 3) v [m/s] and ω [rad/s] of each sphere that follow from the kept velocities"""
 
 
 def new_spheres(
@@ -266,58 +230,10 @@ def both_turn(k: int, problem: Problem, spheres: Spheres) -> bool:
 
 
 @compiled
-def meets_ellipsoid(k: int, problem: Problem, ellipsoids: Ellipsoids | None) -> bool:
-    """Tell whether contact k is of an ellipsoid, see `springgym.contact.ellipsoids`."""
-    if ellipsoids is None:
-        return False
-    return bool(ellipsoids.there[body_of(0, k, problem)] or ellipsoids.there[body_of(1, k, problem)])
-
-
-@compiled
-def arm_of_ellipsoid(body: int, k: int, spheres: Spheres, ellipsoids: Ellipsoids) -> Vector:
-    """Return the arm from the centre of mass of an ellipsoid to where contact k acts [m]."""
-    return row(ellipsoids.place, k) - row(spheres.centre, body)
-
-
-@compiled
-def side_of(side: int, k: int, problem: Problem, ellipsoids: Ellipsoids) -> float:
-    """Return the sign of the ellipsoid on a side of contact k: 1 where its normal points to it, else −1."""
-    return -1.0 if side == 1 and ellipsoids.there[body_of(0, k, problem)] else 1.0
-
-
-@compiled
-def turning_of_ellipsoid(
-    along: Vector, body: int, k: int, spheres: Spheres, ellipsoids: Ellipsoids
-) -> Number:
-    """Return what the turning of an ellipsoid adds to the inverse mass of contact k along a unit vector."""
-    moment = cross(arm_of_ellipsoid(body, k, spheres, ellipsoids), along)
-    return dot(moment, turned(body, moment, spheres))
-
-
-@compiled
-def turn_ellipsoid(
-    v: Rows,
-    side: int,
-    k: int,
-    impulse: Vector,
-    on: Mask,
-    problem: Problem,
-    spheres: Spheres,
-    ellipsoids: Ellipsoids,
-) -> None:
-    """Turn the ellipsoid on a side of contact k by an impulse, in some lanes."""
-    body = body_of(side, k, problem)
-    spun = turned(body, cross(arm_of_ellipsoid(body, k, spheres, ellipsoids), impulse), spheres)
-    turn_body(v, body, side_of(side, k, problem, ellipsoids), spun, on, problem, spheres)
-
-
-@compiled
 def at_one_point(k: int, problem: Problem, spheres: Spheres | None) -> bool:
     """Tell whether friction acts on both bodies of contact k at one point, so that it leaves no torque."""
     if spheres is None:
         return False
-    if meets_ellipsoid(k, problem, problem.contacts.ellipsoids):
-        return bool(problem.contacts.members[k] < 4)
     capsule = is_capsule(body_of(0, k, problem), spheres) or is_capsule(body_of(1, k, problem), spheres)
     return (capsule and problem.contacts.members[k] == 3) or both_turn(k, problem, spheres)
 
@@ -329,21 +245,9 @@ def skins(k: int, problem: Problem, spheres: Spheres) -> float:
 
 
 @compiled
-def left_to_face(
-    d: Number, k: int, problem: Problem, spheres: Spheres, ellipsoids: Ellipsoids | None
-) -> Number:
-    """Return what skins leave of the distance ``d`` of contact k to the face or rod [m]."""
-    if ellipsoids is not None and meets_ellipsoid(k, problem, ellipsoids):
-        return load(ellipsoids.left, k)
-    return d - skins(k, problem, spheres)
-
-
-@compiled
-def lever(body: int, k: int, problem: Problem, spheres: Spheres, ellipsoids: Ellipsoids | None) -> Number:
+def lever(body: int, k: int, problem: Problem, spheres: Spheres) -> Number:
     """Return ρ of a sphere or capsule in contact k [m]; 0 of other bodies."""
     between, skin = load(problem.contacts.gap, k), spheres.skin[body]
-    if ellipsoids is not None and meets_ellipsoid(k, problem, ellipsoids):
-        return 0.5 * (load(ellipsoids.left, k) + skin)
     share = 0.0
     if at_one_point(k, problem, spheres):
         whole = skins(k, problem, spheres)
@@ -369,59 +273,22 @@ def slip_by_turning(v: Rows, k: int, problem: Problem, spheres: Spheres) -> Vect
     for side in range(2):
         body = body_of(side, k, problem)
         if spheres.skin[body] > 0.0:
-            spin = spin_of(body, v, problem, spheres)
-            slip = with_skin(slip, spin, side, k, problem, spheres, problem.contacts.ellipsoids)
+            across = cross(n, spin_of(body, v, problem, spheres))
+            slip = plus_scaled(slip, lever(body, k, problem, spheres), across)
     return slip
-
-
-@compiled
-def with_skin(
-    slip: Vector,
-    spin: Vector,
-    side: int,
-    k: int,
-    problem: Problem,
-    spheres: Spheres,
-    ellipsoids: Ellipsoids | None,
-) -> Vector:
-    """Return a slip [m/s] with that of the skin on a side of contact k, of a body that turns by ``spin``."""
-    body = body_of(side, k, problem)
-    if ellipsoids is not None and ellipsoids.there[body]:
-        arm = arm_of_ellipsoid(body, k, spheres, ellipsoids)
-        return plus_scaled(slip, side_of(side, k, problem, ellipsoids), cross(spin, arm))
-    across = cross(row(problem.contacts.normal, k), spin)
-    return plus_scaled(slip, lever(body, k, problem, spheres, ellipsoids), across)
 
 
 @compiled
 def inverse_mass_by_turning(along: Vector, k: int, problem: Problem, spheres: Spheres) -> Number:
     """Return what the turning of spheres and capsules adds to K of contact k along a unit vector [1/kg]."""
-    total = 0.0 * along[0]
+    across, total = cross(row(problem.contacts.normal, k), along), 0.0 * along[0]
     for side in range(2):
         body = body_of(side, k, problem)
         if spheres.skin[body] > 0.0:
-            total = with_turned(total, along, body, k, problem, spheres, problem.contacts.ellipsoids)
-    return total
-
-
-@compiled
-def with_turned(
-    total: Number,
-    along: Vector,
-    body: int,
-    k: int,
-    problem: Problem,
-    spheres: Spheres,
-    ellipsoids: Ellipsoids | None,
-) -> Number:
-    """Return a ``total`` with what the turning of a body adds to K of contact k [1/kg]."""
-    if ellipsoids is not None and ellipsoids.there[body]:
-        return total + turning_of_ellipsoid(along, body, k, spheres, ellipsoids)
-    across = cross(row(problem.contacts.normal, k), along)
-    rho, spun = lever(body, k, problem, spheres, ellipsoids), turned(body, across, spheres)
-    total = total + rho * rho * dot(across, spun)
-    if is_capsule(body, spheres):
-        total = total - 2.0 * rho * dot(spun, moment_of_ends(body, along, k, problem, spheres))
+            rho, spun = lever(body, k, problem, spheres), turned(body, across, spheres)
+            total = total + rho * rho * dot(across, spun)
+            if is_capsule(body, spheres):
+                total = total - 2.0 * rho * dot(spun, moment_of_ends(body, along, k, problem, spheres))
     return total
 
 
@@ -453,28 +320,10 @@ def turned(body: int, moment: Vector, spheres: Spheres) -> Vector:
 def turn_by_friction(v: Rows, k: int, j: Vector, acts: Mask, problem: Problem, spheres: Spheres) -> None:
     """Turn the spheres and capsules of contact k by an impulse across its normal, in some lanes."""
     for side in range(2):
-        if spheres.skin[body_of(side, k, problem)] > 0.0:
-            turn_skin(v, side, k, j, acts, problem, spheres, problem.contacts.ellipsoids)
-
-
-@compiled
-def turn_skin(
-    v: Rows,
-    side: int,
-    k: int,
-    j: Vector,
-    acts: Mask,
-    problem: Problem,
-    spheres: Spheres,
-    ellipsoids: Ellipsoids | None,
-) -> None:
-    """Turn the body on a side of contact k by an impulse across its normal, in some lanes."""
-    body = body_of(side, k, problem)
-    if ellipsoids is not None and ellipsoids.there[body]:
-        turn_ellipsoid(v, side, k, j, acts, problem, spheres, ellipsoids)
-    else:
-        spun = turned(body, cross(row(problem.contacts.normal, k), j), spheres)
-        turn_body(v, body, -lever(body, k, problem, spheres, ellipsoids), spun, acts, problem, spheres)
+        body = body_of(side, k, problem)
+        if spheres.skin[body] > 0.0:
+            spun = turned(body, cross(row(problem.contacts.normal, k), j), spheres)
+            turn_body(v, body, -lever(body, k, problem, spheres), spun, acts, problem, spheres)
 
 
 @compiled

@@ -6,47 +6,23 @@ Particles meet them by `springgym.contact.law`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 
-import numpy as np
 from numba.extending import overload
 
 from springgym.contact.law import barrier_energy
+from springgym.contact.records import Facing, Kinds, Surfaces
 from springgym.core.compiling import OPTIONS, compiled
 from springgym.core.kinds import Number, Numbers, Vector
 from springgym.core.lanes import epsilon, load, minimum, sqrt
 from springgym.core.vectors import TINY, dot, plus_scaled, row
-
-if TYPE_CHECKING:
-    from springgym.forces import Particles
+from springgym.terms import Particles
 
 Overload: TypeAlias = Callable[..., Any]
 """A function that Numba compiles in place of another, for the kinds of surfaces there are."""
 
 INLINE = {**OPTIONS, "forceinline": True}
 """Options of functions that differ by the kinds of surfaces: they are compiled into what calls them."""
-
-
-Kinds: TypeAlias = tuple[Any, ...]
-"""All surfaces of each kind, see `springgym.surfaces.surface`; in overloads, Numba's types of them."""
-
-
-Facing: TypeAlias = tuple[Vector, Number, Number]
-"""The normal n̄ of a surface for a way, its square, and the gap [m] where the way begins."""
-
-
-class Surfaces(NamedTuple):
-    """Surfaces of any kinds, and how a body meets them."""
-
-    kinds: Kinds
-    strength: np.ndarray
-    """c [N·m²], (1,)"""
-    reach: float
-    """Δ [m]"""
-    radius: float | None
-    """[m] of balls and rods, whose gaps count from their skin; None if all bodies are made of points"""
-    coupled: bool | None
-    """True if `springgym.surfaces.coupled`; else None, so that no turns are compiled"""
 
 
 @compiled

@@ -5,28 +5,30 @@ The next call makes the last node anew, so that the totals from before it are ke
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from springgym.contact.pairs import Pairs
-from springgym.contact.rows import FAR, MET, ContactRows
+from springgym.contact.records import (
+    CONTACT,
+    ENERGY,
+    ENTRIES,
+    FAR,
+    FASTEST,
+    FRICTION,
+    GAP,
+    IMPULSE,
+    MET,
+    MISSES,
+    OVERFLOW,
+    TOUCHING,
+    Collisions,
+    ContactRows,
+)
 from springgym.core.blocks import numbers, set_copies, to_copies
 from springgym.core.compiling import compiled, kernel
 from springgym.core.kinds import Number, Numbers
 from springgym.core.lanes import any_lane, load, select, store
-
-if TYPE_CHECKING:
-    from springgym.contact.sleep import Sleep
-    from springgym.contact.warm import WarmStart
-
-TOUCHING, IMPULSE, GAP, ENERGY, CONTACT, FRICTION, MISSES, FAST, OVERFLOW, FASTEST = range(10)
-"""The totals of a pair: whether it touches; the sum of J [N·s]; the least gap [m]; the energy in the barriers
-[J]; what was lost to restitution and to friction [J]; how often a contact was found too late, was faster than
-it is computed well for, or had no space; and the largest speed along its normal that any contact which pushes
-was reached with [m/s]."""
-
-ENTRIES = 10
 
 RESOLVED = 1.0
 """Share of Δ that a contact may move by in a step: what is faster is not in reach before it is through."""
@@ -55,23 +57,6 @@ class PairReadings(NamedTuple):
     """how often one was left out for want of space"""
     fastest: np.ndarray
     """the largest speed along its normal that any contact which pushes was reached with [m/s]"""
-
-
-class Collisions(NamedTuple):
-    """Bodies that collide, and what is told of them."""
-
-    pairs: Pairs
-    totals: np.ndarray
-    """(pairs × `ENTRIES`,)"""
-    totals_before: np.ndarray
-    """(pairs × `ENTRIES`,) before the last node"""
-    changing: np.ndarray
-    """(1 + pairs,) list: how many pairs, and which, ascending, touch, or have totals that are not those from
-    before the last node; the totals of all others stay as they are"""
-    sleep: Sleep | None = None
-    """which bodies sleep; None if none can"""
-    warm: WarmStart | None = None
-    """the impulses of the last node; None if contacts start from nothing"""
 
 
 @compiled

@@ -1,6 +1,6 @@
 """Resist the turning of two bodies that touch: rolling and torsional resistance between bodies.
 
-Where a sphere, a capsule or an ellipsoid touches another body with the push J, a couple q acts on the first
+Where a sphere or a capsule touches another body with the push J, a couple q acts on the first
 body and −q on the second, and changes their angular velocities by I⁻¹ q and −I⁻¹ q. With ω = ω₁ − ω₂ and the
 unit normal n, it stops ω − (ω · n) n, which is rolling, as far as its part across n is at most ρ J, and
 (ω · n) n, which is spinning, as far as its part along n is at most τ J (`springgym.contact.cone`).
@@ -15,20 +15,14 @@ The particles of a body get (I⁻¹ q) × (xᵢ − c), as in `springgym.contact
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from springgym.contact.cone import part_resisted, within_cone
-from springgym.contact.round import LEAST
-from springgym.contact.solids import Solids, count_change, midpoint, on_skin, push_body, turning_of
-from springgym.contact.spheres import Spheres, body_of, spin_of, turn_body, turned
+from springgym.contact.records import LEAST, ContactRows, Problem, Resistance, Solids, Spheres
+from springgym.contact.solids import count_change, midpoint, on_skin, push_body, turning_of
+from springgym.contact.spheres import body_of, spin_of, turn_body, turned
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Rows, Vector
 from springgym.core.lanes import load, maximum, select, sqrt
 from springgym.core.vectors import TINY, choose, cross, dot, row, set_row
-
-if TYPE_CHECKING:
-    from springgym.contact.cone import Resistance
-    from springgym.contact.rows import ContactRows, Problem
 
 
 @compiled
@@ -149,11 +143,11 @@ def twist(
 
 
 @compiled
-def couple_against(rate: Vector, k: int, problem: Problem) -> tuple[Vector, Number]:
-    """Return the couple that stops an angular velocity along its own direction, and g there."""
+def couple_against(rate: Vector, k: int, problem: Problem) -> Vector:
+    """Return the couple that stops an angular velocity along its own direction."""
     direction = 1.0 / (sqrt(dot(rate, rate)) + TINY) * rate
     gives = dot(direction, turning_of_both(direction, k, problem)) + TINY
-    return -1.0 / gives * rate, gives
+    return -1.0 / gives * rate
 
 
 @compiled
@@ -167,8 +161,7 @@ def stop_turning(v: Rows, k: int, acts: Mask, problem: Problem, resistance: Resi
             rate, held, limit = part_resisted(
                 part, turning_between(v, k, problem), old, n, push, resistance, p
             )
-            stops, gives = couple_against(rate, k, problem)
-            change = within_cone(held + stops, limit, gives, rate, None, 0) - held
+            change = within_cone(held + couple_against(rate, k, problem), limit) - held
             change = choose(acts, change, 0.0 * change)
             set_row(contacts.couple, k, old + change)
             twist(v, k, change, acts, problem, contacts.solids, contacts.spheres)
@@ -184,11 +177,11 @@ def without_turning(
     """
     n = row(problem.contacts.normal, k)
     rate = turning_between(v, k, problem)
-    stops, _ = couple_against(rate - dot(rate, n) * n, k, problem)
+    stops = couple_against(rate - dot(rate, n) * n, k, problem)
     slip = slip + slip_by_couple(stops, k, problem)
     along = 1.0 / (sqrt(dot(slip, slip)) + TINY) * slip
     rate = turning_by_impulse(along, k, problem)
-    stops, _ = couple_against(rate - dot(rate, n) * n, k, problem)
+    stops = couple_against(rate - dot(rate, n) * n, k, problem)
     left = inverse + dot(along, slip_by_couple(stops, k, problem))
     return slip, maximum(left, LEAST * inverse)
 

@@ -9,32 +9,25 @@ the pair and the vertex, whichever face of the other body it meets; that of two 
 contact that is not in the table starts from nothing, and so do all in scenes of few bodies. All this is a
 first guess: sweeps solve for each impulse as they do for any other.
 
-The node where the state is read is made anew by the next call, from the same table: it enters nothing. Of
-pairs that sleep nothing is looked for, so that their impulses stay in the table.
+The node where the state is read is made anew by the next call, from the same table: it enters nothing.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
 from springgym.contact.features import put
 from springgym.contact.friction import crosses, push_across
-from springgym.contact.rows import FAR
+from springgym.contact.records import FAR, Pairs, Problem, WarmStart
 from springgym.contact.solver import push_apart
 from springgym.contact.turning import twist
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Rows, Vector
-from springgym.core.lanes import any_lane, load, load_each, minimum, nearest, select, store
+from springgym.core.lanes import any_lane, load, load_each, nearest, select, store
 from springgym.core.vectors import choose, dot, row, row_each, set_row, set_row_each
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from springgym.contact.pairs import Pairs
-    from springgym.contact.rows import Problem
-    from springgym.contact.sleep import Sleep
 
 FEW = 10
 """Most bodies of a scene in which contacts start from nothing at each node."""
@@ -48,23 +41,6 @@ they are not kept; such a contact would start from nothing at each node, and nev
 
 OF_PAIR, OF_ENDS = 61.0, (17.0, 7.0, 5.0, 3.0)
 """Factors of the numbers of pair and particles, by which contacts are spread over the table."""
-
-
-class WarmStart(NamedTuple):
-    """The impulses of contacts at the last node: a table of each copy, of a power of 2 of rows."""
-
-    pair: np.ndarray
-    """(rows,) the index of the contact's pair, plus one; 0 in an empty row"""
-    first: np.ndarray
-    """(rows,) the first particle of the contact"""
-    others: np.ndarray
-    """(rows,) a number that the other ends of two edges make; 0 of the contact of a vertex"""
-    impulse: np.ndarray
-    """(rows,) the impulse J along the normal [N·s]"""
-    friction: np.ndarray | None
-    """(rows, 3) the impulse of friction [N·s]; None if no pair rubs"""
-    couple: np.ndarray | None
-    """(rows, 3) the angular impulse of the couple [N·m·s]; None if no turning is resisted"""
 
 
 class Key(NamedTuple):
@@ -130,7 +106,7 @@ def is_of(key: Key, place: Number, table: WarmStart) -> Mask:
 
 
 @compiled
-def start_warm(v: Rows, problem: Problem, table: WarmStart | None, sleep: Sleep | None) -> None:
+def start_warm(v: Rows, problem: Problem, table: WarmStart | None) -> None:
     """Start each contact with its impulse of the last node, and change the velocities ``v`` (N, 3) by it."""
     if table is not None:
         contacts = problem.contacts
@@ -142,7 +118,7 @@ def start_warm(v: Rows, problem: Problem, table: WarmStart | None, sleep: Sleep 
             for _ in range(PROBES):
                 found = select(is_of(key, place, table), looks, 0.0) > 0.5
                 at, looks = select(found, place, at), select(found, 0.0, looks)
-                looks = looked_on(looks, place, table, sleep)
+                looks = select(load_each(table.pair, place) < 0.5, 0.0, looks)
                 if not any_lane(looks > 0.5):
                     break
                 place = within_table(place + 1.0, table.pair.size)
@@ -154,14 +130,6 @@ def start_warm(v: Rows, problem: Problem, table: WarmStart | None, sleep: Sleep 
                 push_apart(v, k, impulse * n, there, problem, contacts.solids)
                 start_friction(v, k, at, there, problem, table.friction)
                 start_couple(v, k, at, there, problem, table.couple)
-
-
-@compiled
-def looked_on(looks: Number, place: Number, table: WarmStart, sleep: Sleep | None) -> Number:
-    """Return where to look on behind a row: not behind an empty one, unless bodies sleep, whose rows stay."""
-    if sleep is None:
-        return select(load_each(table.pair, place) < 0.5, 0.0, looks)
-    return looks
 
 
 @compiled
@@ -192,12 +160,12 @@ def start_couple(v: Rows, k: int, at: Number, there: Mask, problem: Problem, kep
 
 
 @compiled
-def keep_impulses(problem: Problem, table: WarmStart | None, sleep: Sleep | None) -> None:
+def keep_impulses(problem: Problem, table: WarmStart | None) -> None:
     """Enter what all contacts gave, in place of what they gave at the last node."""
     if table is not None:
         contacts, rows = problem.contacts, table.pair.size
         for place in range(rows):
-            forget(place, problem.pairs, table, sleep)
+            store(table.pair, place, 0.0)
         for k in range(problem.rows):
             key, impulse = key_of(k, problem, rows), load(contacts.impulse, k)
             place, left = key.place, select(impulse > 0.0, 1.0 + 0.0 * impulse, 0.0)
@@ -215,20 +183,6 @@ def keep_impulses(problem: Problem, table: WarmStart | None, sleep: Sleep | None
                         enter_row(table.couple, place, row(contacts.couple, k), enters)
                     left = select(enters, 0.0, left)
                 place = within_table(place + 1.0, rows)
-
-
-@compiled
-def forget(place: int, pairs: Pairs, table: WarmStart, sleep: Sleep | None) -> None:
-    """Empty a row of the table, where its pair does not sleep."""
-    if sleep is None:
-        store(table.pair, place, 0.0)
-    else:
-        pair = load(table.pair, place)
-        if any_lane(pair > 0.5):
-            p = minimum(select(pair > 0.5, pair - 1.0, 0.0), 1.0 * (pairs.first.size - 1))
-            a, b = load_each(pairs.first, p), load_each(pairs.second, p)
-            rested = minimum(load_each(sleep.rested, a), load_each(sleep.rested, b))
-            store(table.pair, place, select(rested < 0.0, pair, 0.0))
 
 
 @compiled

@@ -26,8 +26,8 @@ With ``NUMBA_BOUNDSCHECK=1`` in the environment all compiled functions check eve
 `blocks` too, and raise an `IndexError`: slow, for the search of a fault. Set ``NUMBA_OPT=1`` as well: to
 optimise all these checks where bodies collide takes LLVM many minutes, to leave most of that a minute.
 
-With ``NUMBA_DISABLE_JIT=1`` nothing is compiled: every function runs as Python, a thousand times slower, see
-`springgym.core.plain`.
+With ``NUMBA_DISABLE_JIT=1`` in the environment this module cannot be imported: lanes exist in compiled code
+alone.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ import threading
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from functools import cache, wraps
+from functools import cache
 from operator import attrgetter
 from pathlib import Path
 from types import SimpleNamespace
@@ -55,13 +55,11 @@ from uuid import uuid4
 import numba
 import numpy as np
 from llvmlite import binding, ir
-from numba import extending
 from numba.core import sigutils
 from numba.core.registry import CPUDispatcher
 from numba.extending import is_jitted, models, register_model
 
 from springgym import __version__
-from springgym.core import plain
 from springgym.core.code_digest import NotHashable, digest
 
 if TYPE_CHECKING:
@@ -75,6 +73,9 @@ if TYPE_CHECKING:
 
     Asked: TypeAlias = Signature | tuple[numba.types.Type, ...]
     """Types of the arguments that Numba asks code for."""
+
+if numba.config.DISABLE_JIT:
+    raise ImportError("springgym runs compiled code only: unset NUMBA_DISABLE_JIT")
 
 PACKAGE = __name__.partition(".")[0]
 LOGGER = logging.getLogger(PACKAGE)
@@ -168,9 +169,6 @@ VERSIONS = {
     "Numba": numba.__version__,
 }
 """What compiled code fits, beside a processor."""
-
-INTERPRETED = bool(numba.config.DISABLE_JIT)
-"""True where functions run as the Python they are, by `springgym.core.plain`."""
 
 SAMPLE = CPUDispatcher(lambda: None)
 """A function that is never called: a sample of how this version of Numba wraps a compiled function."""
@@ -472,8 +470,6 @@ def compiled(function: Callable[..., Any]) -> Any:
     arrays. Handing a scene's sixty arrays on by value costs one copy up to a third of its step, and compiling
     such functions one by one as much as inlining them.
     """
-    if INTERPRETED:
-        return _interpreted(function, function)
     dispatcher = numba.njit(**OPTIONS, **INNER)(function)
     dispatcher.__class__ = Inner
     return dispatcher
@@ -481,14 +477,6 @@ def compiled(function: Callable[..., Any]) -> Any:
 
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a function that Python calls: releases the GIL, cached on disk by a digest of its code."""
-    if INTERPRETED:
-
-        @wraps(function)
-        def run(*arguments: object) -> object:
-            with np.errstate(all="ignore"):  # as IEEE's arithmetic goes on
-                return function(*arguments)
-
-        return _interpreted(run, function)
     dispatcher = numba.njit(**OPTIONS, **OUTER, nogil=True, no_cfunc_wrapper=True)(function)
     if not LACKING:
         dispatcher._cache = DigestKeyedCache(function)
@@ -496,25 +484,9 @@ def kernel(function: Callable[..., Any]) -> Any:
     return dispatcher
 
 
-def _interpreted(function: Any, source: Callable[..., Any]) -> Any:
-    """Mark a function that runs as the Python of ``source``, as Numba marks what it has compiled."""
-    function.py_func = source
-    return function
-
-
-def intrinsic(function: Callable[..., Any]) -> Any:
-    """Make an intrinsic of what emits LLVM's code; where nothing is compiled, take its stand-in."""
-    return getattr(plain, function.__name__) if INTERPRETED else extending.intrinsic(function)
-
-
-def is_kernel(function: object) -> bool:
-    """Return whether Python calls a function as it is written for kernels: compiled, or interpreted."""
-    return is_jitted(function) or (INTERPRETED and hasattr(function, "py_func"))
-
-
 def is_inner(function: object) -> TypeGuard[Any]:
     """Return whether a function is one of `compiled`."""
-    return isinstance(function, Inner) or (INTERPRETED and getattr(function, "py_func", None) is function)
+    return isinstance(function, Inner)
 
 
 _TYPES: dict[tuple[object, ...], tuple[numba.types.Type, object]] = {}
@@ -623,7 +595,7 @@ def _name_symbols(codegen: JITCPUCodegen, description: FunctionDescriptor) -> No
 
 
 KERNELS = "springgym_kernels"
-"""Package of compiled code, made by ``kernels.py`` of the repository: a folder of entries, and `MADE`."""
+"""Package of compiled code, made by ``tools/kernels.py`` of a clone: a folder of entries, and `MADE`."""
 
 MADE = "made.json"
 """File in it: ``{"versions": {…}, "levels": […]}``, of what its code is made for; see `made_here`."""
@@ -653,8 +625,8 @@ def shipped() -> tuple[Path, str] | None:
     level = fitting_level(binding.get_host_cpu_name(), features())
     try:
         made = json.loads((folder / MADE).read_text(encoding="utf-8"))
-        versions, levels = dict(made["versions"]), list(made["levels"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        versions, levels = dict(made["versions"]), list(map(str, made["levels"]))
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         why = f"it is damaged ({type(error).__name__}: {error})"
     else:
         unfit = [
@@ -663,7 +635,7 @@ def shipped() -> tuple[Path, str] | None:
             if versions.get(name) != here
         ]
         if level in levels and not unfit:
-            return folder, str(level)
+            return folder, level
         ours = f"one of {level}" if level else "none of these"
         why = unfit[0] if unfit else f"it is for processors of {', '.join(levels)}, and this is {ours}"
     LOGGER.warning("springgym: the compiled code of springgym-kernels is not used: %s", why)

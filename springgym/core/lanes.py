@@ -28,11 +28,11 @@ from llvmlite import binding, ir
 from numba import types
 from numba.core import cgutils, config
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
-from numba.extending import lower_builtin, models, register_model
+from numba.extending import intrinsic, lower_builtin, models, register_model
 from numba.np.numpy_support import from_dtype
 from numpy.typing import DTypeLike
 
-from springgym.core.compiling import INTELS, compiled, intrinsic
+from springgym.core.compiling import INTELS, compiled
 from springgym.core.kinds import Each, Number
 from springgym.core.kinds import Ragged as Ragged
 

@@ -15,9 +15,8 @@ from typing import Any
 from llvmlite import ir
 from numba import types
 from numba.core.typing.templates import AbstractTemplate, infer, infer_global, signature
-from numba.extending import lower_builtin, models, register_model
+from numba.extending import intrinsic, lower_builtin, models, register_model
 
-from springgym.core.compiling import intrinsic
 from springgym.core.lanes import Lanes, as_lanes
 
 

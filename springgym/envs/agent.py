@@ -17,6 +17,8 @@ from typing import Any, Literal
 import numpy as np
 from gymnasium import spaces
 
+from springgym.checks import unreadable
+
 Policy = Callable[[Any], np.ndarray]
 """Maps observations (n, …) to actions (n, …). Observations with goals are a dict of such arrays."""
 
@@ -207,6 +209,8 @@ def _layers(
 def _read(path: Path) -> dict[str, np.ndarray]:
     """Read the arrays of a file, which may be anything."""
     try:
+        if why := unreadable(path, LARGEST):
+            raise ValueError(why)
         with zipfile.ZipFile(path) as archive:
             size = sum(member.file_size for member in archive.infolist())
         if size > LARGEST:

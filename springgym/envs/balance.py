@@ -139,7 +139,7 @@ class SpringBalance(Task):
         above = self.plate.positions[CROWN] + (0.0, 0.0, BALL_RADIUS + self._height(NOMINAL))
         return Scene(
             bodies=(
-                Placed(self.plate, pinned=(tip,), wrench=WrenchActuator(axial=False), name="plate"),
+                Placed(self.plate, pinned=(tip,), wrench=WrenchActuator(perpendicular=True), name="plate"),
                 Placed(self.ball, above + self.ball.positions, name="ball"),
             ),
             collisions=self.contact,
@@ -198,7 +198,7 @@ class SpringBalance(Task):
             lines=[((0.0, 0.0, -0.3), (0.0, 0.0, 0.0))],
             arrows=[torque_arrow(m.centre[PLATE], torque, 0.6 * RADIUS)],
             key=((GREEN, "keep the ball here"), (RED, "torque on the plate")),
-            text=(f"off its place {100 * error:4.1f} cm",),
+            text=(f"off target {100 * error:4.1f} cm",),
         )
 
 

@@ -152,12 +152,10 @@ class _Common(Stateful):
         return given
 
     def _picture(self, renderer: Renderer, copy: int) -> np.ndarray | None:
-        episodes = self.episodes
-        m, s = episodes.seen_of(copy)
-        points = episodes.task.points(s)
-        if not episodes.diverged[copy]:
-            renderer.camera = renderer.camera.keeping(points, renderer.size)
-        return renderer.draw(points, episodes.task.marks(m, s))
+        task, (_, s) = self.episodes.task, self.episodes.seen_of(copy)
+        if not self.episodes.diverged[copy]:
+            renderer.camera = renderer.camera.keeping(task.framed(s), renderer.size)
+        return renderer.draw(task.points(s), self.episodes.marks(copy))
 
     def _restart(self, renderer: Renderer, copy: int) -> None:
         """Show the new episode of a copy."""
@@ -165,9 +163,12 @@ class _Common(Stateful):
         renderer.follow(self.episodes.particles[0][copy])
         renderer.camera = self.episodes.task.camera()
 
-    def _renderer(self, mode: Any) -> Renderer:
+    def _renderer(self, mode: Any, copy: int) -> Renderer:
+        """Return a renderer whose trace begins where a copy is now."""
         task = self.episodes.task
-        return Renderer(task.look(), task.camera(), task.scenery(), mode=mode, fps=frame_rate(task))
+        renderer = Renderer(task.look(), task.camera(), task.scenery(), mode=mode, fps=frame_rate(task))
+        self._restart(renderer, copy)
+        return renderer
 
 
 class _OneCopy(_Common):
@@ -180,7 +181,7 @@ class _OneCopy(_Common):
 
     def _draw(self) -> np.ndarray | None:
         if self._canvas is None:
-            self._canvas = self._renderer(self.render_mode)
+            self._canvas = self._renderer(self.render_mode, 0)
         return self._picture(self._canvas, 0)
 
     def _draw_start(self) -> None:
@@ -527,7 +528,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
             raise ValueError('make the batch with render_mode="rgb_array" to draw it')
         self._check_ready("render")
         if not self._canvases:
-            self._canvases = [self._renderer(self.render_mode) for _ in range(self.num_envs)]
+            self._canvases = [self._renderer(self.render_mode, n) for n in range(self.num_envs)]
         return tuple(self._picture(canvas, n) for n, canvas in enumerate(self._canvases))
 
     def close_extras(self, **kwargs: object) -> None:

@@ -22,8 +22,8 @@ from springgym.envs.rewards import gaussian, thrift
 from springgym.envs.starts import uniform
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
-from springgym.rendering import Arrow, Camera, Look, Marks
-from springgym.rendering.look import GREEN, ORANGE, RED
+from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
+from springgym.rendering.look import GREEN, INK, ORANGE, RED
 from springgym.scene import Placed, Scene, ThrustActuator
 from springgym.scenes import film
 from springgym.surfaces import Contact, floor
@@ -44,6 +44,7 @@ CUT = 0.7  # the largest angle between the two ways [rad]
 SLOW = 0.02  # slower, a ball rests [m/s]
 ARENA = 2.0  # how far a ball may go from the middle [m]
 SOFT, SLOWING = 200.0, 25.0  # of the net in the pocket: a force by way and speed [1/s²], [1/s]
+FELT, CUSHION, WOOD = (146, 182, 196), (104, 144, 162), (158, 116, 80)  # colours of the table
 WAY_UNIT, SPEED_UNIT = 0.5, 1.0  # of the compact observation [m], [m/s]
 X, Y, STROKES, POTTED = 0, 1, 2, 3
 """Columns of the goal: the pocket, how many strokes are left, whether the ball is in the pocket."""
@@ -184,15 +185,24 @@ class SpringBilliards(Task):
         return replace(film.look(self.scene), radii=np.full(2, RADIUS), ball_colors=colors)
 
     def camera(self) -> Camera:
-        return Camera.framing((0.0, 0.0, 0.0), 1.5, elevation=0.9)
+        return Camera.framing((0.0, 0.0, 0.0), 0.8, elevation=0.65)
+
+    def framed(self, s: Situation) -> np.ndarray:
+        return np.vstack([s.x, (*s.goal[:2], 0.0)])
+
+    def scenery(self) -> Scenery:
+        inside = ARENA + RADIUS
+        disks = ((inside + 0.15, WOOD), (inside + 0.05, CUSHION), (inside, FELT))
+        return replace(super().scenery(), disks=[((0.0, 0.0, 0.0), *disk) for disk in disks])
 
     def marks(self, m: Measures, s: Situation) -> Marks:
         stroke = np.append(0.3 * s.action, 0.0)
         behind = stroke * (1.0 + 1.5 * RADIUS / max(float(np.linalg.norm(stroke)), 1e-9))
         return Marks(
+            disks=[((*s.goal[:2], 0.0), POCKET, INK)],
             rings=[((*s.goal[:2], 0.0), POCKET)],
             arrows=[Arrow(m.centre[CUE] - behind, stroke)],  # it ends at the ball, as a cue does
-            key=((GREEN, "send the ball here"), (RED, "stroke")),
+            key=((GREEN, "pocket for the orange ball"), (RED, "stroke")),
             text=(
                 "potted"
                 if s.goal[POTTED]

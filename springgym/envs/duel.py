@@ -289,8 +289,8 @@ class SpringDuel(Task):
             entries=entries, per_metre=turned * own.per_metre, per_speed=turned * own.per_speed
         )
         seen = np.empty((len(rows), 2 * len(entries)), np.float32)
-        observing.observe_particles(rows, s, columns, seen)
-        return np.clip(np.nan_to_num(seen), -BOUND, BOUND)
+        observing.observe_particles(rows, s, columns, ~np.isfinite(rows).all(axis=1), seen)
+        return seen
 
     def respond(self, m: Measures, s: Situation) -> dict[str, np.ndarray]:
         seen = self.seen_by_second(m, s)
@@ -335,7 +335,7 @@ class SpringDuel(Task):
                 (BLUE, "first top, the agent's"),
                 (RED, "its push"),
                 (AMBER, "second top, the opponent's"),
-                (GREEN, "who leaves the ring, or falls, loses"),
+                (GREEN, "out of the ring or fallen: lost"),
             ),
             text=(f"first {away[0]:4.2f} m, second {away[1]:4.2f} m from the middle",),
         )

@@ -122,7 +122,7 @@ class SpringGyroscope(Task):
             self.body,
             velocities=rigid_velocities(self.body.positions, (0, 0, USUAL), self.body.positions[centre[0]]),
             pinned=centre,
-            wrench=None if impulse else WrenchActuator(axial=False),
+            wrench=None if impulse else WrenchActuator(perpendicular=True),
             thrust=ThrustActuator(self.body.parts["head"]) if impulse else None,
         )
 

@@ -175,7 +175,7 @@ class SpringJuggle(Task):
             Placed(self.ball, self.ball.positions + np.array([column, 0.0, 0.5]), name=name)
             for column, name in zip(self.columns, ("ball", "other"), strict=False)
         ]
-        paddle = Placed(self.paddle, self._shape, wrench=WrenchActuator(axial=False), name="paddle")
+        paddle = Placed(self.paddle, self._shape, wrench=WrenchActuator(perpendicular=True), name="paddle")
         return Scene(bodies=(paddle, *balls), collisions=self.contact)
 
     @cached_property

@@ -315,7 +315,7 @@ class SpringLabyrinth(Task):
             balls=[(end, RADIUS)],
             lines=[((0.0, 0.0, -0.15), (0.0, 0.0, -THICK))],
             arrows=[Arrow(HANDLE, np.append(0.12 * s.action, 0.0))],
-            key=((GREEN, "roll the ball here, along the line"), (RED, "how the board leans on")),
+            key=((GREEN, "end of the line, where the ball is to go"), (RED, "board tilt command")),
             text=(f"{done} of {LEGS} legs done",),
         )
 

@@ -93,7 +93,7 @@ class SpringPendulum(Task):
             self.body,
             *hanging,
             pinned=(0,),
-            wrench=None if impulse else WrenchActuator(axial=False),
+            wrench=None if impulse else WrenchActuator(perpendicular=True),
             thrust=ThrustActuator((FAR,)) if impulse else None,
         )
 

@@ -127,7 +127,7 @@ def make_scene_env(
     Parameters
     ----------
     scene
-        A `Scene`, the name of a scene of the package, or a YAML file. The last two need the extra ``scenes``.
+        A `Scene`, the name of a scene of the package, or a YAML file.
     reward
         A function ``reward(m, s)``. It is called after each step for all n copies together, and returns
         their rewards (n,), or a dict of terms (n,) by name. The terms sum to the reward, and ``info``
@@ -284,7 +284,6 @@ class SceneTask(Task):
             ("met", "succeeded", _given("succeeded", succeeded)),
             ("failed", "failed", _given("failed", failed)),
         )
-        self.has_aim = succeeded is not None or achieved is not None  # type: ignore[misc]
         self.hold = checks.whole("hold", hold, 1)  # type: ignore[misc]
         self.wins = checks.flag("wins", wins)  # type: ignore[misc]
         self.period = checks.number("period", period, TINY)  # type: ignore[misc]
@@ -322,6 +321,7 @@ class SceneTask(Task):
             self.achieve = self._reached  # type: ignore[misc]
             self._goals = Goals(self.aims)
         self.memory = checks.array("memory", memory, (None,)).tolist()  # type: ignore[misc]
+        self.has_aim = achieved is not None or succeeded is not None  # type: ignore[misc]
         self._move, self._remember = _given("move", move), _given("remember", remember)
         if move is not None:
             if not self.goal_size:
@@ -533,7 +533,7 @@ class SceneTask(Task):
 
 
 def _loaded(scene: str | Path) -> Scene:
-    from springgym.scenes import load  # which needs PyYAML
+    from springgym.scenes import load
 
     return load(str(scene)).scene
 

@@ -37,6 +37,7 @@ CORNERS = 6
 """Number of the first particle behind the pusher's, the first corner of the box."""
 
 SIDES = (0.3, 0.3, 0.2)  # of the box [m]
+TARGET = SIDES[0] / 2 * np.array([(1, 1, 0), (-1, 1, 0), (-1, -1, 0), (1, -1, 0)])  # of its lower corners [m]
 MASS = 1.0  # of each of both [kg]
 RADIUS = 0.1  # of the pusher [m]
 FORCE = 12.0  # on the pusher; to push the box takes 5 N of it [N]
@@ -221,17 +222,17 @@ class SpringShove(Task):
         return film.look(self.scene, colors={"pusher": ORANGE})
 
     def camera(self) -> Camera:
-        return Camera.framing((0, 0, 0.1), 2.0, elevation=0.9)
+        return Camera.framing((0, 0, 0.1), 0.9, elevation=0.9)
+
+    def framed(self, s: Situation) -> np.ndarray:
+        return np.vstack([s.x, TARGET])
 
     def marks(self, m: Measures, s: Situation) -> Marks:
         error = math.hypot(m.centre[BOX, 0], m.centre[BOX, 1])
         heading = math.atan2(m.side[BOX, 1], m.side[BOX, 0])
-        a, b = SIDES[0] / 2, SIDES[1] / 2
-        corners = [(a, b, 0.0), (-a, b, 0.0), (-a, -b, 0.0), (a, -b, 0.0)]
-        edges = [(corners[n], corners[n - 1]) for n in range(4)]
         top, ahead = m.centre[BOX] + 0.1 * m.axis[BOX], 0.15 * m.side[BOX]
         return Marks(
-            lines=edges,
+            lines=[(TARGET[n], TARGET[n - 1]) for n in range(4)],
             arrows=[
                 Arrow(
                     m.centre[PUSHER] + (0.0, 0.0, 1.2 * RADIUS), (0.3 * s.action[0], 0.3 * s.action[1], 0.0)
@@ -239,7 +240,7 @@ class SpringShove(Task):
                 Arrow(top, ahead, GREEN),
                 Arrow((0.0, 0.0, 0.0), (0.15, 0.0, 0.0), GREEN),
             ],
-            key=((GREEN, "bring the box here, turned so"), (RED, "push on the ball")),
+            key=((GREEN, "target pose of the box"), (RED, "push on the ball")),
             text=(f"off target {100 * error:3.0f} cm, {math.degrees(heading):4.0f}°",),
         )
 

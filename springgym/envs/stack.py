@@ -194,7 +194,10 @@ class SpringStack(Task):
         return replace(shown, triangle_colors=colors)
 
     def camera(self) -> Camera:
-        return Camera.framing((-0.5, -0.1, 0.0), 2.1, azimuth=-1.7, elevation=0.55)
+        return Camera.framing((-0.3, 0.0, 0.15), 1.0, azimuth=-1.7, elevation=0.55)
+
+    def framed(self, s: Situation) -> np.ndarray:
+        return s.x[:SHELFS]
 
     def marks(self, m: Measures, s: Situation) -> Marks:
         way = m.centre[BOX] - m.centre[BLOCK]
@@ -207,8 +210,8 @@ class SpringStack(Task):
                 ),
                 Arrow(m.centre[BOX] + 0.14 * m.axis[BOX], 0.15 * m.side[BOX], GREEN),
             ],
-            key=((GREEN, "bring this box onto the other, turned alike"), (RED, "push on the ball")),
-            text=(f"off its place {100 * math.hypot(way[0], way[1]):3.0f} cm",),
+            key=((GREEN, "stack this box on the other, aligned"), (RED, "push on the ball")),
+            text=(f"off target {100 * math.hypot(way[0], way[1]):3.0f} cm",),
         )
 
 

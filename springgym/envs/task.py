@@ -90,10 +90,10 @@ class Task:
     `springgym.forces.cycle`: 1, or an even number"""
     hold: ClassVar[int] = 50
     """number of consecutive steps in which the aim must be met to count as success"""
-    has_aim: ClassVar[bool] = True
-    """whether an aim can be met; without one, ``info`` has no ``is_success``"""
     wins: ClassVar[bool] = False
     """whether an episode can end by success, as a won duel does; otherwise a failure is never a success"""
+    has_aim: ClassVar[bool] = True
+    """whether there is an aim: without one, "met" is always 0, and ``info`` has no ``is_success``"""
     evaluate: ClassVar[Callable[..., None]]
     compact: ClassVar[Callable[..., None]]
     move: ClassVar[Callable[..., None] | None] = None
@@ -188,8 +188,12 @@ class Task:
         """Return the points (P, 3) that `look` draws, for the situation of one copy: its particles."""
         return s.x
 
+    def framed(self, s: Situation) -> np.ndarray:
+        """Return the points (n, 3) that a picture of one copy must hold: all that is drawn."""
+        return self.points(s)
+
     def camera(self) -> Camera:
-        """Return the camera."""
+        """Return the closest camera; it moves away, and aside, to see the points of `framed`."""
         raise NotImplementedError
 
     def scenery(self) -> Scenery:

@@ -115,7 +115,7 @@ class SpringTop(Task):
             self.body,
             velocities=spin,
             pinned=self.body.parts["tip"],
-            wrench=None if impulse else WrenchActuator(axial=False),
+            wrench=None if impulse else WrenchActuator(perpendicular=True),
             thrust=ThrustActuator((self.upper,)) if impulse else None,
         )
 

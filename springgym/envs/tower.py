@@ -247,7 +247,7 @@ class SpringTower(Task):
     def marks(self, m: Measures, s: Situation) -> Marks:
         held = int(s.goal[0])
         if held == self.blocks:
-            return Marks(text=("all are let go",))
+            return Marks(text=("all blocks released",))
         hook = s.x[CORNERS * held : CORNERS * held + 4]
         corners = s.x[CORNERS * (held - 1) : CORNERS * held] + SIDES[2] * m.axis[held - 1]
         middle = hook.mean(axis=0)
@@ -259,7 +259,7 @@ class SpringTower(Task):
             ],
             rings=[(tuple(corners[:4].mean(axis=0)), CLOSE)],
             arrows=[Arrow(middle, 0.3 * s.action[:3]), torque_arrow(middle, opening, 0.1)],
-            key=((GREEN, "bring the hook here"), (RED, "force of the crane; round: let go")),
+            key=((GREEN, "target of the hook"), (RED, "crane force (arc: release)")),
             text=(f"block {held} of {self.blocks - 1}",),
         )
 

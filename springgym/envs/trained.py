@@ -6,11 +6,13 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from hashlib import sha256
+from os.path import isfile
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import gymnasium as gym
 
+from springgym.checks import shown
 from springgym.envs.agent import Algorithm, Network, Policy, load_policy
 from springgym.registration import nearest_id, spec_of
 from springgym.scripts import AGENTS
@@ -47,9 +49,8 @@ class Trained:
 def load_agent(agent: str | Path) -> Agent:
     """Load a published agent by the id of its environment, or an agent of your own by its run folder.
 
-    This needs PyYAML (extra ``scenes`` or ``agents``), but neither PyTorch nor Stable-Baselines3. Nothing is
-    unpickled, so you can load a run folder of somebody else. If the environment's id has the form
-    ``module:ID``, `Agent.make` imports the module.
+    This needs neither PyTorch nor Stable-Baselines3. Nothing is unpickled, so you can load a run folder of
+    somebody else. If the environment's id has the form ``module:ID``, `Agent.make` imports the module.
 
     Parameters
     ----------
@@ -74,7 +75,7 @@ def load_agent(agent: str | Path) -> Agent:
     if not isinstance(agent, (str, Path)):
         raise TypeError(f"agent is {agent!r}; it must be an environment id or a run folder")
     folder = Path(agent)
-    if not (folder / "config.yaml").is_file():
+    if not isfile(folder / "config.yaml"):
         folder = published(str(agent))
     tree = read_yaml(folder / "config.yaml")
     run: Trained = build(Trained, tree)
@@ -104,7 +105,7 @@ def published(env_id: str, within: Path = PUBLISHED) -> Path:
         if nearest_id(env_id):
             spec_of(env_id)  # which says what is meant if there is no such id
         raise YamlError(
-            f"{env_id!r} is neither a run folder nor a published agent; published "
+            f"{shown(env_id)} is neither a run folder nor a published agent; published "
             f"agents are {', '.join(cards) or 'none'}"
         )
     folder = cards[env_id].parent

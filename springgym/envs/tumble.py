@@ -215,7 +215,10 @@ class SpringTumble(Task):
         )
 
     def camera(self) -> Camera:
-        return Camera.framing((0, 0, 0.15), 2.0, elevation=0.6)
+        return Camera.framing((0, 0, 0.15), 1.0, elevation=0.6)
+
+    def framed(self, s: Situation) -> np.ndarray:
+        return np.vstack([s.x, (*s.goal[:2], 0.0)])
 
     def marks(self, m: Measures, s: Situation) -> Marks:
         corner = int(s.goal[3])
@@ -231,7 +234,7 @@ class SpringTumble(Task):
             arrows=arrows,
             text=(f"off target {error:4.2f} m",),
             key=(
-                (GREEN, "bring it into the ring, this corner up"),
+                (GREEN, "target place, and the corner to point up"),
                 (RED, "force and torque" if self.action == "wrench" else "impulses"),
             ),
         )

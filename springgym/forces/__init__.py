@@ -1,29 +1,18 @@
-"""Everything that acts on the particles. `Terms` is the one list of it.
+"""Everything that acts on the particles, by the `springgym.terms.Terms` of a scene.
 
-A scene has some of the terms and None for the others. A function that acts for a term takes it as an
-argument and asks whether it is None. Such tests are removed, with what they guard, when a kernel is compiled:
-forces that a scene does not use are left out of its code. A force of one's own needs no edit here, see
-`springgym.own_forces`.
+A force of one's own needs no edit here, see `springgym.own_forces`.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
-import numpy as np
-
-from springgym.contact.cone import Resistance, Stribeck
-from springgym.contact.round import Rounds, feature_energy, rolls
-from springgym.contact.surfaces import Surfaces, contact_energy
-from springgym.contact.totals import Collisions
+from springgym.contact.records import Rounds
+from springgym.contact.round import feature_energy, rolls
+from springgym.contact.surfaces import contact_energy
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Number, Numbers, Rows
 from springgym.core.lanes import load
 from springgym.core.vectors import add_row, add_scaled, dot, plus_scaled, row, set_row, vec, vector
 from springgym.forces.actuators import (
-    Drive,
-    Thrust,
-    Wrench,
     add_actuation,
     drive_on,
     move_drive,
@@ -31,58 +20,10 @@ from springgym.forces.actuators import (
     record_holding,
     set_actuation,
 )
-from springgym.forces.cycle import Cycle
-from springgym.forces.memory import Memory
-from springgym.forces.paper_contact import PaperLaw, Sampled, add_paper_forces, clamp
-from springgym.forces.springs import Dampers, Springs, add_spring_forces, damp, spring_energy
-from springgym.own_forces import OfBody, add_own_forces, own_energy
-
-
-class Particles(NamedTuple):
-    """Point masses, each array of shape (particles,)."""
-
-    mass: Numbers
-    """[kg]"""
-    inverse_mass: Numbers
-    """[1/kg], 0 if pinned"""
-    free: np.ndarray
-    """whether the particle moves freely, i.e. is not pinned"""
-
-
-class Terms(NamedTuple):
-    """The particles and what acts on them; None for what a scene does not have."""
-
-    particles: Particles
-    springs: Springs | None = None
-    dampers: Dampers | None = None
-    gravity: np.ndarray | None = None
-    """(3,) [m/s²]"""
-    wrench: Wrench | None = None
-    thrust: Thrust | None = None
-    drive: Drive | None = None
-    surfaces: Surfaces | None = None
-    friction: np.ndarray | None = None
-    """μ of the surfaces [1], (1,)"""
-    friction_law: Stribeck | None = None
-    """what the law of friction takes beside it; None if it is Coulomb's"""
-    resistance: Resistance | None = None
-    """what resists the turning of round features on surfaces"""
-    loss: np.ndarray | None = None
-    """β of the surfaces [1], (1,)"""
-    paper_law: PaperLaw | None = None
-    """contact as the paper has it"""
-    memory: Memory | None = None
-    """what is kept of the last node, where there are surfaces or bodies that collide"""
-    cycle: Cycle | None = None
-    """what acts once in several steps; None if all acts at each"""
-    collisions: Collisions | None = None
-    """bodies that collide"""
-    rounds: Rounds | None = None
-    """round features, by which a body that has some meets surfaces"""
-    own: tuple[OfBody, ...] | None = None
-    """forces that a user wrote, of all bodies"""
-    body: int = 0
-    """number of the body, of those that ``own`` names"""
+from springgym.forces.paper_contact import Sampled, add_paper_forces, clamp
+from springgym.forces.springs import add_spring_forces, damp, spring_energy
+from springgym.own_forces import add_own_forces, own_energy
+from springgym.terms import Dampers, Particles, Terms
 
 
 @compiled
@@ -91,15 +32,18 @@ def accelerate(x: Rows, a: Rows, direction: Rows, terms: Terms) -> None:
 
     ``direction`` (springs, 3) receives the springs' unit vectors if there are dampers.
     """
-    set_forces(x, a, direction, terms)
+    set_forces(x, a, direction, True, terms)
     divide_by_mass(a, terms.particles)
 
 
 @compiled
-def set_forces(x: Rows, force: Rows, direction: Rows, terms: Terms) -> None:
-    """Set ``force`` (N, 3) to the forces [N] of which `accelerate` finds the accelerations."""
+def set_forces(x: Rows, force: Rows, direction: Rows, directs: bool, terms: Terms) -> None:
+    """Set ``force`` (N, 3) to the forces [N] of which `accelerate` finds the accelerations.
+
+    Only if it ``directs``, ``direction`` is set.
+    """
     set_weights(force, terms.particles, terms.gravity)
-    add_spring_forces(x, None, force, direction, terms.springs, terms.dampers, None, 0.0)
+    add_spring_forces(x, None, force, direction, directs, terms.springs, terms.dampers, None, 0.0)
     add_own_forces(x, force, terms.own, terms.body)
 
 
@@ -107,7 +51,7 @@ def set_forces(x: Rows, force: Rows, direction: Rows, terms: Terms) -> None:
 def accelerate_and_damp(x: Rows, v: Rows, a: Rows, weight: Number, ledger: Ledger, terms: Terms) -> None:
     """`accelerate` with the dampers; ``weight`` [s] times their power goes to the ledger."""
     set_weights(a, terms.particles, terms.gravity)
-    add_spring_forces(x, v, a, None, terms.springs, terms.dampers, ledger, weight)
+    add_spring_forces(x, v, a, None, False, terms.springs, terms.dampers, ledger, weight)
     divide_by_mass(a, terms.particles)
 
 
@@ -120,7 +64,7 @@ def derivative(x: Rows, v: Rows, a: Rows, b: Rows, weight: Number, ledger: Ledge
     """
     particles = terms.particles
     set_weights(a, particles, terms.gravity)
-    add_spring_forces(x, v, a, None, terms.springs, terms.dampers, ledger, weight)
+    add_spring_forces(x, v, a, None, False, terms.springs, terms.dampers, ledger, weight)
     add_own_forces(x, a, terms.own, terms.body)
     record_holding(v, a, terms.drive, ledger, weight)
     sampled = Sampled(x, v, a, ledger, weight)

@@ -7,10 +7,6 @@ during the hold, what turns with the body is given in the `triad` of three of it
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
-
-import numpy as np
-
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Number, Numbers, Rows, Vector
 from springgym.core.lanes import load, maximum, minimum, select, store
@@ -29,55 +25,7 @@ from springgym.core.vectors import (
 )
 from springgym.forces.ledger import WORK, record
 from springgym.forces.springs import pull_on
-
-if TYPE_CHECKING:
-    from springgym.forces import Particles
-    from springgym.forces.springs import Springs
-
-
-class Wrench(NamedTuple):
-    """A force and a torque on the whole body, applied to its particles.
-
-    Particle i receives m_i (a + β × r_i): a from the force, shared out by mass, and β from I β = τ with
-    the inertia of the present shape, so that force and moment are exactly as asked. r_i counts from the
-    pivot if the body is pinned there (the pin takes the net force), else from the centre of mass. Where
-    there is no moment of inertia, a torque does nothing: about a line of particles, or on a single one.
-    """
-
-    force: np.ndarray
-    """(3,) [N], world"""
-    torque: np.ndarray
-    """(3,) [N·m], world; if ``axial`` is 0, without its part along the body's third axis"""
-    body_torque: np.ndarray
-    """(3,) [N·m] about the body's axes"""
-    markers: np.ndarray
-    """(3,) the particles of the body's `triad`"""
-    pivot: int
-    """the pinned particle, or −1 for the centre of mass"""
-    axial: float
-    """1 keeps, 0 removes the part of the world torque along the body's third axis"""
-
-
-class Thrust(NamedTuple):
-    """Forces on named particles."""
-
-    particle: np.ndarray
-    """(thrusters,)"""
-    force: np.ndarray
-    """(thrusters, 3) [N], in the world or, if ``turns``, in the body's `triad`"""
-    markers: np.ndarray
-    turns: bool
-
-
-class Drive(NamedTuple):
-    """A pinned particle that is moved: a trolley."""
-
-    particle: int
-    """−1 if no particle of this body is driven"""
-    acceleration: np.ndarray
-    """(3,) [m/s²]"""
-    speed: float
-    """largest speed of each component [m/s]"""
+from springgym.terms import Drive, Particles, Springs, Thrust, Wrench
 
 
 @compiled

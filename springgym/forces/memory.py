@@ -9,7 +9,6 @@ nowhere: it is fresh.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -19,10 +18,7 @@ from springgym.core.lanes import load, select, store
 from springgym.core.vectors import choose, row, set_row, vec, vector
 from springgym.forces.actuators import drive_by
 from springgym.forces.ledger import ENTRIES
-
-if TYPE_CHECKING:
-    from springgym.forces.actuators import Drive
-
+from springgym.terms import Drive, Memory
 
 PHASE, STORED, BEFORE, STEERED = 0, 1, 2, 2 + ENTRIES
 """Where in the marks are: 0 of a fresh copy, else 1 or 2 in turn, the direction of the dampers' sweep; the
@@ -30,21 +26,6 @@ energy [J] that contact stores in mid-impact beside its barriers; the ledger bef
 acceleration."""
 
 MARKS = STEERED + 3
-
-
-class Memory(NamedTuple):
-    """The state of the last node, which is kept because the next call makes that node anew."""
-
-    arrived: np.ndarray
-    """(N, 3) velocity with which the node was reached [m/s]"""
-    place: np.ndarray
-    """(N, 3) where the node is [m], if it was lifted to be read"""
-    pushed: np.ndarray | None
-    """(N, 3) what the actuators gave there [m/s²]; None without any"""
-    given: np.ndarray | None
-    """(N, 3) half of what contact was expected to give there [m/s]; None without dampers"""
-    marks: np.ndarray
-    """(`MARKS`,)"""
 
 
 def memory(particles: int, actuated: bool, expects: bool, blocks: Callable[..., np.ndarray]) -> Memory:

@@ -10,31 +10,19 @@ angle α it lets a particle creep at about 2 τ g sin α.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
+from springgym.contact.records import Facing, Surfaces
 from springgym.contact.surfaces import count, standing
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Number, Numbers, Rows
 from springgym.core.lanes import load, maximum, minimum, select, sqrt
 from springgym.core.vectors import TINY, add_row, dot, row, set_row
 from springgym.forces.ledger import CONTACT, FRICTION, record
-
-if TYPE_CHECKING:
-    from springgym.contact.surfaces import Facing, Surfaces
-    from springgym.forces import Particles
-
+from springgym.terms import PaperLaw, Particles
 
 CLAMP = 0.1
 """Particles are kept above this share of Δ."""
-
-
-class PaperLaw(NamedTuple):
-    """Constants of the paper's law of contact."""
-
-    damping: float
-    """c_N [kg/s]"""
-    step: float
-    """τ [s]"""
 
 
 class Sampled(NamedTuple):

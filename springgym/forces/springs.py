@@ -9,8 +9,6 @@ round-off.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
-
 import numpy as np
 
 from springgym.core.compiling import compiled
@@ -36,50 +34,10 @@ from springgym.core.lanes import (
 )
 from springgym.core.vectors import TINY, add_scaled, dot, row, set_row, vec
 from springgym.forces.ledger import DAMPING, WORK, record
-
-if TYPE_CHECKING:
-    from springgym.forces.actuators import Drive
-
+from springgym.terms import Dampers, Decay, Drive, Springs
 
 SPRINGS_A_ROW = 2
 """Rows are taken as vectors in bodies with at least so many springs per particle, see `pays_by_rows`."""
-
-
-class Springs(NamedTuple):
-    """Springs between particles ``first`` and ``second``, each array of shape (springs,)."""
-
-    first: np.ndarray
-    second: np.ndarray
-    length: np.ndarray
-    """L₀ [m]"""
-    stiffness: np.ndarray
-    """k [N/m]"""
-
-
-class Dampers(NamedTuple):
-    """Damping of the springs, in their order, each array of shape (springs,)."""
-
-    coefficient: np.ndarray
-    """c [kg/s]"""
-    half: Decay
-    """of half a step"""
-    whole: Decay
-    """of a step, or of a cycle of them"""
-    paired: bool
-    """whether a step takes two sweeps of half its time, there and back; or one, in alternating direction"""
-
-
-class Decay(NamedTuple):
-    """The exact decay that a damper makes in some time, per relative speed of its ends."""
-
-    impulse: np.ndarray
-    """impulse on the first end [kg], opposite on the second"""
-    first: np.ndarray
-    """what the first end's velocity gains [1]"""
-    second: np.ndarray
-    """what the second end's velocity loses [1]"""
-    loss: np.ndarray
-    """energy lost, per relative speed² [kg]"""
 
 
 def decay(
@@ -126,6 +84,7 @@ def add_spring_forces(
     v: Rows,
     force: Rows,
     direction: Rows,
+    directs: bool,
     springs: Springs,
     dampers: Dampers | None,
     ledger: Ledger,
@@ -133,11 +92,12 @@ def add_spring_forces(
 ) -> None:
     """Add the springs' forces [N] to ``force`` (N, 3).
 
-    Given ``v`` (N, 3), those of the dampers too; ``weight`` [s] times their power goes to the ledger. Given
-    ``direction`` (springs, 3), it receives û: the dampers' share of the square root where they are split off.
+    Given ``v`` (N, 3), those of the dampers too; ``weight`` [s] times their power goes to the ledger. If it
+    ``directs``, ``direction`` (springs, 3) receives û: the dampers' share of the square root where they are
+    split off.
     """
     if springs is not None:
-        done, power = add_in_fours(x, v, force, direction, springs, dampers, alone(x))
+        done, power = add_in_fours(x, v, force, direction, directs, springs, dampers, alone(x))
         for s in range(done, springs.first.size):
             i, j = springs.first[s], springs.second[s]
             apart = row(x, j) - row(x, i)
@@ -150,7 +110,7 @@ def add_spring_forces(
                 power = power + lost
             add_scaled(force, i, pull, apart)
             add_scaled(force, j, -pull, apart)
-            if direction is not None and dampers is not None:
+            if direction is not None and dampers is not None and directs:
                 set_row(direction, s, inverse_length * apart)
         if v is not None and dampers is not None:
             record(ledger, DAMPING, weight * power)
@@ -183,6 +143,7 @@ def add_in_fours(
     v: Rows,
     force: Rows,
     direction: Rows,
+    directs: bool,
     springs: Springs,
     dampers: Dampers | None,
     single: bool | None,
@@ -227,7 +188,7 @@ def add_in_fours(
         add_pull(forces, s + 1, p1, d1, springs)
         add_pull(forces, s + 2, p2, d2, springs)
         add_pull(forces, s + 3, p3, d3, springs)
-        if direction is not None and dampers is not None:
+        if direction is not None and dampers is not None and directs:
             i0, i1, i2, i3 = of_four(inverse_length)
             set_row(direction, s, first_three(in_four(i0, d0) * d0))
             set_row(direction, s + 1, first_three(in_four(i1, d1) * d1))
@@ -362,12 +323,10 @@ def damp(
     backward: bool,
     whole: bool,
     among: Mask = None,
-    share: Number = None,
 ) -> None:
     """Let the relative speed along each spring decay, one after the other, for a ``whole`` step or for half.
 
-    Only ``among`` some copies, if that is given, or by a ``share`` of it that each copy has, which may be
-    less than 0; with loss g' (1 − g' w/2) of the impulse g' = ``share`` × g, it is as exact.
+    Only ``among`` some copies, if that is given.
 
     A sweep ``backward`` takes the springs in reverse order: it is the adjoint of the forward one, so that
     a pair around a step, or steps of alternating direction, are of second order. In bodies that hold their
@@ -377,7 +336,7 @@ def damp(
         decay = dampers.whole if whole else dampers.half
         count = springs.first.size
         done, energy = 0, 0.0 * load(v, (0, 0))
-        if among is None and share is None and drive is None:
+        if among is None and drive is None:
             done, energy = damp_in_rows(v, direction, springs, decay, backward, alone(v))
         for n in range(done, count):
             s = count - 1 - n if backward else n
@@ -386,13 +345,7 @@ def damp(
             speed = dot(row(v, j) - row(v, i), along)
             if among is not None:
                 speed = select(among, speed, 0.0)
-            if share is None:
-                energy = energy + load(decay.loss, s) * speed * speed
-            else:
-                slowed = share * (load(decay.first, s) + load(decay.second, s))
-                impulse = share * load(decay.impulse, s)
-                energy = energy + impulse * (1.0 - 0.5 * slowed) * speed * speed
-                speed = share * speed
+            energy = energy + load(decay.loss, s) * speed * speed
             if drive is not None:
                 impulse = load(decay.impulse, s) * speed
                 if i == drive.particle:

@@ -9,7 +9,6 @@ import importlib
 import inspect
 from collections.abc import Callable
 from functools import cache
-from typing import TYPE_CHECKING
 
 from springgym.checks import instance, shown
 from springgym.core.blocks import at
@@ -18,10 +17,7 @@ from springgym.core.kinds import Nested, Number
 from springgym.core.lanes import bodies_of, of_body
 from springgym.integrators.clock import Clock, tick
 from springgym.integrators.record import Control, Integrator, Phase
-
-if TYPE_CHECKING:
-    from springgym.forces import Terms
-
+from springgym.terms import Terms
 
 METHODS = (
     "verlet",

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from springgym.core.compiling import compiled
@@ -11,10 +9,7 @@ from springgym.core.kinds import Ledger, Number, Rows
 from springgym.forces import accelerate, actuate, drift
 from springgym.integrators.record import Integrator
 from springgym.integrators.splitting import kick_and_act
-
-if TYPE_CHECKING:
-    from springgym.forces import Terms
-
+from springgym.terms import Terms
 
 RECORD = Integrator(
     name="blanes_moan",

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from springgym.core.compiling import compiled
@@ -13,13 +11,9 @@ from springgym.core.vectors import choose, dot, row, set_row
 from springgym.forces import derivative
 from springgym.forces.ledger import ENTRIES
 from springgym.forces.springs import longest_spring
-from springgym.integrators.record import REJECTIONS, STEPS, Integrator
+from springgym.integrators.record import REJECTIONS, STEPS, Control, Integrator
 from springgym.integrators.step_control import LEAST, next_step
-
-if TYPE_CHECKING:
-    from springgym.forces import Terms
-    from springgym.integrators.record import Control
-
+from springgym.terms import Terms
 
 RECORD = Integrator(
     name="dopri5",

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from springgym.core.compiling import compiled
@@ -11,12 +9,8 @@ from springgym.core.kinds import Ledger, Rows
 from springgym.core.vectors import row, set_row
 from springgym.forces import act, actuate
 from springgym.integrators.newton import copy_rows, record_losses, solve_stage
-from springgym.integrators.record import Integrator
-
-if TYPE_CHECKING:
-    from springgym.forces import Terms
-    from springgym.integrators.record import Control
-
+from springgym.integrators.record import Control, Integrator
+from springgym.terms import Terms
 
 RECORD = Integrator(
     name="implicit_midpoint",

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from springgym.core.compiling import compiled
@@ -13,13 +11,8 @@ from springgym.core.vectors import choose, dot, row, set_row, vec
 from springgym.forces import accelerate_and_damp
 from springgym.forces.springs import longest_spring, pull_jacobian
 from springgym.integrators.envelope import Envelope, add, block, factorise, set_block, solve, subtract
-from springgym.integrators.record import ITERATIONS
-
-if TYPE_CHECKING:
-    from springgym.forces import Particles, Terms
-    from springgym.forces.springs import Dampers, Springs
-    from springgym.integrators.record import Control
-
+from springgym.integrators.record import ITERATIONS, Control
+from springgym.terms import Dampers, Particles, Springs, Terms
 
 ITERATION_LIMIT = 25
 

@@ -25,46 +25,44 @@ bodies do not collide has no `Exchange`, and none of this is compiled for it.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from springgym.contact.ellipsoids import find_ellipsoids
 from springgym.contact.friction import rub
 from springgym.contact.law import Span
-from springgym.contact.lists import Lists
-from springgym.contact.points import Given, impulses, lifted, near, nothing_given
+from springgym.contact.points import impulses, lifted, near, nothing_given
+from springgym.contact.records import (
+    ENERGY,
+    ENTRIES,
+    MET,
+    Collisions,
+    ContactRows,
+    Given,
+    Lists,
+    Problem,
+    Rolling,
+    Rounds,
+    Surfaces,
+)
 from springgym.contact.round import RoundProblem, lifted_feature, roll, rolls
-from springgym.contact.rows import MET, ContactRows, Problem
 from springgym.contact.search import find_contacts
-from springgym.contact.sleep import ASLEEP, all_sleep, find_ready, moves, note_rest, sleep_of, sleeps
 from springgym.contact.solver import add_totals, lift_apart, prepare, start_totals, sweep, taper
 from springgym.contact.spheres import as_seen, put_together, share_first, share_touched, take_apart
 from springgym.contact.surfaces import coefficient, energy_at
-from springgym.contact.totals import ENERGY, ENTRIES, Collisions, entry_of, list_changing
+from springgym.contact.totals import entry_of, list_changing
 from springgym.contact.warm import keep_impulses, start_warm
 from springgym.core.compiling import compiled
-from springgym.core.kinds import Ledger, Mask, Number, Numbers, Rows, Vector
+from springgym.core.kinds import Ledger, Number, Numbers, Rows, Vector
 from springgym.core.lanes import any_lane, bodies_of, load, maximum, of_body, select, store
 from springgym.core.vectors import TINY, choose, dot, plus_scaled, row, set_row, vec, vector
 from springgym.forces import stored_energy
 from springgym.forces.actuators import push
-from springgym.forces.cycle import PHASE as CYCLE_PHASE
-from springgym.forces.cycle import relax_in_turn, relax_to_be_read
+from springgym.forces.cycle import relax_in_turn
 from springgym.forces.ledger import CONTACT, DAMPING, FRICTION, WORK, record
-from springgym.forces.ledger import ENTRIES as LEDGER
-from springgym.forces.memory import PHASE, STORED, Memory, halve, turn_drive
+from springgym.forces.memory import PHASE, STORED, halve, turn_drive
 from springgym.forces.springs import damp
-
-if TYPE_CHECKING:
-    from springgym.contact.round import Rolling, Rounds
-    from springgym.contact.sleep import Sleep
-    from springgym.contact.surfaces import Surfaces
-    from springgym.forces import Terms
-    from springgym.forces.actuators import Thrust, Wrench
-    from springgym.forces.cycle import Cycle
-    from springgym.forces.springs import Dampers
-
+from springgym.terms import Cycle, Dampers, Memory, Terms, Thrust, Wrench
 
 START = -1
 """As a number of steps: none, but it is told which bodies of fresh copies touch."""
@@ -107,7 +105,7 @@ class Exchange(NamedTuple):
     by_bodies: Rows
     """change of velocity that bodies gave each other until that turn [m/s]"""
     change: Rows
-    """change of velocity by surfaces, by their pushes; see `springgym.contact.points.Given` [m/s]"""
+    """change of velocity by surfaces, by their pushes; see `springgym.contact.records.Given` [m/s]"""
     rub: Rows
     """change of velocity by surfaces, by friction [m/s]"""
     force: Rows
@@ -120,16 +118,6 @@ class Exchange(NamedTuple):
     """the features that are near each other"""
     contacts: ContactRows
     """the contacts of the node"""
-    kept: Rows
-    """the positions before the node of bodies that sleep in some copies only [m]"""
-    expected: Rows
-    """half of the change of velocity that contact was expected to give bodies that sleep in some copies only
-    [m/s]"""
-    entered: Numbers
-    """(bodies × `LEDGER`,) the energy ledger, before the node, of bodies that sleep in some copies
-    only [J]"""
-    ready: Numbers
-    """(bodies,) 1 where a body may sleep, else 0"""
 
 
 class Space(NamedTuple):
@@ -148,7 +136,7 @@ class Space(NamedTuple):
     pushes: Rows
     """(surfaces, 3) change of velocity [m/s] of a particle by each surface, where these are coupled"""
     rolling: Rolling | None
-    """`springgym.contact.round.Rolling`; None without round features"""
+    """`springgym.contact.records.Rolling`; None without round features"""
     busy: np.ndarray
     """(N,) whether contact may act on the particle in any copy; at first as it was at the last node"""
     exchange: Exchange | None
@@ -243,12 +231,8 @@ def relax_at(part: int, node: Node, own: Bodies, cycle: Cycle | None) -> None:
     """Let the dampers act before the actuators, after them, or on fresh copies; or in cycles."""
     if cycle is None:
         relax_some(part, node.phase, own, own.terms.dampers)
-    else:
-        w, direction, phase = own.space.w, own.space.direction, load(cycle.marks, CYCLE_PHASE)
-        if node.stage != READS and part < 2:
-            relax_in_turn(w, direction, part == 1, phase, own.ledger, own.terms)
-        elif part == 1:
-            relax_to_be_read(w, direction, phase, own.ledger, own.terms)
+    elif part < 2:
+        relax_in_turn(own.space.w, own.space.direction, part == 1, own.ledger, own.terms)
 
 
 @compiled
@@ -357,23 +341,16 @@ def pass_node(bodies: Bodies, node: Node, problem: Problem | None) -> None:
 
     The ``problem`` is `find_touching`'s.
     """
-    exchange, last = bodies.space.exchange, node.stage == READS
-    sleep = sleep_of(bodies.terms.collisions)
+    exchange = bodies.space.exchange
     if node.stage == STARTS:
         start_together(bodies.terms.collisions, bodies.terms.memory, node.phase, problem)
         return
     note_touched(bodies, problem, exchange)
     for n in range(bodies_of(bodies.x)):
-        any_busy = False
-        if takes_part(n, node, sleep):
-            own = of_body(bodies, n)
-            keep_asleep(own, node, own.space.exchange, sleep)
-            any_busy = pass_free(own, node, own.space.exchange)
-        note_busy(n, any_busy, exchange)
+        own = of_body(bodies, n)
+        note_busy(n, pass_free(own, node, own.space.exchange), exchange)
     meet_each_other(bodies, node, problem, exchange)
-    if not last:
-        let_sleep(bodies, node, problem, sleep)
-    if last:
+    if node.stage == READS:
         for n in range(bodies_of(bodies.x)):
             own = of_body(bodies, n)
             halve(own.ledger, own.terms.memory)
@@ -525,89 +502,6 @@ def begun_in_touch(pushed: Vector, late: Vector) -> Number:
     return 2.0 * along * along / (dot(pushed, pushed) + TINY)
 
 
-# --- Sleep ----------------------------------------------------------------------------------------------
-
-
-@compiled
-def takes_part(body: int, node: Node, sleep: Sleep | None) -> bool:
-    """Tell whether a body takes part in a node: it does where the state is read, though it sleeps."""
-    if sleep is None:
-        return True
-    return node.stage != PASSES or not all_sleep(body, sleep)
-
-
-@compiled
-def keep_asleep(own: Bodies, node: Node, exchange: Exchange | None, sleep: Sleep | None) -> None:
-    """Store the state of a body that sleeps in some copies only, before a node is computed for the others."""
-    if sleep is not None and node.stage == PASSES and any_lane(sleeps(own.terms.body, sleep)):
-        for i in range(own.x.shape[0]):
-            set_row(exchange.kept, i, row(own.x, i))
-            set_row(exchange.expected, i, row(own.space.given, i))
-        keep_entries(own.terms.body, own.ledger, exchange)
-
-
-@compiled
-def keep_entries(body: int, ledger: Ledger, exchange: Exchange) -> None:
-    """Store the ledger of a body, if there is one, to restore it after the node."""
-    if ledger is not None:
-        for entry in range(LEDGER):
-            store(exchange.entered, body * LEDGER + entry, load(ledger, entry))
-
-
-@compiled
-def put_back(own: Bodies, exchange: Exchange, sleep: Sleep) -> None:
-    """Restore a body in the copies in which it sleeps, after a node was computed for the others."""
-    body, nothing = own.terms.body, vec(0.0, 0.0, 0.0)
-    asleep = sleeps(body, sleep)
-    for i in range(own.x.shape[0]):
-        set_row(own.x, i, choose(asleep, row(exchange.kept, i), row(own.x, i)))
-        set_row(own.v, i, choose(asleep, nothing, row(own.v, i)))
-        expected = row(exchange.expected, i)
-        set_row(own.space.given, i, choose(asleep, expected, row(own.space.given, i)))
-        if any_lane(select(asleep, dot(expected, expected), 0.0) > 0.0):
-            own.space.busy[i] = True  # as what is expected is given where contact may act
-    put_entries_back(body, asleep, own.ledger, exchange)
-
-
-@compiled
-def put_entries_back(body: int, asleep: Mask, ledger: Ledger, exchange: Exchange) -> None:
-    """Restore the ledger of a body, if there is one, in the copies in which it sleeps."""
-    if ledger is not None:
-        for entry in range(LEDGER):
-            before = load(exchange.entered, body * LEDGER + entry)
-            store(ledger, entry, select(asleep, before, load(ledger, entry)))
-
-
-@compiled
-def let_sleep(bodies: Bodies, node: Node, problem: Problem | None, sleep: Sleep | None) -> None:
-    """Restore bodies that sleep after a node, and put those to sleep that have rested."""
-    if sleep is not None:
-        ready = bodies.space.exchange.ready
-        for n in range(bodies_of(bodies.x)):
-            if not all_sleep(n, sleep):
-                own = of_body(bodies, n)
-                if any_lane(sleeps(n, sleep)):
-                    put_back(own, own.space.exchange, sleep)
-                note_rest(n, own.v, node.h, sleep)
-        find_ready(ready, problem, sleep)
-        for n in range(bodies_of(bodies.x)):
-            falls = load(ready, n) * moves(n, sleep) > 0.5
-            if any_lane(falls):
-                fall_asleep(of_body(bodies, n), falls)
-                store(sleep.rested, n, select(falls, ASLEEP, load(sleep.rested, n)))
-
-
-@compiled
-def fall_asleep(own: Bodies, falls: Mask) -> None:
-    """Stop a body in some copies, and enter what it had of kinetic energy as lost in contact."""
-    nothing, lost = vec(0.0, 0.0, 0.0), 0.0 * load(own.terms.memory.marks, PHASE)
-    for i in range(own.x.shape[0]):
-        v = row(own.v, i)
-        lost = lost + 0.5 * load(own.terms.particles.mass, i) * dot(v, v)
-        set_row(own.v, i, choose(falls, nothing, v))
-    record(own.ledger, CONTACT, select(falls, lost, 0.0))
-
-
 # --- Round features -------------------------------------------------------------------------------------
 
 
@@ -649,10 +543,8 @@ def find_touching(bodies: Bodies, node: Node, exchange: Exchange | None) -> Prob
         particles.inverse_mass.values,
         contacts.spheres,
     )
-    find_ellipsoids(bodies.x.values, particles.mass.values, contacts.spheres, contacts.ellipsoids)
     found_in = exchange.lists, contacts
-    collisions, passes = bodies.terms.collisions, node.stage == PASSES
-    return find_contacts(places, before, before, inverse_mass, node.span, collisions, found_in, passes)
+    return find_contacts(places, before, before, inverse_mass, node.span, bodies.terms.collisions, found_in)
 
 
 @compiled
@@ -707,22 +599,7 @@ def note_busy(n: int, any_busy: bool, exchange: Exchange | None) -> None:
 def meet_each_other(bodies: Bodies, node: Node, problem: Problem | None, exchange: Exchange | None) -> None:
     """Let bodies that collide, and surfaces with them, give their impulses, and let what is busy go on."""
     if problem is not None:
-        x, spheres = bodies.x.values, problem.contacts.spheres
-        velocity, changing = exchange.velocity.values, bodies.terms.collisions.changing
-        find_impulses(bodies, problem, exchange)
-        put_together(x, velocity, problem.rows, spheres)
-        add_totals(velocity, problem, changing)
-        if problem.rows > 0:
-            record_losses(bodies.ledger, problem)
-        if node.stage == PASSES:
-            keep_impulses(problem, bodies.terms.collisions.warm, bodies.terms.collisions.sleep)
-        if node.stage == READS:
-            shift = exchange.shift.values
-            for i in range(shift.shape[0]):
-                set_row(shift, i, vec(0.0, 0.0, 0.0))
-            lift_apart(shift, velocity, problem)
-            share_first(shift, spheres)
-        take_apart(x, velocity, problem.rows, spheres)
+        find_impulses(bodies, node, problem, exchange)
         for n in range(bodies_of(bodies.x)):
             if exchange.any_busy[n]:
                 own = of_body(bodies, n)
@@ -742,29 +619,47 @@ def pass_busy(own: Bodies, node: Node, exchange: Exchange) -> None:
 
 
 @compiled
-def find_impulses(bodies: Bodies, problem: Problem, exchange: Exchange) -> None:
-    """Find what surfaces and bodies give at a node that is reached with velocities v₋."""
+def find_impulses(bodies: Bodies, node: Node, problem: Problem, exchange: Exchange) -> None:
+    """Find what surfaces and bodies give at a node that is reached with velocities v₋, and enter it."""
     pairs, velocity, terms = problem.pairs, exchange.velocity.values, bodies.terms
     x, spheres = bodies.x.values, problem.contacts.spheres
     first, last = True, pairs.sweeps + 1
-    put_together(x, velocity, problem.rows, spheres)
-    start_warm(velocity, problem, terms.collisions.warm, terms.collisions.sleep)
-    take_apart(x, velocity, problem.rows, spheres)
-    for turn in range(last + 1):  # in one loop, as each call is compiled where it stands
-        if surfaces_take(last - turn, problem.rows, terms.surfaces, pairs.friction):
+    for turn in range(-1, last + 2):  # in one loop, as each call is compiled where it stands
+        if 0 <= turn <= last and surfaces_take(last - turn, problem.rows, terms.surfaces, pairs.friction):
             for n in range(bodies_of(bodies.x)):
                 if exchange.any_busy[n]:
                     own = of_body(bodies, n)
                     push_by_surfaces(own, problem.span, first, turn == last, own.space.exchange)
             first = False
         put_together(x, velocity, problem.rows, spheres)
-        if turn < pairs.sweeps:
+        if turn < 0:
+            start_warm(velocity, problem, terms.collisions.warm)
+        elif turn < pairs.sweeps:
             sweep(velocity, turn % 2 == 1, problem)
         if turn == 1:
             taper(velocity, problem, pairs.shapes.edges)
-        if turn > 0:
+        if 0 < turn <= last:
             rub(velocity, turn - 1, problem, pairs.friction)
+        elif turn > last:
+            enter_pairs(velocity, bodies, node, problem, exchange)
         take_apart(x, velocity, problem.rows, spheres)
+
+
+@compiled
+def enter_pairs(v: Rows, bodies: Bodies, node: Node, problem: Problem, exchange: Exchange) -> None:
+    """Enter what pairs gave and lost at a node, and find how far to lift bodies that are read there."""
+    collisions = bodies.terms.collisions
+    add_totals(v, problem, collisions.changing)
+    if problem.rows > 0:
+        record_losses(bodies.ledger, problem)
+    if node.stage == PASSES:
+        keep_impulses(problem, collisions.warm)
+    if node.stage == READS:
+        shift = exchange.shift.values
+        for i in range(shift.shape[0]):
+            set_row(shift, i, vec(0.0, 0.0, 0.0))
+        lift_apart(shift, v, problem)
+        share_first(shift, problem.contacts.spheres)
 
 
 @compiled

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from springgym.core.compiling import compiled
@@ -11,10 +9,7 @@ from springgym.core.kinds import Ledger, Number, Rows
 from springgym.core.vectors import add_scaled, plus_scaled, row, set_row
 from springgym.forces import derivative, settle
 from springgym.integrators.record import Integrator
-
-if TYPE_CHECKING:
-    from springgym.forces import Terms
-
+from springgym.terms import Terms
 
 RECORD = Integrator(
     name="rk4",

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from springgym.core.compiling import compiled
@@ -15,11 +13,7 @@ from springgym.forces.springs import pull_jacobian
 from springgym.integrators.envelope import apply, solve
 from springgym.integrators.newton import assemble, record_losses
 from springgym.integrators.record import Integrator
-
-if TYPE_CHECKING:
-    from springgym.forces import Particles, Terms
-    from springgym.forces.springs import Dampers, Springs
-
+from springgym.terms import Dampers, Particles, Springs, Terms
 
 RECORD = Integrator(
     name="rodas3",

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Number, Rows
 from springgym.forces import act, kick
-
-if TYPE_CHECKING:
-    from springgym.forces import Terms
+from springgym.terms import Terms
 
 
 @compiled

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Number, Rows
 from springgym.forces import accelerate, act, actuate, drift, kick, relax
 from springgym.integrators.record import Integrator
-
-if TYPE_CHECKING:
-    from springgym.forces import Terms
-
+from springgym.terms import Terms
 
 RECORD = Integrator(
     name="symplectic_euler",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,12 +14,8 @@ from springgym.integrators.newton import (
     record_losses,
     solve_stage,
 )
-from springgym.integrators.record import Integrator
-
-if TYPE_CHECKING:
-    from springgym.forces import Terms
-    from springgym.integrators.record import Control
-
+from springgym.integrators.record import Control, Integrator
+from springgym.terms import Terms
 
 RECORD = Integrator(
     name="tr_bdf2",

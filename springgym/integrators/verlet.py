@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from springgym.contact.sleep import Sleep, nothing_moves, sleep_of
 from springgym.contact.totals import halve_totals, remember_totals, resume_totals
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Number, Rows
-from springgym.core.lanes import any_lane, bodies_of, load, of_body
+from springgym.core.lanes import bodies_of, load, of_body
 from springgym.forces import (
     act,
     actuate,
@@ -22,19 +19,7 @@ from springgym.forces import (
     relax,
     set_forces,
 )
-from springgym.forces.cycle import (
-    acts_at,
-    catch_up,
-    count_node,
-    keep_phase,
-    next_in_cycle,
-    place_in,
-    relax_in_turn,
-    remember_cycle,
-    resume_cycle,
-    sweeps_at,
-    turn_in_turn,
-)
+from springgym.forces.cycle import count_step, damps_somewhere, relax_in_turn, turn_in_turn
 from springgym.forces.memory import (
     PHASE,
     keep_expected,
@@ -58,14 +43,9 @@ from springgym.integrators.node import (
     node_at,
     note_busy,
     pass_node,
-    takes_part,
 )
 from springgym.integrators.record import Integrator
-
-if TYPE_CHECKING:
-    from springgym.forces import Terms
-    from springgym.forces.cycle import Cycle
-
+from springgym.terms import Terms
 
 RECORD = Integrator(
     name="verlet",
@@ -97,7 +77,7 @@ def integrate(
     a, b, direction = workspace[0], workspace[1], workspace[2]
     pair = paired(terms.dampers)
     for n in range(steps + 1):
-        set_forces(x, a, direction, terms)
+        set_forces(x, a, direction, True, terms)
         actuate(x, b, terms)
         inner = 0 < n < steps
         if inner and not acts_amid(terms):
@@ -120,37 +100,28 @@ def integrate_in_cycles(
 ) -> None:
     """The same, but dampers and wrench act in cycles of several steps, see `springgym.forces.cycle`.
 
-    Calls of a and b steps are one of a + b, to the bit.
+    The ``steps`` are those of whole cycles. Calls of a and b steps are one of a + b, to the bit.
     """
     a, b, direction = workspace[0], workspace[1], workspace[2]
     cycle = terms.cycle
-    phase = resume_cycle(v, ledger, terms.wrench, cycle)
     for n in range(steps + 1):
         before, last = 0.5 * h if n > 0 else 0.0, n == steps
-        amid = last and any_lane(place_in(phase, cycle) > 0.0)
-        damps, turns = acts_at(phase, terms.wrench, cycle)
-        if amid or (damps and not last):
-            set_forces(x, a, direction, terms)
-        else:
-            set_forces(x, a, None, terms)
+        damps = damps_somewhere(cycle)
+        turns = terms.wrench is not None and n % (cycle.every // 2) == 0
+        set_forces(x, a, direction, damps, terms)
         if not (damps or turns or last):
             kick_through(x, v, a, before, h, terms.particles)
         else:
             divide_and_kick(a, v, v, before, terms.particles)
-            if damps and not last:
-                relax_in_turn(v, direction, False, phase, ledger, terms)
-            if turns:
-                turn_in_turn(x, v, b, phase, h, n > 0, not last, ledger, terms)
+            for part in range(3):
+                if part == 1 and turns:
+                    turn_in_turn(x, v, b, n, steps, h, ledger, terms)
+                elif part != 1 and damps:
+                    relax_in_turn(v, direction, part == 2, ledger, terms)
             if not last:
-                if damps:
-                    relax_in_turn(v, direction, True, phase, ledger, terms)
                 kick_and_drift(x, v, a, h)
-            elif amid:
-                remember_cycle(v, ledger, terms.wrench, cycle)
-                catch_up(x, v, b, direction, phase, h, ledger, terms)
         if not last:
-            phase = next_in_cycle(phase, cycle)
-    keep_phase(phase, cycle)
+            count_step(cycle)
 
 
 @compiled
@@ -164,7 +135,7 @@ def integrate_through_nodes(
     as `START` and `LOOK` are none: it is told which bodies of fresh copies touch, or the last node is made
     anew.
     """
-    bodies, sleep = Bodies(x, v, ledger, workspace, terms), sleep_of(terms.collisions)
+    bodies = Bodies(x, v, ledger, workspace, terms)
     phase, goes, end = load(of_body(terms.memory, 0).marks, PHASE), steps != START, max(steps, 0)
     if goes:
         for n in range(bodies_of(x)):
@@ -173,15 +144,11 @@ def integrate_through_nodes(
     for n in range(end + 1):
         node = node_at(phase, h, STARTS if not goes else (READS if n == end else PASSES))
         phase = next_phase(phase)
-        if rests(node, sleep):
-            count_nodes(bodies, n > 0)
-            continue
         problem = find_touching(bodies, node, workspace.exchange)
         if goes:
             count_nodes(bodies, n > 0)
             for body in range(bodies_of(x)):
-                if takes_part(body, node, sleep):
-                    arrive(of_body(bodies, body), node, n == 0)
+                arrive(of_body(bodies, body), node, n == 0)
             if n == end:
                 remember_totals(terms.collisions)
         pass_node(bodies, node, problem)
@@ -190,19 +157,11 @@ def integrate_through_nodes(
 
 
 @compiled
-def rests(node: Node, sleep: Sleep | None) -> bool:
-    """Tell whether a node can be left out, because no body moves in any copy and nothing is read there."""
-    if sleep is None:
-        return False
-    return node.stage == PASSES and nothing_moves(sleep)
-
-
-@compiled
 def count_nodes(bodies: Bodies, passed: bool) -> None:
     """Advance the damping cycles of all bodies by a step, if the call has ``passed`` a node already."""
     if passed:
         for body in range(bodies_of(bodies.x)):
-            count_node(of_body(bodies.terms, body).cycle)
+            count_step(of_body(bodies.terms, body).cycle)
 
 
 @compiled
@@ -220,7 +179,7 @@ def go_back(own: Bodies, phase: Number) -> None:
 def arrive(own: Bodies, node: Node, first: bool) -> None:
     """Find the forces at a node on a body; how it is reached is remembered where it is to be read."""
     x, space, terms, memory, last = own.x, own.space, own.terms, own.terms.memory, node.stage == READS
-    set_forces_at_node(x, last, space, terms, terms.cycle)
+    set_forces(x, space.a, space.direction, damps_somewhere(terms.cycle), terms)
     actuate(x, space.b, terms)
     if acts_amid(terms):
         divide_and_kick(space.a, own.v, space.w, node.span.lead, terms.particles)
@@ -233,12 +192,3 @@ def arrive(own: Bodies, node: Node, first: bool) -> None:
     if last:
         remember(x, space.b, node.phase, own.ledger, memory, memory.pushed)
         keep_expected(space.given, memory.given)
-
-
-@compiled
-def set_forces_at_node(x: Rows, read: bool, space: Space, terms: Terms, cycle: Cycle | None) -> None:
-    """Find the forces at a node, and where springs point if dampers act there."""
-    if sweeps_at(read, cycle):
-        set_forces(x, space.a, space.direction, terms)
-    else:
-        set_forces(x, space.a, None, terms)

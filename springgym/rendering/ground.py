@@ -86,6 +86,8 @@ def paint_background(canvas: Canvas, scenery: Scenery) -> None:
         _paint_grid(canvas, plane)
     for surface in scenery.surfaces:
         _paint_net(canvas, surface)
+    for disk in scenery.disks:
+        paint_disk(canvas, *disk)
 
 
 def _cover(colors: Array, cover: Array, slope: ArrayLike) -> Array:
@@ -133,11 +135,12 @@ def _paint_net(canvas: Canvas, surface: Surface) -> None:
     _fading_paths(canvas, paths, fade)
 
 
-def paint_disk(canvas: Canvas, center: ArrayLike, radius: float) -> None:
-    """Draw the inside of a horizontal target ring."""
-    for share, alpha in ((1.0, 40), (0.5, 50)):
-        pixels, _ = canvas.image(circle(center, share * radius, 72))
-        canvas.polygon(pixels, GREEN, alpha)
+def paint_disk(canvas: Canvas, center: ArrayLike, radius: float, color: Color, alpha: int = 255) -> None:
+    """Draw a horizontal disk, as far as the eye sees its edge."""
+    pixels, _ = canvas.image(circle(center, radius, 144))
+    pixels = pixels[np.isfinite(pixels).all(axis=1)]
+    if len(pixels) > 2:
+        canvas.polygon(pixels, color, alpha)
 
 
 def paint_ring(canvas: Canvas, center: ArrayLike, radius: float, occluders: Occluders) -> None:

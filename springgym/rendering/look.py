@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 Color = tuple[int, int, int]
 Point = Sequence[float] | NDArray[np.float64]
+Disk = tuple[Point, float, Color]
 
 BLUE: Color = (43, 92, 150)
 IVORY: Color = (243, 239, 230)
@@ -280,12 +281,15 @@ class Scenery:
         Curved surfaces around the body.
     vertical : (foot, height), optional
         Dashed reference line upwards from the point ``foot``, m.
+    disks : sequence of (centre, radius, color)
+        Horizontal disks on the floor, m; later ones cover earlier ones.
     """
 
     floor: float | None = None
     planes: Sequence[tuple[Point, Point]] = ()
     surfaces: Sequence[Surface] = ()
     vertical: tuple[Point, float] | None = None
+    disks: Sequence[Disk] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -296,6 +300,8 @@ class Marks:
 
     Parameters
     ----------
+    disks : sequence of (centre, radius, color)
+        Horizontal disks on the floor, m.
     rings : sequence of (centre, radius)
         Horizontal target rings, m.
     balls : sequence of (centre, radius)
@@ -310,6 +316,7 @@ class Marks:
         What the colours of arrows, rings and balls mean, in the bottom left corner.
     """
 
+    disks: Sequence[Disk] = ()
     rings: Sequence[tuple[Point, float]] = ()
     balls: Sequence[tuple[Point, float]] = ()
     lines: Sequence[tuple[Point, Point]] = ()

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from springgym.rendering.camera import Camera
 from springgym.rendering.canvas import Array, Canvas, import_pygame
 from springgym.rendering.ground import paint_background, paint_disk, paint_ring, paint_shadows
-from springgym.rendering.look import INK, ORANGE, Look, Marks, Scenery
+from springgym.rendering.look import GREEN, INK, ORANGE, Look, Marks, Scenery
 from springgym.rendering.occlusion import Occluders
 from springgym.rendering.solids import (
     THROUGH,
@@ -160,8 +160,11 @@ class Renderer:
     def _paint(self, x: Array, marks: Marks, strain: Array | None) -> Any:
         """Paint one picture, from back to front."""
         canvas = self._prepared_canvas()
+        for disk in marks.disks:
+            paint_disk(canvas, *disk)
         for center, radius in marks.rings:
-            paint_disk(canvas, center, radius)
+            paint_disk(canvas, center, radius, GREEN, 40)
+            paint_disk(canvas, center, 0.5 * radius, GREEN, 50)
         paint_shadows(canvas, self.look, x, self.scenery)
         paint_all(body(canvas, self.look, x, strain, marks.balls))
 

@@ -14,7 +14,6 @@ import numpy as np
 
 from springgym.core.blocks import set_copies
 from springgym.integrators.record import Integrator
-from springgym.rigid.body import Rigid
 from springgym.rigid.motion import kernel_reading, move_together
 from springgym.rigid.shape import (
     Shape,
@@ -25,6 +24,7 @@ from springgym.rigid.shape import (
     swing_rate,
     turns,
 )
+from springgym.rigid.solid import Rigid
 from springgym.rigid.surfaces import LOADS
 from springgym.scene import Scene
 

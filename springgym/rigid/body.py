@@ -10,64 +10,15 @@ particles reads a rigid body too.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
-
-import numpy as np
-
 from springgym.core.compiling import compiled
-from springgym.core.kinds import Numbers, Rows, Vector
+from springgym.core.kinds import Numbers, Rows
 from springgym.core.lanes import load
 from springgym.core.vectors import angular_momentum, cross, mass_centre, row, set_row, triad, vec
 from springgym.integrators.envelope import Block
-from springgym.rigid.flight import State, angular_velocity, combine, components, turned
+from springgym.rigid.flight import angular_velocity, combine, components, turned
 from springgym.rigid.kick import rows
-
-if TYPE_CHECKING:
-    from springgym.core.kinds import Number
-    from springgym.forces import Terms
-
-
-class Rigid(NamedTuple):
-    """The rigid body, as its kernel takes it."""
-
-    shape: np.ndarray
-    """(N, 3) particles in principal axes, from the pin or the centre of mass [m]"""
-    moments: np.ndarray
-    """(3,) [kg·m²]"""
-    triad: np.ndarray
-    """(3, 3) rows: the body's `triad` in principal axes"""
-    markers: np.ndarray
-    """(3,) the particles of that triad"""
-    pivot: int
-    """the pinned particle, or −1"""
-    moves: bool
-    """whether any particle is free"""
-    turns: bool
-    """whether it does more than to move along: not so of a single particle"""
-    stages: np.ndarray
-    """(stages,) the composition: shares of the step that its second-order steps take"""
-
-
-Twin: TypeAlias = "tuple[Rigid, Numbers, Terms]"
-"""What kernels take of a rigid body: itself, as `Solid` has it its asymmetry, and what acts on it."""
-
-
-class Solid(NamedTuple):
-    """A body in a call, as its steps take it."""
-
-    rigid: Rigid
-    asymmetry: Numbers
-    """1/I₂ − 1/I₁ [1/(kg·m²)], (1,), or None"""
-    axes: Block
-    """the principal axes in world coordinates where `State.q` is the identity"""
-    centre: Vector
-    """of mass, in body coordinates [m]"""
-    total: Number
-    """mass [kg]"""
-    lightness: Number
-    """1/mass [1/kg], or 0 of a pinned body"""
-    terms: Terms
-    """what acts on it"""
+from springgym.rigid.solid import Rigid, Solid, State
+from springgym.terms import Terms
 
 
 @compiled

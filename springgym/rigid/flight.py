@@ -14,34 +14,13 @@ doi:10.1063/1.474310.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
-
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Number, Numbers, Vector
 from springgym.core.lanes import load
 from springgym.core.vectors import dot, vec, vector
 from springgym.integrators.envelope import Block
 from springgym.rigid.rotation import normalised, product, rotation_vector, sine_cosine, turn
-
-if TYPE_CHECKING:
-    from springgym.rigid.body import Rigid
-
-
-Motion: TypeAlias = tuple[Vector, Vector]
-"""A velocity and an angular momentum, both in body coordinates."""
-
-
-class State(NamedTuple):
-    """The state of a rigid body: where it is and how it moves."""
-
-    q: Vector
-    """the orientation, from where the body began"""
-    spin: Vector
-    """angular momentum about the body's point, in body coordinates [kg·m²/s]"""
-    position: Vector
-    """of that point, the pin or the centre of mass [m]"""
-    velocity: Vector
-    """[m/s]"""
+from springgym.rigid.solid import Rigid, State
 
 
 @compiled

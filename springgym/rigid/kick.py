@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Number, Numbers, Rows, Vector
 from springgym.core.vectors import cross, dot, row, vector
 from springgym.forces.ledger import WORK, record
-from springgym.rigid.flight import State, angular_velocity, combine, components
+from springgym.rigid.flight import angular_velocity, combine, components
 from springgym.rigid.rotation import turn, turn_back
-
-if TYPE_CHECKING:
-    from springgym.forces.actuators import Thrust, Wrench
-    from springgym.rigid.body import Solid
+from springgym.rigid.solid import Solid, State
+from springgym.terms import Thrust, Wrench
 
 
 @compiled

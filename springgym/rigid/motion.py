@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -28,15 +28,13 @@ from springgym.forces.memory import PHASE, remember, resume, share_actions
 from springgym.integrators.clock import Clock, tick
 from springgym.integrators.node import PASSES, READS, START, STARTS, node_at, span_of
 from springgym.integrators.record import Phase
-from springgym.rigid.body import Solid, Twin, read_state, set_particles
-from springgym.rigid.flight import State, fly
+from springgym.rigid.body import read_state, set_particles
+from springgym.rigid.flight import fly
 from springgym.rigid.kick import kick
 from springgym.rigid.node import Company, pass_alone, pass_together, reach_node, read_node, set_loads
+from springgym.rigid.solid import Solid, State, Twin
 from springgym.rigid.surfaces import LOADS, clearance
-
-if TYPE_CHECKING:
-    from springgym.forces import Terms
-    from springgym.forces.memory import Memory
+from springgym.terms import Memory, Terms
 
 
 @compiled

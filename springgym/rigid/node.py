@@ -17,18 +17,16 @@ surfaces have the last word.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from springgym.contact.ellipsoids import find_ellipsoids
 from springgym.contact.friction import rub
-from springgym.contact.lists import Lists
+from springgym.contact.law import Span
 from springgym.contact.points import lifted
-from springgym.contact.round import Rounds, lifted_feature, rolls
-from springgym.contact.rows import ContactRows, Problem
+from springgym.contact.records import CHANGE, GOING, ContactRows, Lists, Problem, Rounds, Surfaces, WarmStart
+from springgym.contact.round import lifted_feature, rolls
 from springgym.contact.search import find_contacts
-from springgym.contact.solids import CHANGE, GOING
 from springgym.contact.solver import add_totals, lift_apart, prepare, sweep, taper
 from springgym.contact.spheres import as_seen
 from springgym.contact.surfaces import coefficient, count
@@ -49,10 +47,11 @@ from springgym.integrators.node import (
     store_energy_of_pairs,
 )
 from springgym.integrators.record import Phase
-from springgym.rigid.body import Solid, Twin, read_state, set_particles
-from springgym.rigid.flight import Motion, State, combine, components, fly, turned
+from springgym.rigid.body import read_state, set_particles
+from springgym.rigid.flight import combine, components, fly, turned
 from springgym.rigid.kick import load_of_actuators, weight
 from springgym.rigid.rolling import given_by_rows, inverse_inertia, problem_of, roll_on_surfaces
+from springgym.rigid.solid import Motion, Solid, State, Twin
 from springgym.rigid.surfaces import (
     AGREED,
     ARM,
@@ -71,13 +70,7 @@ from springgym.rigid.surfaces import (
     sum_of,
     velocity_of,
 )
-
-if TYPE_CHECKING:
-    from springgym.contact.law import Span
-    from springgym.contact.surfaces import Surfaces
-    from springgym.contact.warm import WarmStart
-    from springgym.forces.actuators import Thrust, Wrench
-
+from springgym.terms import Thrust, Wrench
 
 TURNS = 40
 """How often surfaces and pairs are taken in turn, at the most, if they do not agree to `AGREED` before."""
@@ -557,7 +550,7 @@ def find_impulses(problem: Problem, space: Company, twins: Twin) -> None:
     enough = agreement(terms.collisions.warm) + 64 * epsilon(one)
     store(turns, GOING, one)
     store(space.changed, 0, one)
-    start_warm(velocity, problem, terms.collisions.warm, None)
+    start_warm(velocity, problem, terms.collisions.warm)
     going, turn = problem.rows > 0, 0
     while True:
         last = not going or turn == TURNS
@@ -645,8 +638,7 @@ def pass_together(phase: Phase, node: Node, first: bool, space: Company, twins: 
         x.values, v.values, particles.mass.values, particles.inverse_mass.values, contacts.spheres
     )
     span = node.span
-    find_ellipsoids(x.values, particles.mass.values, contacts.spheres, contacts.ellipsoids)
-    problem = find_contacts(places, reached, space.before, inverse_mass, span, collisions, found_in, False)
+    problem = find_contacts(places, reached, space.before, inverse_mass, span, collisions, found_in)
     if node.stage == STARTS:
         start_together(collisions, terms.memory, node.phase, problem)
         return
@@ -662,7 +654,7 @@ def pass_together(phase: Phase, node: Node, first: bool, space: Company, twins: 
     if problem.rows > 0:
         record_losses(ledger, problem)
     if not last:
-        keep_impulses(problem, collisions.warm, None)
+        keep_impulses(problem, collisions.warm)
     if last:
         for n in range(2 * count):
             set_row(space.shift, n, vec(0.0, 0.0, 0.0))

@@ -10,23 +10,21 @@ with which it flies on.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from springgym.contact.round import Carrier, Rolling, RoundProblem, Rounds, arm, roll
+from springgym.contact.records import Resistance, Rolling, Rounds
+from springgym.contact.round import Carrier, RoundProblem, arm, roll
 from springgym.contact.surfaces import count
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Rows, Vector
 from springgym.core.lanes import load
 from springgym.core.vectors import cross, plus_scaled, row, set_row, vec
 from springgym.integrators.envelope import Block
-from springgym.rigid.flight import Motion, State, angular_velocity, combine, components, turned
+from springgym.rigid.flight import angular_velocity, combine, components, turned
+from springgym.rigid.solid import Motion, Rigid, Solid, State
 from springgym.rigid.surfaces import RigidNode, leave, place_of, pushed
-
-if TYPE_CHECKING:
-    from springgym.contact.cone import Resistance
-    from springgym.rigid.body import Rigid, Solid
 
 FEATURES = len(Rolling._fields)
 """Number of arrays in a `Rolling`."""
@@ -48,7 +46,7 @@ class GivenByRows(NamedTuple):
     rub: Motion
     """by friction"""
     force: Motion
-    """by Σ J n, as of `springgym.contact.points.Given`"""
+    """by Σ J n, as of `springgym.contact.records.Given`"""
 
 
 @compiled

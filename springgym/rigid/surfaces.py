@@ -12,12 +12,12 @@ flight is flown anew, until neither changes (Gauss and Seidel).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from springgym.contact.cone import within_cone
-from springgym.contact.law import meet
+from springgym.contact.law import Span, meet
 from springgym.contact.surfaces import (
     coefficient,
     count,
@@ -31,12 +31,8 @@ from springgym.core.kinds import Mask, Number, Vector
 from springgym.core.lanes import any_lane, epsilon, maximum, minimum, select, sqrt
 from springgym.core.vectors import TINY, choose, cross, dot, plus_scaled, row, set_row, vec
 from springgym.integrators.envelope import Block
-from springgym.rigid.flight import Motion, State, angular_velocity, combine, components, fly, turned
-
-if TYPE_CHECKING:
-    from springgym.contact.law import Span
-    from springgym.rigid.body import Solid
-
+from springgym.rigid.flight import angular_velocity, combine, components, fly, turned
+from springgym.rigid.solid import Motion, Solid, State
 
 SWEEPS = 40
 """How often the particles are taken in turn, at the most. Where that is too seldom, the next step goes on
@@ -288,7 +284,6 @@ def stick(
     slip = velocity_of(arm, sum_of(node.free, 1.0, given), solid)
     slip = slip - dot(n, slip) / (dot(n, n) + TINY) * n
     a = inverse_mass(arm, 1.0 / sqrt(dot(slip, slip) + TINY) * slip, solid)
-    before = velocity_of(arm, node.before, solid)
-    new = within_cone(old - 1.0 / a * slip, limit, a, before, solid.terms.friction_law, 0)
+    new = within_cone(old - 1.0 / a * slip, limit)
     change = new - old
     return new, pushed(given, arm, change, solid), a * sqrt(dot(change, change))

@@ -1,6 +1,6 @@
 """Scenes as text files: those of the paper, and yours.
 
-What reads them is imported when it is first used: films and plots of a scene made in Python need no PyYAML.
+What reads them is imported when it is first used: films and plots of a scene made in Python do not need it.
 """
 
 from __future__ import annotations

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from importlib import resources
 from importlib.resources.abc import Traversable
+from os.path import isfile
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -96,7 +97,7 @@ def _file(scene: str) -> Iterator[Path]:
             yield path
         return
     path = Path(scene)
-    if path.suffix not in (".yaml", ".yml") and not path.is_file():
+    if path.suffix not in (".yaml", ".yml") and not isfile(path):
         raise ValueError(f"no such file, and there is no scene {shown(scene)}{suggestion(scene, names())}")
     yield path
 
@@ -432,24 +433,13 @@ def _met(
     restitution: float = 1.0,
     strength: float | None = None,
     reach: float | None = None,
-    kinetic: float | None = None,
-    stribeck: float | None = None,
     rolling_resistance: float = 0.0,
     torsional_resistance: float = 0.0,
     paper_damping: float = 0.0,
 ) -> tuple[Contact, PaperContact]:
     """Return the contact by default and by the paper's method, whose c_N is ``paper_damping`` [kg/s]."""
     return (
-        Contact(
-            friction,
-            restitution,
-            strength,
-            reach,
-            kinetic,
-            stribeck,
-            rolling_resistance,
-            torsional_resistance,
-        ),
+        Contact(friction, restitution, strength, reach, rolling_resistance, torsional_resistance),
         PaperContact(friction, paper_damping, strength, reach),
     )
 

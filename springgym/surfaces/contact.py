@@ -42,16 +42,12 @@ class Contact:
     Parameters
     ----------
     friction
-        μ, static and kinetic; 0 for ice. With ``kinetic`` it is the static one.
+        μ, static and kinetic; 0 for ice.
     restitution
         Rebound speed divided by impact speed, from 0 to 1, at every speed above
         `springgym.contact.law.SLOW`. Slower bodies come to rest.
     strength, reach
         c [N·m²] and Δ [m]. By default Δ is `REACH` of `Body.swept`, and c is `derived_strength`.
-    kinetic, stribeck
-        Stribeck's friction, see `springgym.contact.cone`: the kinetic μ, at most ``friction``, and the speed
-        of slip [m/s] at which μ is halfway between both. By default μ does not depend on the speed. If copies
-        vary ``friction``, the kinetic μ varies by the same factor.
     rolling_resistance, torsional_resistance
         ρ and τ [m] of round features on surfaces and on other bodies. With the push J, a couple of at most
         ρ J opposes turning about tangents of the surface (rolling), and one of at most τ J turning about its
@@ -68,26 +64,11 @@ class Contact:
     restitution: float = 1.0
     strength: float | None = None
     reach: float | None = None
-    kinetic: float | None = None
-    stribeck: float | None = None
     rolling_resistance: float = 0.0
     torsional_resistance: float = 0.0
 
     def __post_init__(self) -> None:
         _check(self, ("friction", *RESISTANCES), ("strength", "reach"))
-        if (self.kinetic is None) != (self.stribeck is None):
-            raise ValueError("kinetic and stribeck of the contact are given together: μ and a speed [m/s]")
-        if self.kinetic is not None:
-            _check(self, ("kinetic",), ("stribeck",))
-            if self.kinetic > self.friction:
-                raise ValueError(
-                    f"kinetic of the contact is {self.kinetic}; it must be at most the friction, "
-                    f"which is {self.friction}"
-                )
-            if self.friction == 0:
-                raise ValueError(
-                    "friction of the contact is 0; with kinetic and stribeck it must be positive"
-                )
         object.__setattr__(self, "restitution", number("restitution", self.restitution, 0.0, 1.0))
 
     @property

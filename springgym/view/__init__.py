@@ -16,6 +16,7 @@ import re
 import webbrowser
 from contextlib import redirect_stdout
 from dataclasses import replace
+from os.path import isfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -118,7 +119,7 @@ def _subject(args: argparse.Namespace) -> Subject:
 
 def _is_environment(what: str) -> bool:
     """Return whether a name is like the id of an environment, and not that of a scene or a file."""
-    if what in names() or Path(what).is_file():
+    if what in names() or isfile(what):
         return False
     return re.search(r"-v[0-9]+$", what) is not None or nearest_id(what) is not None
 

@@ -19,7 +19,6 @@ from __future__ import annotations
 import errno
 import hmac
 import ipaddress
-import math
 import re
 import secrets
 import socket
@@ -33,7 +32,7 @@ import viser
 import websockets.asyncio.server as websocket
 from websockets.datastructures import Headers
 
-from springgym.checks import chosen, instance, number, shown, whole
+from springgym.checks import HUGE, array, chosen, instance, number, shown, whole
 
 HOST, ANY = "127.0.0.1", "0.0.0.0"
 """The addresses of this machine for itself, and of all that it has."""
@@ -43,10 +42,12 @@ CONNECTIONS = 40
 """Open at once."""
 LONGEST = 4096
 """Bytes of a message: a page's own have 300 at the most."""
-DEPTH = 2
-"""Lists within a camera's message."""
-
-
+CAMERA: dict[str, tuple[int, ...]] = {
+    "wxyz": (4,),
+    **dict.fromkeys(("position", "look_at", "up_direction"), (3,)),
+    **dict.fromkeys(("fov", "near", "far", "image_height", "image_width"), ()),
+}
+"""Shapes of the numbers in a camera's message."""
 TOKEN = 16
 """Random bytes of a token."""
 
@@ -187,7 +188,7 @@ class Door:
     def _read(self, message: Any) -> dict[str, Any]:
         kind = message["type"]
         if kind == "ViewerCameraMessage":
-            return {"type": kind} | {str(k): _pose(v) for k, v in message.items() if k != "type"}
+            return _checked_camera(message)
         named = {"type": kind, "uuid": str(message["uuid"])}
         if kind == "CommandTriggerMessage":
             return named
@@ -216,13 +217,13 @@ def taken(handle: Any, value: Any) -> Any:
     raise TypeError("it takes no such value")
 
 
-def _pose(value: Any, depth: int = DEPTH) -> Any:
-    """Return the numbers of a camera, all finite."""
-    if isinstance(value, list) and depth:
-        return [_pose(part, depth - 1) for part in value]
-    if not (type(value) in (int, float) and math.isfinite(value)):
-        raise ValueError("it is no number")
-    return value
+def _checked_camera(message: dict[str, Any]) -> dict[str, Any]:
+    """Return a camera's message after checking that it has all its numbers, and no others."""
+    for name, shape in CAMERA.items():
+        array(name, message[name], shape, low=1.0 if name.startswith("image") else -HUGE)
+    if message.keys() != {"type", *CAMERA}:
+        raise ValueError("a camera has no such entry")
+    return message
 
 
 def _own_address() -> str:

@@ -94,15 +94,16 @@ def played(agent: Agent, seed: int) -> Motion:
         raise ValueError(f"{agent.env_id} is no environment of springgym's")
     policy, task, simulator = agent.policy(env), inner.episodes.task, inner.episodes.simulator
     observation, info = env.reset(seed=seed)
-    parts = min(inner.episodes.steps, max(1, round(task.period / INTERVAL)))
+    every = simulator.damping_every
+    cycles = inner.episodes.steps // every
+    parts = min(cycles, max(1, round(task.period / INTERVAL)))
     rows, bodies, positions, marks, touching = [], [], [], [], []
 
     def keep() -> None:
         rows.append(simulator.readout.rows[0].copy())
         bodies.append(simulator.readout.bodies[0].copy())
-        m, s = inner.episodes.seen_of(0)
-        positions.append(task.points(s))
-        marks.append(task.marks(m, s))
+        positions.append(task.points(inner.episodes.seen_of(0)[1]))
+        marks.append(inner.episodes.marks(0))
         if (found := contacts_of(simulator)) is not None:
             touching.append(found)
 
@@ -118,7 +119,7 @@ def played(agent: Agent, seed: int) -> Motion:
         simulator.restore(before | acting)
         taken = 0
         for n in range(1, parts):  # the same period again, to see what is between
-            until = round(n * inner.episodes.steps / parts)
+            until = every * round(n * cycles / parts)
             simulator.advance(until - taken, check=False, read=True)
             taken = until
             keep()

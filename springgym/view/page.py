@@ -114,7 +114,7 @@ class Page:
         self.playing = True
         self._build()
         self._turn_to(self.name, self.motion)
-        server.on_client_connect(self._place)
+        server.on_client_connect(self._welcome)
 
     def run(self) -> None:
         """Play until `stop` is called."""
@@ -169,7 +169,7 @@ class Page:
     def play(self, playing: bool) -> None:
         """Play, or pause; nothing is played where nothing is shown."""
         self.playing = playing and self._shown
-        self._button.label = "pause" if self.playing else "play"
+        self._button.label = "Pause" if self.playing else "Play"
         if self.playing:
             self._say("")
         self._due["clock"] = self._settle
@@ -197,20 +197,20 @@ class Page:
             )
             self._heed(self._chooser, "choice", lambda name: self._ask(name, {}))
         self._title = gui.add_markdown("")
-        self._button = gui.add_button("pause", hint="the space bar does the same")
+        self._button = gui.add_button("Pause", hint="the space bar does the same")
         self._button.on_click(lambda event: self.play(not self.playing))
         gui.add_command("play or pause", hotkey="space").on_trigger(lambda event: self.play(not self.playing))
-        self._moment = gui.add_slider("time [s]", 0.0, 1.0, 0.001, 0.0)
+        self._moment = gui.add_slider("Time [s]", 0.0, 1.0, 0.001, 0.0)
         self._heed(self._moment, "time", self._sought)
-        self._speed = gui.add_dropdown("speed", tuple(map(fraction, SPEEDS)), initial_value="1")
+        self._speed = gui.add_dropdown("Speed", tuple(map(fraction, SPEEDS)), initial_value="1")
         self._readings = gui.add_markdown("")
         tabs = gui.add_tab_group()
-        self._tab = tabs.add_tab("change")
+        self._tab = tabs.add_tab("Parameters")
         with self._tab:
-            self._nothing = gui.add_markdown("*Nothing to change here: choose another above.*")
-            self._reset = gui.add_button("as it was", order=1e6)
+            self._nothing = gui.add_markdown("*No parameters here: choose another above.*")
+            self._reset = gui.add_button("Reset", order=1e6)
             self._reset.on_click(lambda event: self._due.update(sliders=self._restore))
-        with tabs.add_tab("show"):
+        with tabs.add_tab("Show"):
             self._ticks = {
                 name: gui.add_checkbox(name, self._stage.shows(name), hint=hint)
                 for name, hint in TICKS.items()
@@ -218,10 +218,10 @@ class Page:
         for tick in self._ticks.values():
             self._heed(tick, "ticks", lambda _: self._ticked())
         graph = gui.add_panel()
-        self._graph_tab = graph.add_tab("graph")
+        self._graph_tab = graph.add_tab("Graph")
         with self._graph_tab:
             graphs = tuple(self.motion.graphs)
-            self._graphed = gui.add_dropdown("of", graphs, initial_value=graphs[0])
+            self._graphed = gui.add_dropdown("Quantity", graphs, initial_value=graphs[0])
             self._heed(self._graphed, "graph", lambda _: self._replot())
         graph.float(x=12, y=-12, width=370, height=290)
         self._plot: Any = None
@@ -259,6 +259,22 @@ class Page:
         look_from(self._server.initial_camera, camera)
         for client in self._server.get_clients().values():
             self._place(client)
+
+    def _welcome(self, client: Any) -> None:
+        """Have a client look at the motion, and again whenever its picture changes its shape.
+
+        It does so as it comes, when the panel takes its part.
+        """
+        aspect = client.camera.aspect
+        self._place(client)
+
+        def seen(camera: Any) -> None:
+            nonlocal aspect
+            if abs(camera.aspect / aspect - 1.0) > 0.01:
+                aspect = camera.aspect
+                self._due[f"camera {client.client_id}"] = partial(self._place, client)
+
+        client.camera.on_update(seen)
 
     def _place(self, client: Any) -> None:
         """Have a client look at the motion, in the part of its picture that the panel leaves free."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from springgym.rendering import Camera, Marks, srgb
-from springgym.rendering.look import GRAPHITE, GREEN, ORANGE, RED, STEEL, Arrow
+from springgym.rendering.look import GRAPHITE, GREEN, ORANGE, RED, STEEL, Arrow, Color, Point
 from springgym.rendering.solids import arrow_path, circle, strain_colors
 from springgym.scenes.film import round_up, strain_scale
 from springgym.view.motion import Motion
@@ -178,6 +178,8 @@ class Stage:
             )
         for n, surface in enumerate(scenery.surfaces):
             self._add_net(n, surface.net(middle, 1.5 * extent))
+        for n, disk in enumerate(scenery.disks):
+            self._add_disk(f"/ground/disk{n}", 1 + n, *disk)
         if scenery.vertical is not None:
             foot, height = scenery.vertical
             steps = np.linspace(0.0, height, 41)[:-1].reshape(-1, 2)
@@ -205,6 +207,19 @@ class Stage:
             (170, 181, 198),
             thickness=1.0,
             thickness_units="screen",
+        )
+
+    def _add_disk(self, name: str, rank: int, centre: Point, radius: float, color: Color) -> Any:
+        """Show a horizontal disk; those of higher rank, from 1 on, lie on others, by what nobody sees."""
+        rim, up = circle((0.0, 0.0, 0.0), radius, 72), np.array([0.0, 0.0, 1e-3 * rank])
+        n = np.arange(1, len(rim) - 1)
+        return self._scene.add_mesh_simple(
+            name,
+            rim.astype(np.float32),
+            np.stack([0 * n, n, n + 1], axis=1),
+            color=tuple(toned(color, LIT, linear=False).tolist()),
+            cast_shadow=False,
+            position=np.asarray(centre) + up,
         )
 
     def _add_body(self, motion: Motion, size: float) -> None:
@@ -404,6 +419,10 @@ class Stage:
 
     def _draw_marks(self, motion: Motion, marks: Marks) -> None:
         extent = motion.extent
+        for n, disk in enumerate(marks.disks):
+            name = f"/world/marks/disk{n}"
+            if name not in self._nodes:
+                self._nodes[name] = self._add_disk(name, 9, *disk)
         for n, (centre, radius) in enumerate(marks.rings):
             points = circle(centre, radius, 73)
             ring = np.stack([points, np.roll(points, -1, axis=0)], axis=1)

@@ -89,7 +89,7 @@ def test_too_few_episodes_are_told(monkeypatch, capsys):
     assert "undecided: it takes more episodes to tell" in capsys.readouterr().out
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_what_there_is_no_twin_of_is_told(capsys):
     assert audit.main(["zero", "--env", "SpringRope-v0", "--episodes", "2"]) == 0
     assert "not played: SpringRope-v0: " in (said := capsys.readouterr().out)

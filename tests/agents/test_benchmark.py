@@ -83,7 +83,7 @@ def test_what_has_a_row_is_left_alone(done, configs, capsys):
     assert (done / "baselines.json").read_bytes() == before
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_a_run_is_the_one_of_train(done, tmp_path):
     config = ["--config", str(HERE / "toy_ppo.yaml"), "--episodes", "0"]
     assert train.main([TOY, "--run", str(tmp_path / "run"), *config]) == 0

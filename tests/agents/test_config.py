@@ -10,6 +10,7 @@ import yaml
 
 import springgym  # noqa: F401  (registers the environments)
 from springgym.registration import find
+from tests.params import slow_but
 
 GOOD = """\
 Task-v0:
@@ -134,8 +135,7 @@ def test_wrong_override_is_named(load, override, says):
         load(GOOD, [override])
 
 
-@pytest.mark.parametrize("algo", [algo for algo in config.ONLINE if algo != "her"])
-@pytest.mark.often("ppo", "linear")
+@pytest.mark.parametrize("algo", slow_but([algo for algo in config.ONLINE if algo != "her"], "ppo", "linear"))
 def test_every_environment_has_an_entry(algo):
     ids = [spec.id for spec in gym.registry.values() if str(spec.vector_entry_point).startswith("springgym")]
     assert ids, "springgym registered no environment"

@@ -12,7 +12,8 @@ import pytest
 from springgym.envs.gyroscope import SpringGyroscope
 from springgym.envs.pendulum import SpringPendulum
 from springgym.envs.top import SpringTop
-from tests.envs.cases import COLLIDING, IDS, task_type
+from tests.envs.cases import IDS, task_type
+from tests.params import slow_but
 
 TOP = SpringTop(observation="frame")
 
@@ -91,8 +92,7 @@ def test_a_cube_at_rest_is_pushed_down():
     assert np.abs(hanging).max() == 4.25
 
 
-@pytest.mark.parametrize("action", ["torque", "impulse"])
-@pytest.mark.often("torque")
+@pytest.mark.parametrize("action", slow_but(["torque", "impulse"], "torque"))
 def test_erects_the_top(action):
     kwargs = {"action": action}
     classical, zero = (
@@ -122,10 +122,8 @@ def seen_by(task, usual, seen):
 
 
 @pytest.mark.parametrize(
-    ("env_id", "action"),
-    [pytest.param(*pair, marks=pytest.mark.slow if pair[0] in COLLIDING else ()) for pair in HARD],
+    ("env_id", "action"), slow_but(HARD, ("SpringTop-v0", "torque"), ("SpringTumble-v0", "wrench"))
 )
-@pytest.mark.often("SpringTop-v0-torque", "SpringTumble-v0-wrench")
 def test_weaker_actuators_are_asked_for_the_same(env_id, action):
     """Where nothing saturates, what the actuators do is the same with ``hard=True``."""
     tasks, controller = [], []

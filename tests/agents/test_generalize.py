@@ -8,6 +8,7 @@ from evaluate import Evaluation
 
 from springgym.envs.trained import PUBLISHED
 from springgym.registration import ENVIRONMENTS
+from tests.params import slow_but
 
 
 @pytest.fixture
@@ -26,7 +27,7 @@ def plays(monkeypatch):
     return played
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_every_agent_plays_in_every_world(plays, tmp_path, capsys):
     path = tmp_path / "rows.json"
     command = ["SpringTop-v0", "--episodes", "4", "--rows", str(path)]
@@ -60,8 +61,7 @@ def test_every_task_has_agents():
         assert len(agents) == 1 + (PUBLISHED / row.id).is_dir()
 
 
-@pytest.mark.parametrize("task", ["SpringTop-v0", "SpringRope-v0"])
-@pytest.mark.often("SpringRope-v0")
+@pytest.mark.parametrize("task", slow_but(["SpringTop-v0", "SpringRope-v0"], "SpringRope-v0"))
 def test_worlds_are_played(task):
     """The first world is that of the task, another differs, and a rope has no rigid twin."""
     own = generalize.played(task, "classical", "as it is", 4)

@@ -27,7 +27,7 @@ def trained(folder, *overrides, seed=0):
 
 
 @pytest.mark.parametrize("normalize", ["false", pytest.param("true", marks=pytest.mark.slow)])
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_it_does_what_classical_control_does(tmp_path, normalize):
     """Nearly, after one iteration of its own; an agent that imitated nothing does something else."""
     did, wanted, run = trained(tmp_path / "run", f"normalize={normalize}", "learning_rate=1e-5")
@@ -37,7 +37,7 @@ def test_it_does_what_classical_control_does(tmp_path, normalize):
     assert np.abs(did - wanted).mean() < 0.5 * np.abs(plain - wanted).mean()
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_same_seed_same_agent(tmp_path):
     brief = ("imitate=2_048", "total_timesteps=6_144")
     one, other, third = (

@@ -7,7 +7,7 @@ import pytest
 from conftest import HERE
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_learning_ends_where_the_task_is_learned_and_is_told_apart(tmp_path, capsys):
     """What is physics, what the policy and what learning adds up to the seconds."""
     path = tmp_path / "rows.json"

@@ -41,7 +41,7 @@ def learned(folder, *options, name=RANDOM):
     return runs.open_run(folder), json.loads(rows.read_text())
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_a_run_is_evaluated_and_checked_like_others(data, tmp_path, capsys):
     run, rows = learned(tmp_path / "SpringRope-v0-iql-random-v0-0")
     (row,) = rows
@@ -61,7 +61,7 @@ def test_a_run_is_evaluated_and_checked_like_others(data, tmp_path, capsys):
         assert "'data' only with data" in results.refusal(wrong)
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_same_data_and_seed_same_agent(data, tmp_path):
     """Rows of other seeds and data are added; the row of the same run takes the place of the old one."""
     found = {}
@@ -92,7 +92,7 @@ def settings(**changes):
     return config.load_config("iql", TASK, [f"{key}={value}" for key, value in values.items()])
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_it_prefers_what_was_rewarded():
     """Episodes of one step, with random actions, of which those near half the observation are rewarded."""
     pytest.importorskip("torchrl")

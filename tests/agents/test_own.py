@@ -16,6 +16,7 @@ import train
 from toy_env import LIMIT, ToyEnv
 
 from springgym import cli
+from tests.params import slow_but
 
 TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorials" / "environment.md"
 BRIEF = ["n_envs=4", "n_steps=64", "batch_size=64", "checkpoint_every=256", "total_timesteps=512"]
@@ -76,7 +77,7 @@ def run(commands, brief, episodes):
 
 @pytest.mark.usefixtures("small_pictures")
 @pytest.mark.parametrize("brief", [True, pytest.param(False, marks=pytest.mark.slow)])
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_the_environment_of_the_tutorial_trains_by_its_commands(hover, brief, tmp_path, capsys):
     (commands,) = hover
     assert run(commands, brief, 2) == ["train", "train", "evaluate", "watch"]
@@ -93,7 +94,7 @@ def test_the_environment_of_the_tutorial_trains_by_its_commands(hover, brief, tm
 
 @pytest.mark.usefixtures("small_pictures")
 @pytest.mark.parametrize("brief", [True, pytest.param(False, marks=pytest.mark.slow)])
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_a_task_from_beginning_to_end_is_followed_word_for_word(escort, brief, tmp_path):
     """Commands and code in their order; if brief, training is cut short, and so are evaluations."""
     namespace = {}
@@ -134,8 +135,7 @@ def test_a_controller_of_one_s_own_is_checked(name, says):
         controllers.make_controller(name, "ToyAlone-v0", {}, space)(np.zeros((2, 9)))
 
 
-@pytest.mark.parametrize("algo", ["ppo", "linear"])
-@pytest.mark.often("linear")
+@pytest.mark.parametrize("algo", slow_but(["ppo", "linear"], "linear"))
 def test_one_without_a_batch_trains_one_after_the_other(algo, tmp_path):
     """It reports no success either."""
     settings = BRIEF if algo == "ppo" else ["population=4", "elites=2", "total_timesteps=512"]

@@ -38,7 +38,7 @@ def test_half_of_the_copies_play_the_newest() -> None:
     assert np.bincount(actions[32:, 0].astype(int)).min() >= 6
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_of_two_equal_players_neither_is_better(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each has either side in the same duels."""
     (one,) = self_play.tournament([self_play.OPPONENTS["script"]] * 2, 2)

@@ -122,7 +122,7 @@ def test_tensorboard_has_each_row_once(finished):
     np.testing.assert_allclose(logged, expected, rtol=1e-6)
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_killed_and_resumed_run_equals_one_in_one_go(finished, tmp_path):
     """kill -9 in the middle of a rollout, after rows that the newest checkpoint does not know."""
     folder = tmp_path / "killed"
@@ -142,7 +142,7 @@ def test_killed_and_resumed_run_equals_one_in_one_go(finished, tmp_path):
 
 
 @pytest.mark.parametrize("algo", ["ppo", "sac"])
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_interrupted_run_with_normalisation(algo, tmp_path, monkeypatch, capsys):
     """Ctrl-C; running statistics, a learning rate that falls; of SAC a replay buffer, several optimisers."""
     options = ["--set", "normalize=true", "anneal=true", f"total_timesteps={4096 if algo == 'ppo' else 1600}",
@@ -194,7 +194,7 @@ def test_resumed_run_with_hindsight(tmp_path, capsys):
     assert not (tmp_path / "bad").exists()
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_stop_while_a_checkpoint_is_written(tmp_path, monkeypatch):
     """The old checkpoint stays whole until the new one is."""
     folder = tmp_path / "run"
@@ -238,7 +238,7 @@ def test_a_learning_rate_falls_to_nothing(tmp_path):
     np.testing.assert_allclose(rates, 3e-3 * (1 - np.arange(1, len(rates) + 1) / 4), rtol=1e-6)
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_finished_run_trains_on_for_longer(tmp_path):
     folder = tmp_path / "run"
     assert train.main(start(folder, "--timesteps", "1024", "--episodes", "4")) == 0
@@ -247,7 +247,7 @@ def test_finished_run_trains_on_for_longer(tmp_path):
     assert runs.open_run(folder).config.total_timesteps == 2048
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_environment_without_state_resumes_with_new_episodes(tmp_path, monkeypatch, capsys):
     folder = tmp_path / "run"
     options = ["--timesteps", "3072", "--episodes", "4"]
@@ -259,7 +259,7 @@ def test_environment_without_state_resumes_with_new_episodes(tmp_path, monkeypat
     assert [int(row["timesteps"]) for row in rows(folder)] == [512 * i for i in range(1, 7)]
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_copies_end_at_different_times_in_resumed_runs_too(tmp_path, monkeypatch):
     """The checkpoint lies where most first episodes, shortened to spread the ends, are still under way."""
     monkeypatch.setattr(train, "report", lambda *arguments: 0)

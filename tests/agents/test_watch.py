@@ -12,8 +12,8 @@ import toy_env
 import watch
 from PIL import Image, ImageSequence
 
-from springgym.extras import install
-from tests.envs.cases import KINDS, few_ids
+from tests.envs.cases import KINDS
+from tests.params import slow_but
 
 
 @pytest.fixture
@@ -52,12 +52,8 @@ def test_gif_drops_frames_above_25_a_second(right, tmp_path, monkeypatch):
 @pytest.mark.usefixtures("small_pictures")
 @pytest.mark.parametrize(
     ("env_id", "suffix"),
-    [
-        ("SpringRope-v0", ".mp4"),
-        *(pytest.param(*given.values, ".gif", marks=given.marks) for given in few_ids(KINDS)),
-    ],
+    slow_but([("SpringRope-v0", ".mp4"), *((env_id, ".gif") for env_id in KINDS)], ("SpringTop-v0", ".gif")),
 )
-@pytest.mark.often("SpringTop-v0-.gif")
 def test_films_play_in_real_time(env_id, suffix, tmp_path):
     """At the environment's own rate; a picture of a GIF stays for as long as browsers can keep to."""
     steps, path = 6, tmp_path / f"film{suffix}"
@@ -164,7 +160,7 @@ def command_without(modules, *arguments):
     return subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True)
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_a_published_agent_is_watched_without_stable_baselines3_and_pytorch(tmp_path):
     path = tmp_path / "top.gif"
     lacks = ["stable_baselines3", "sb3_contrib", "torch"]
@@ -172,9 +168,3 @@ def test_a_published_agent_is_watched_without_stable_baselines3_and_pytorch(tmp_
     done = command_without(lacks, "watch", *arguments)
     assert done.returncode == 0, done.stderr
     assert path.exists()
-
-
-def test_without_yaml_it_says_what_to_install():
-    done = command_without(["yaml"], "watch", "SpringTop-v0")
-    assert done.returncode == 2
-    assert done.stderr.endswith(f"{install('scenes')}\n")

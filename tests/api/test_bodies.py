@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -41,7 +43,8 @@ from springgym.bodies import (
 from springgym.bodies.precession import heavy_top, precession_gap, wobble_growth
 from springgym.materials import MATERIALS, Grain, Material
 from springgym.theory.top import HeavyTop
-from tests.api.values import KINDS, NUMBERS, Door, arguments, arrays, attempt, door
+from tests.api.values import KINDS, NUMBERS, Door, arrays, attempt, door
+from tests.params import slow_unless
 
 CUBE, TOP, LARGE = cube(), top(ring=5), top(ring=300)
 TETRAHEDRON = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
@@ -110,6 +113,10 @@ DOORS: list[Door] = [
 ]
 
 
+USUAL = ("Body", "cube", "top", "start", "Material", "Round")
+"""What every run gives wrong arguments to."""
+
+
 def wrong_for(right: Any) -> list[Any]:
     """Return what an argument could be given in place of what is right."""
     held = [CUBE, [CUBE], [CUBE, CUBE], (CUBE, LARGE), {0: 0.0}, {0: np.nan}, {99: 1.0}, {0.5: 1.0}]
@@ -121,20 +128,25 @@ def wrong_for(right: Any) -> list[Any]:
     return KINDS + NUMBERS + held
 
 
-@pytest.mark.parametrize(("number", "argument"), arguments(DOORS))
-@pytest.mark.often("Body-*", "cube-*", "top-*", "start-*", "Material-*0", "Round-*")
-def test_an_argument_is_refused_by_name_or_right(number: int, argument: str) -> None:
+@pytest.mark.parametrize(
+    ("call", "right"),
+    [
+        pytest.param(call, right, id=name, marks=slow_unless(name in USUAL))
+        for call, right in DOORS
+        for name in [getattr(call, "__name__", type(call).__name__)]
+    ],
+)
+def test_an_argument_is_refused_by_name_or_right(call: Callable[..., Any], right: dict[str, Any]) -> None:
     """Whatever it is: refused, or the result holds finite numbers, and no warning is given."""
-    call, right = DOORS[number]
-    refused = 0
-    for value in wrong_for(right[argument]):
-        result = attempt(
-            [argument, *right], value, lambda value=value: call(**right | {argument: value}), KeyError
-        )
-        refused += result is None
-        for held in finite_numbers(result):
-            assert np.isfinite(held).all(), (argument, value)
-    assert refused > len(KINDS) / 2
+    for argument in right:
+        refused = 0
+        for value in wrong_for(right[argument]):
+            given = right | {argument: value}
+            result = attempt([argument, *right], value, partial(call, **given), KeyError)
+            refused += result is None
+            for held in finite_numbers(result):
+                assert np.isfinite(held).all(), (argument, value)
+        assert refused > len(KINDS) / 2, argument
 
 
 def finite_numbers(result: Any) -> list[Any]:

@@ -67,7 +67,7 @@ PULLED = (Tether(0, ANCHOR, 50.0), Wind(3, np.array([1.0, 2.0, 3.0])), Tether(5,
 
 
 @pytest.mark.parametrize("method", ["verlet", "rk4"])
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_a_bead_on_a_tether_swings_as_an_oscillator(method: str) -> None:
     """z'' = −k/m (z − z₀), z₀ = 1 − m g/k, from rest at 0: z = z₀ (1 − cos ω t)."""
     simulator = Simulator(Scene(BEAD, forces=(Tether(0, ANCHOR, 50.0),)), integrator=method, step=1e-3)
@@ -97,7 +97,7 @@ def test_forces_of_several_kinds_act_with_their_energies() -> None:
 
 
 @pytest.mark.own_kernels
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_a_batch_a_body_in_company_and_a_pickle_are_the_same() -> None:
     single = Simulator(Scene(CUBE, forces=PULLED))
     batch = Simulator(Scene(CUBE, forces=PULLED), copies=3)
@@ -310,7 +310,7 @@ LEAPFROG = Integrator(
 )
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_a_method_of_one_s_own_is_of_the_order_it_says() -> None:
     register(LEAPFROG, drift_kick_drift)
     assert integrator("leapfrog") is LEAPFROG

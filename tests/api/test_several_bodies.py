@@ -48,7 +48,7 @@ def zoo() -> Scene:
             Placed(free["cube"], lifted["cube"], np.ones((8, 3))),
             Placed(free["box"], lifted["box"], thrust=ThrustActuator((1,), turns=True)),
             Placed(line, np.add(line.positions, (0, 0, 9.0)), pinned=(0,), drive=DriveActuator(0, 2.0)),
-            Placed(free["gyroscope"], lifted["gyroscope"], wrench=WrenchActuator(axial=False)),
+            Placed(free["gyroscope"], lifted["gyroscope"], wrench=WrenchActuator(perpendicular=True)),
         ),
         surfaces=(floor(),),
         contact=Contact(friction=0.3, restitution=0.7),
@@ -117,7 +117,7 @@ def test_two_tops_in_float32_are_two_scenes_of_one(method: str) -> None:
     "method",
     [pytest.param(name, marks=() if name == "suzuki" else pytest.mark.slow) for name in rigid.METHODS],
 )
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_two_rigid_tops_in_one_scene_are_two_scenes_of_one(method: str) -> None:
     assert_each_as_alone(tops(TOP), dynamics="rigid", integrator=method, step=1e-3)
 

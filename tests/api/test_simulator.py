@@ -28,6 +28,7 @@ from springgym.scene import DriveActuator, Scene, ThrustActuator, WrenchActuator
 from springgym.simulator import PrecisionWarning, SimulationDivergedError, Simulator
 from springgym.surfaces import Contact, floor, loss_of
 from tests.api.values import KINDS, NUMBERS, arguments, arrays, attempt, door
+from tests.params import slow_unless
 
 COPIES = 10
 CUBE = cube()
@@ -94,8 +95,17 @@ DOORS = [
 ]
 
 
-@pytest.mark.parametrize(("number", "argument"), [p for p in arguments(DOORS) if p.values[1] != "options"])
-@pytest.mark.often("*-step", "*-copies", "*-dtype", "*-integrator", "*-dynamics", "*-varying", "*-scene")
+USUAL = ("step", "copies", "dtype", "integrator", "dynamics", "varying", "scene")
+
+
+@pytest.mark.parametrize(
+    ("number", "argument"),
+    [
+        pytest.param(*given.values, id=given.id, marks=slow_unless(given.values[1] in USUAL))
+        for given in arguments(DOORS)
+        if given.values[1] != "options"
+    ],
+)
 def test_an_option_is_refused_by_name_or_right(number: int, argument: str) -> None:
     """Whatever it is: refused, or the simulator stands, and no warning is given."""
     call, right = DOORS[number]
@@ -613,8 +623,9 @@ def test_float32_far_from_the_origin_is_told_of_once() -> None:
     apart = r"1e\+03 m away .* in float32 are 6\.1e-05 m apart, .* within 83\.9 m, or use float64"
     with pytest.warns(PrecisionWarning, match=apart):
         Simulator(scene.with_(positions=far), dtype=np.float32)
-    with pytest.warns(PrecisionWarning, match="use float64"):
+    with pytest.warns(PrecisionWarning, match="use float64") as warned:
         made.place(far, 0 * far)
+    assert warned[0].filename == __file__
     made.place(far, 0 * far)  # not twice
     flown = Simulator(scene, dtype=np.float32)
     flown.readout.positions[:] = far

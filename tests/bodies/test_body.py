@@ -76,26 +76,6 @@ def test_error_names_the_offender(changes, message):
         triangle(**changes)
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"name": 5}, "name of a body is 5"),
-        (
-            {"markers": (0.5, 1, 2)},
-            "body 'triangle': markers is (0.5, 1, 2); it must be an array of whole numbers",
-        ),
-        ({"springs": [(0, 1.5), (1, 2), (2, 0)]}, "body 'triangle': springs is [(0, 1.5), (1, 2), (2, 0)]"),
-        ({"parts": {"end": "tip"}}, "body 'triangle': parts['end'] is 'tip'"),
-        ({"parts": [0, 1]}, "body 'triangle': parts is [0, 1]; it must be Mapping"),
-        ({"floppy": 1}, "body 'triangle': floppy is 1; it must be True or False"),
-        ({"masses": None}, "body 'triangle': masses is None"),
-    ],
-)
-def test_error_names_what_is_of_the_wrong_kind(changes, message):
-    with pytest.raises(TypeError, match=re.escape(message)):
-        triangle(**changes)
-
-
 def test_large_bodies_are_checked_fast_or_refused():
     assert top(ring=MOST_PARTICLES // 2).floppy_modes() == 0  # by the square of the rigidity matrix
     unbraced = top(ring=EXACT + 1)

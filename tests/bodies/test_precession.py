@@ -5,6 +5,7 @@ import pytest
 
 from springgym.bodies import box, softened, solid_box, solid_top, top
 from springgym.bodies.precession import heavy_top, precession_gap, wobble_growth
+from tests.params import slow_but
 
 G = (0.0, 0.0, -9.81)
 
@@ -32,8 +33,7 @@ def test_what_is_no_heavy_top(body, pinned, gravity, why):
         heavy_top(body, pinned, gravity)
 
 
-@pytest.mark.parametrize("name", ["steel", "beech"])
-@pytest.mark.often("beech")
+@pytest.mark.parametrize("name", slow_but(["steel", "beech"], "beech"))
 def test_gap_goes_with_the_softness_and_the_square_of_the_spin(name):
     body = solid_top(0.03, 0.04, name)
     pin = body.parts["tip"]
@@ -46,7 +46,7 @@ def test_gap_goes_with_the_softness_and_the_square_of_the_spin(name):
     assert precession_gap(body, pin, G, 0.35, 600.0) == pytest.approx(4 * gap, rel=0.08)
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_paper_top_has_a_gap_too():
     """Measured in docs/accuracy.md as 2.6e-3 after 1 s at 40 rad/s, of its ring."""
     body = top()

@@ -12,22 +12,18 @@ import numpy as np
 from springgym import packing, simulator
 from springgym.checks import HUGE
 from springgym.collisions import Shape
-from springgym.contact.cone import Stribeck
-from springgym.contact.pairs import Pairs
-from springgym.contact.round import Rolling, packed_rounds
-from springgym.contact.spheres import Spheres
-from springgym.contact.totals import ENTRIES
+from springgym.contact.records import ENTRIES, Pairs, Rolling, Spheres
+from springgym.contact.round import packed_rounds
 from springgym.core import ragged
 from springgym.core.blocks import aligned_zeros, to_copies
 from springgym.core.kinds import Each, Ragged
 from springgym.envs.episodes import Episodes
-from springgym.forces import Terms
-from springgym.forces.actuators import Drive, Thrust, Wrench
 from springgym.integrators.node import Space
 from springgym.scene import Scene
 from springgym.simulator import Simulator
 from springgym.stability import Vibrations
 from springgym.surfaces import Contact, Plane
+from springgym.terms import Drive, Terms, Thrust, Wrench
 from tests.collisions.world import with_all_features
 
 FAR = Plane((0, 0, -100), (0, 0, 1))
@@ -59,10 +55,6 @@ def shares_code(scene: Scene, method: str, twin: bool) -> bool:
     level = all(isinstance(surface, Plane) for surface in scene.surfaces)
     usual = isinstance(scene.contact, Contact) and not any(placed.forces for placed in scene.bodies)
     return level and (bool(scene.meetings) or (usual and (twin or method == "verlet")))
-
-
-COULOMB = Stribeck(np.zeros(1), np.ones(1))
-"""Stribeck's law without its fall: the coefficient of friction is the same at every speed."""
 
 
 class Packing:
@@ -116,10 +108,7 @@ def all_kinds_of_terms() -> Iterator[None]:
     def shared(whole: Scene, given: packing.Options) -> Terms:
         if not Packing.shares:
             return share(whole, given)
-        terms = share(with_gravity(whole), varied(whole, given, Packing.twin))
-        if Packing.twin or whole.meetings or not whole.surfaces:
-            return terms
-        return terms._replace(friction_law=terms.friction_law or COULOMB)
+        return share(with_gravity(whole), varied(whole, given, Packing.twin))
 
     def packed(part: Scene, whole: Scene, terms: Terms, twin: bool, given: packing.Options) -> packing.Packed:
         if not Packing.shares:

@@ -10,7 +10,7 @@ import pytest
 
 from springgym.bodies import ball, capsule, cube, rolling_ball, rope, sphere
 from springgym.collisions import shape
-from springgym.contact.rows import ROWS
+from springgym.contact.records import ROWS
 from springgym.core.blocks import numbers
 from springgym.scene import Placed, Scene
 from springgym.surfaces import Contact

@@ -12,8 +12,7 @@ import pytest
 
 from springgym.bodies import ball, cube, rope
 from springgym.contact import lists
-from springgym.contact.lists import WATCHED
-from springgym.contact.rows import FAR, ROWS
+from springgym.contact.records import FAR, ROWS, WATCHED
 from springgym.core.blocks import WIDTH, block_array, numbers, set_copies
 from springgym.packing import search_workspace
 from springgym.scene import Placed, Scene
@@ -21,7 +20,7 @@ from springgym.surfaces import Contact
 from tests.collisions.stepped import full
 from tests.collisions.test_rows import found
 
-pytestmark = pytest.mark.seldom
+pytestmark = pytest.mark.slow
 
 COPIES, REACH = WIDTH[np.dtype(float)], 0.02
 CUBE, ROPE, BALL = cube(), rope(5, radius=0.02), ball(0.1, 0.2)

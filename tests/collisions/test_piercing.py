@@ -8,7 +8,8 @@ import pytest
 
 from springgym.bodies import ball
 from springgym.contact.overlap import tell_shown
-from springgym.contact.totals import ENTRIES, FASTEST, MISSES, OVERFLOW, RESOLVED, tell_unresolved
+from springgym.contact.records import ENTRIES, FASTEST, MISSES, OVERFLOW
+from springgym.contact.totals import RESOLVED, tell_unresolved
 from springgym.packing import pack_outlines
 from springgym.scene import Placed, Scene
 from springgym.simulator import SimulationDivergedError, Simulator, UnresolvedContactError

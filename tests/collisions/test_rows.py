@@ -20,7 +20,7 @@ from tests.collisions.stepped import full
 
 @kernel
 def found(x: Any, v: Any, pairs: Any, lists: Any, contacts: Any) -> int:
-    return find(at(x, 0), at(v, 0), Span(0.0, 5e-4, 1e-3), pairs, lists, contacts, None, False)
+    return find(at(x, 0), at(v, 0), Span(0.0, 5e-4, 1e-3), pairs, lists, contacts)
 
 
 COPIES, RADIUS, REACH = WIDTH[np.dtype(float)], 0.06, 5e-3
@@ -57,7 +57,6 @@ def test_a_row_for_all_who_touch_elsewhere() -> None:
     np.testing.assert_allclose(numbers(listed_contacts.gap)[0][shares > 0], 2e-3, rtol=1e-9)
 
 
-@pytest.mark.seldom
 def test_a_ball_that_comes_to_an_edge_is_outside() -> None:
     """As far as contacts are looked for, the plate's upper side is found at least as soon as its lower one.
 

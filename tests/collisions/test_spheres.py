@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from springgym.bodies import Body, cube, rolling_ball, sphere, start
+from springgym.bodies import Body, cube, disk, ellipsoid, rolling_ball, sphere, start
 from springgym.scene import Placed, Scene
 from springgym.simulator import Simulator, UnresolvedContactError
 from springgym.surfaces import Contact, floor
@@ -237,8 +237,9 @@ def test_struck_ball_rolls_with_5_7_and_the_other_with_2_7() -> None:
 
 def test_unfit_spheres_are_refused() -> None:
     two = BALL.with_(rounds=(sphere(0.1), sphere(0.05)))
-    with pytest.raises(ValueError, match="a single ellipsoid, or two spheres"):
-        scene(body_at(two, (0, 0, 0)))
+    for body in (two, ellipsoid((0.15, 0.1, 0.08)), disk()):
+        with pytest.raises(ValueError, match=r"cannot collide: only surfaces meet ellipsoids and disks"):
+            scene(body_at(body, (0, 0, 0)), body_at(BALL, (1, 0, 0)))
     held = Placed(BALL, pinned=(0,))
     with pytest.raises(ValueError, match="pin all or none"):
         scene(held)

@@ -83,7 +83,7 @@ def test_apart_nothing_changes() -> None:
         none.pair_sums()
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_stack_on_a_floor() -> None:
     """Three blocks come to rest and stay: no motion, no heat, no creep; what they lost is entered."""
     stack = among(*(put(BLOCK, (0, 0, 0.26 + 0.51 * n), f"{n}") for n in range(3)))

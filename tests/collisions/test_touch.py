@@ -9,7 +9,7 @@ import pytest
 
 from springgym.bodies import Body, box, cube, rope
 from springgym.collisions import Pair
-from springgym.contact.totals import CONTACT, FRICTION, MISSES, OVERFLOW, TOUCHING
+from springgym.contact.records import CONTACT, FRICTION, MISSES, OVERFLOW, TOUCHING
 from springgym.scene import Placed, Scene
 from springgym.surfaces import Contact
 from tests.collisions.cases import turned
@@ -137,7 +137,7 @@ def test_block_on_a_tilted_slab() -> None:
     assert totals[2:, FRICTION] == pytest.approx((MU * 9.81 * np.cos(tilt) * way)[2:], rel=1e-3)
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_stack() -> None:
     """Three cubes on a slab come to rest, and stay."""
     cubes = [put(cube(0.5, damping=100.0), (0, 0, 0.4586 + 0.5086 * n), f"cube {n}") for n in range(3)]

@@ -22,11 +22,8 @@ COUNT = FEW + 2
 
 
 @cache
-def column(askew: float = 1.0, above: float | None = None) -> Scene:
-    """Blocks on each other, so near that they touch; askew, each is turned, and beside the one below.
-
-    One more may fall from ``above`` [m], so that not all sleep.
-    """
+def column(askew: float = 1.0) -> Scene:
+    """Blocks on each other, so near that they touch; askew, each is turned, and beside the one below."""
     bodies = []
     for n in range(COUNT):
         angle = askew * 0.1 * (n % 3)
@@ -35,8 +32,6 @@ def column(askew: float = 1.0, above: float | None = None) -> Scene:
         height = 0.05 + 0.5 * REACH + n * (0.1 + 0.5 * REACH)
         aside = (askew * 0.003 * (n % 2), askew * 0.002 * (n % 3), height)
         bodies.append(Placed(BLOCK, start + aside, name=f"block{n}"))
-    if above is not None:
-        bodies.append(Placed(BLOCK, BLOCK.positions + np.array([3.0, 0.0, above]), name="falling"))
     contact = Contact(friction=0.6, restitution=0.2)
     return Scene(bodies=tuple(bodies), surfaces=(floor(),), contact=contact, collisions="all")
 
@@ -90,16 +85,6 @@ def test_what_rests_is_held_as_the_law_says() -> None:
     _, push, law = pushes_and_law(simulator)
     assert np.abs(push - law).max() < 1e-3 * push.max()
     np.testing.assert_allclose(held(simulator), 1.0, atol=2e-6)
-
-
-@pytest.mark.slow
-def test_what_sleeps_is_held() -> None:
-    """What pairs that sleep give each other stays in the table: the next look starts from it."""
-    simulator = Simulator(column(0.0, 30.0), sleep=1e-3)
-    simulator.advance(round(1.5 / simulator.step))
-    assert simulator.asleep[0, :COUNT].all()
-    assert not simulator.asleep[0, COUNT]
-    np.testing.assert_allclose(held(simulator), 1.0, atol=1e-3)
 
 
 def test_calls_of_any_length_are_one() -> None:
@@ -163,7 +148,7 @@ def test_copies_that_are_placed_start_from_nothing() -> None:
 @pytest.mark.slow
 def test_states_from_elsewhere_are_no_harm() -> None:
     """A contact that the table does not hold starts from nothing, whatever else the table holds."""
-    simulator = Simulator(column(0.0, 30.0), sleep=1e-3)
+    simulator = Simulator(column(0.0))
     simulator.advance(10)
     state = simulator.state()
     tables = [array for name, array in state.items() if "warm" in name]

@@ -12,20 +12,20 @@ import numpy as np
 
 from springgym.contact.friction import rub
 from springgym.contact.law import Span
-from springgym.contact.pairs import Pairs
-from springgym.contact.rows import Problem
+from springgym.contact.records import ENTRIES, GAP, Collisions, Pairs, Problem
 from springgym.contact.search import find
 from springgym.contact.solver import add_totals, prepare, sweep, taper
-from springgym.contact.totals import ENTRIES, GAP, Collisions, list_changing
+from springgym.contact.totals import list_changing
 from springgym.core.blocks import aligned_zeros, at, block_array, numbers
 from springgym.core.compiling import compiled, kernel
 from springgym.core.lanes import block_dtype, load, minimum, sqrt
 from springgym.core.vectors import TINY, dot, plus_scaled, row, row_each, set_row, set_row_each
-from springgym.forces import Particles, Terms, accelerate, drift, kick, relax
-from springgym.forces.springs import Dampers, Decay, Springs, decay
+from springgym.forces import accelerate, drift, kick, relax
+from springgym.forces.springs import decay
 from springgym.packing import Options, pack_pairs, search_workspace
 from springgym.scene import Scene
 from springgym.stability import automatic_step
+from springgym.terms import Dampers, Decay, Particles, Springs, Terms
 
 NOTHING, BLIND, UNTAPERED, SINGLE, PLAIN = range(5)
 """What is left out on purpose: nothing, the history of signs, the force of the share's gradient, the second

@@ -1,17 +1,18 @@
-"""Every environment × observation × action × dynamics, read from the registry."""
+"""Environments with their observations, actions and dynamics, read from the registry."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterable
 from importlib import import_module
+from itertools import cycle
 from typing import Any
 
 import gymnasium as gym
 import pytest
 
-from springgym.dynamics import DYNAMICS
 from springgym.envs.task import Task
 from springgym.registration import ENVIRONMENTS, find
+from tests.params import slow_unless
 
 IDS = [row.id for row in ENVIRONMENTS]
 
@@ -30,75 +31,79 @@ COLLIDING = [env_id for env_id in IDS if task_type(env_id)().scene.meetings]
 TWINLESS = [*FLOPPY, *COLLIDING]
 """They have no rigid twin, or one whose kernel takes a minute to compile: a slow test plays it."""
 
-CASES = [
-    (env_id, {"observation": observation, "action": action, "dynamics": dynamics})
-    for env_id in IDS
-    for observation in task_type(env_id).observations
-    for action in task_type(env_id).actions
-    for dynamics in DYNAMICS
-    if dynamics == "springs" or env_id not in TWINLESS
-]
-
+DUEL = "SpringDuel-v0"
+"""Its bowl takes a kernel of its own."""
 
 QUICK = ("SpringTop-v0", "SpringTumble-v0")
 """Of these, on a pin and among surfaces, what takes kernels of its own is tested always."""
 
 KINDS = (*QUICK, "SpringShove-v0")
-"""One on a pin, one among surfaces, one of bodies that collide: what every environment owes by the same lines
-of code is always tested of these, and of all others in slow runs."""
+"""One on a pin, one among surfaces, one of bodies that collide: code that all environments share is
+tested with these three, and what a task owes by lines of its own with the others in slow runs."""
 
 
-def _slow_unless(usual: bool) -> Any:
-    return () if usual else pytest.mark.slow
+def _cases(env_id: str) -> list[tuple[str, dict[str, str]]]:
+    """Each observation and each action of an environment at least once, and its rigid twin once."""
+    task = task_type(env_id)
+    count = max(len(task.observations), len(task.actions))
+    pairs = list(zip(cycle(task.observations), cycle(task.actions), range(count), strict=False))
+    springs = [(env_id, {"observation": seen, "action": action}) for seen, action, _ in pairs]
+    return [*springs, *([] if env_id in TWINLESS else [(env_id, springs[0][1] | {"dynamics": "rigid"})])]
 
 
-def few_ids(usual: Sequence[str], ids: Sequence[str] = IDS) -> list[Any]:
-    """Return parameters of a test: environments, all but the ``usual`` ones left to slow runs."""
-    return [pytest.param(env_id, marks=_slow_unless(env_id in usual)) for env_id in ids]
+CASES = [case for env_id in IDS for case in _cases(env_id)]
+"""All environments, each with all of its observations and actions, though not with all pairs of them."""
 
 
-def few_cases(usual: Callable[[str, dict[str, str]], bool]) -> pytest.MarkDecorator:
-    """Run a test on every case, all but the ``usual`` ones left to slow runs."""
+def _parametrized(cases: Iterable[tuple[str, dict[str, str]]]) -> pytest.MarkDecorator:
     params = [
-        pytest.param(
-            env_id,
-            options,
-            marks=_slow_unless(usual(env_id, options)),
-            id="-".join((env_id, *options.values())),
-        )
-        for env_id, options in CASES
+        pytest.param(*case, id="-".join((case[0], *case[1].values())), marks=slow_unless(case[0] != DUEL))
+        for case in cases
     ]
     return pytest.mark.parametrize(("env_id", "options"), params)
 
 
-def _first_of(dynamics: str, env_id: str) -> dict[str, str] | None:
-    """Return the first case of an environment with these dynamics."""
-    return next((own for of, own in CASES if of == env_id and own["dynamics"] == dynamics), None)
+def _first(env_id: str) -> tuple[str, dict[str, str]]:
+    return next(case for case in CASES if case[0] == env_id)
 
 
-each_case = few_cases(
-    lambda env_id, options: (
-        env_id in KINDS
-        and options["dynamics"] == "springs"
-        and (env_id == KINDS[0] or options["action"] == next(iter(task_type(env_id).actions)))
-    )
+each_case = _parametrized(CASES)
+"""Run a test on all `CASES`."""
+
+first_case = _parametrized(
+    [*map(_first, IDS), *(case for case in CASES if case[0] in QUICK and "dynamics" in case[1])]
 )
-"""Run a test always on the cases of `KINDS` with springs and, but for the first of `KINDS`, with their first
-action; on all other cases, which take kernels of their own, in slow runs."""
+"""Run a test on the first observation and action of each environment, and on the rigid twins of `QUICK`."""
 
-first_case = few_cases(
-    lambda env_id, options: (
-        options in ([_first_of("springs", env_id)] + [_first_of("rigid", env_id)] * (env_id in QUICK))
-    )
+case_of_each_kind = _parametrized(
+    case
+    for case in CASES
+    if case in map(_first, KINDS) or (case[0] == KINDS[0] and "dynamics" not in case[1])
 )
-"""Run a test always on each environment's first observation and action, and on the rigid twins of `QUICK`; on
-all other cases in slow runs."""
+"""Run a test on the first case of each of `KINDS`, and on the first kind's other observation and action."""
+
+
+def each_with(name: str, values: Iterable[Any]) -> pytest.MarkDecorator:
+    """Run a test once on each environment, with the values of another parameter in turn.
+
+    Always on `KINDS`, on the others in slow runs.
+    """
+    ids = sorted(IDS, key=lambda env_id: KINDS.index(env_id) if env_id in KINDS else len(KINDS))
+    pairs = zip(ids, cycle(values), strict=False)
+    params = [pytest.param(*pair, marks=slow_unless(pair[0] in KINDS)) for pair in pairs]
+    return pytest.mark.parametrize(("env_id", name), params)
+
 
 each_id = pytest.mark.parametrize("env_id", IDS)
 """Run a test always on every environment: for what is an environment's own, and takes no time."""
 
-each_kind = pytest.mark.parametrize("env_id", few_ids(KINDS))
-"""Run a test always on `KINDS`, and on all other environments in slow runs."""
+each_task = pytest.mark.parametrize(
+    "env_id", [pytest.param(env_id, marks=slow_unless(env_id in KINDS)) for env_id in IDS]
+)
+"""Run a test always on `KINDS`, and on all others in slow runs: for what is an environment's own."""
+
+each_kind = pytest.mark.parametrize("env_id", KINDS)
+"""Run a test on `KINDS` alone: for code that all environments share."""
 
 
 def make(env_id: str, **options: Any) -> gym.Env:

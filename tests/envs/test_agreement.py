@@ -112,7 +112,7 @@ SLOW = pytest.mark.slow
         pytest.param("SpringGyroscope-v0", {"hard": True}, marks=SLOW),
     ],
 )
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_what_succeeds_more_earns_more(env_id: str, arguments: dict[str, Any]) -> None:
     """Over classical control, the published agent of the task, and what is left of both if degraded."""
     pytest.importorskip("torch")

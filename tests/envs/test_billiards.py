@@ -22,12 +22,11 @@ from springgym.envs.billiards import (
 from tests.envs.cases import make
 from tests.envs.playing import Policy, play
 from tests.envs.test_cheats import classical
+from tests.params import slow_but
 
 ENV, COPIES, G = "SpringBilliards-v0", 20, 9.81
 IDLE = np.zeros(2, np.float32)
 SLOWING = FRICTION * G
-
-pytestmark = pytest.mark.usefixtures("few_kernels")
 
 
 def laid(cue: tuple[float, float], other: tuple[float, float], pocket: tuple[float, float]) -> gym.Env:
@@ -168,8 +167,7 @@ def nearly(seen: np.ndarray) -> np.ndarray:
     return right + 0.03 * np.column_stack([-right[:, 1], right[:, 0]])
 
 
-@pytest.mark.parametrize("other", [waiting, straight, nearly])
-@pytest.mark.often("straight")
+@pytest.mark.parametrize("other", slow_but([waiting, straight, nearly], straight))
 def test_only_a_precise_stroke_pays(other: Policy) -> None:
     honest, cheat = (play(ENV, policy, COPIES, observation="frame") for policy in (classical(ENV), other))
     assert honest.successes.mean() >= 0.9

@@ -19,6 +19,7 @@ from tests.envs.cases import make, make_vec, task_type
 from tests.envs.playing import play
 from tests.envs.test_cheats import classical
 from tests.envs.test_contract import same
+from tests.params import slow_but
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore", DeprecationWarning)  # of what PettingZoo's tests import themselves
@@ -27,11 +28,10 @@ with warnings.catch_warnings():
 
 COPIES = 8
 
-pytestmark = pytest.mark.usefixtures("few_kernels")
 
-
-@pytest.mark.parametrize(("env_id", "honest"), [("Balance", 300), ("Shove", 200), ("Juggle", 300)])
-@pytest.mark.often("Shove-*")
+@pytest.mark.parametrize(
+    ("env_id", "honest"), slow_but([("Balance", 300), ("Shove", 200), ("Juggle", 300)], ("Shove", 200))
+)
 def test_who_fails_after_success_has_none(env_id: str, honest: int) -> None:
     """Paddle, plate or pusher runs away, while ball or box is still where it should be."""
     env_id = f"Spring{env_id}-v0"
@@ -105,7 +105,7 @@ def test_a_ball_in_the_air_earns_nothing() -> None:
     assert not terminated
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_a_ball_held_in_the_middle_does_not_do_it() -> None:
     """The place moves, and the middle is no part of it."""
     task = task_type("SpringBalance-v0")(observation="frame")
@@ -250,7 +250,7 @@ def test_a_box_off_the_shelf_ends_the_episode() -> None:
     assert not info["is_success"]
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_pushing_straight_at_the_block_does_not_pay() -> None:
     """To push the box at the block, whichever way it is turned, earns less than a fifth of the honest way."""
 
@@ -321,8 +321,6 @@ def test_the_height_of_a_flight_is_kept_in_the_air() -> None:
 # --- SpringDuel -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.own_kernels
-@pytest.mark.seldom
 def test_a_push_drives_ones_own_top() -> None:
     """Equal seeds begin alike, and without a push one top moves as the other does, rotated by half a turn."""
     env, twin = (make("SpringDuel-v0", opponent="still") for _ in range(2))
@@ -343,7 +341,6 @@ def test_a_push_drives_ones_own_top() -> None:
     assert own + other == pytest.approx(pushed, rel=0.1)
 
 
-@pytest.mark.seldom
 def test_both_players_see_the_same_duel() -> None:
     """Turned by half a turn, with the players exchanged, the duel is the same: so is what the first sees."""
     env = make("SpringDuel-v0", observation="frame", opponent="still")
@@ -359,7 +356,7 @@ def test_both_players_see_the_same_duel() -> None:
 
 
 @pytest.mark.parametrize("observation", ["particles", "frame"])
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_the_opponent_is_asked_for_all_copies_at_once(observation: str) -> None:
     """A function of one's own in place of a name is the same duel, to the bit."""
     asked = []
@@ -394,7 +391,6 @@ def test_unknown_opponents_are_refused(opponent: object, error: type[Exception],
 
 
 @pytest.mark.parametrize("given", [np.zeros(2), np.full((1, 2), np.nan)])
-@pytest.mark.seldom
 def test_what_an_opponent_gives_is_checked(given: np.ndarray) -> None:
     env = make("SpringDuel-v0", opponent=lambda seen: given)
     env.reset(seed=0)
@@ -402,7 +398,7 @@ def test_what_an_opponent_gives_is_checked(given: np.ndarray) -> None:
         env.step(np.zeros(2))
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_waiting_does_not_win() -> None:
     """Left to itself, a top loses; kept in the middle, it earns less than a win."""
     for policy in (duel.OPPONENTS["still"], duel.OPPONENTS["guard"]):
@@ -414,14 +410,14 @@ def test_waiting_does_not_win() -> None:
 
 
 @pytest.mark.parametrize("observation", ["particles", "frame"])
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_pettingzoo(observation: str) -> None:
     parallel_api_test(parallel("SpringDuel-v0", observation=observation), num_cycles=200)
     parallel_seed_test(lambda: parallel("SpringDuel-v0", observation=observation), num_cycles=100)
 
 
 @pytest.mark.parametrize("observation", ["particles", "frame"])
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_two_agents_are_an_agent_and_its_opponent(observation: str) -> None:
     """To the bit, for the first; and what the second sees is what an opponent is asked with."""
     asked = []
@@ -452,7 +448,6 @@ def test_two_agents_are_an_agent_and_its_opponent(observation: str) -> None:
     assert max(rewards.values()) > 0.9
 
 
-@pytest.mark.seldom
 def test_the_second_agent_sees_its_particles_first() -> None:
     both = parallel("SpringDuel-v0")
     seen, _ = both.reset(seed=0)
@@ -460,7 +455,6 @@ def test_the_second_agent_sees_its_particles_first() -> None:
     np.testing.assert_allclose(seen["second"].reshape(2, 2, -1, 3), turned, atol=1e-6)
 
 
-@pytest.mark.seldom
 def test_weak_actuators_are_those_of_both() -> None:
     """A quarter of the strength is a quarter of the push, of either agent, and of an opponent."""
 
@@ -485,7 +479,7 @@ def test_weak_actuators_are_those_of_both() -> None:
             np.testing.assert_array_equal(less, 0.25 * more)
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_states_of_two_agents_return() -> None:
     """Through PettingZoo's wrappers, to an environment that has never begun, with the generator."""
     env, other = (BaseParallelWrapper(parallel("SpringDuel-v0")) for _ in range(2))
@@ -517,7 +511,6 @@ def test_states_of_two_agents_return() -> None:
     assert env.agents == []
 
 
-@pytest.mark.seldom
 def test_pettingzoo_s_registry_makes_it() -> None:
     """Whichever was imported first, after `register`."""
     pettingzoo = pytest.importorskip("pettingzoo", "1.27")
@@ -529,7 +522,6 @@ def test_pettingzoo_s_registry_makes_it() -> None:
     assert pettingzoo.make("parallel", "SpringDuel").episodes.max_episode_steps == 500
 
 
-@pytest.mark.seldom
 def test_refusals_of_two_agents() -> None:
     with pytest.raises(
         ValueError, match="env_id is 'SpringTop-v0'; it must be an environment of several agents: Spring"

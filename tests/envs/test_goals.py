@@ -15,11 +15,10 @@ import springgym
 from springgym.envs import goals
 from springgym.envs.sb3 import make_sb3
 from tests.envs.cases import IDS, hindsight_learner, make, make_vec, task_type
+from tests.params import slow_but
 
 WITH_GOALS = [env_id for env_id in IDS if task_type(env_id).aims]
 APART: dict[str, Any] = {"goals": True, "sparse": True}
-
-pytestmark = pytest.mark.usefixtures("few_kernels")
 
 NEAR: dict[str, tuple[dict[str, float], int]] = {
     "SpringGyroscope-v0": ({"angle": 0.099, "spin": 30.0}, 40),
@@ -34,9 +33,11 @@ def batch(env_id: str, copies: int, autoreset: str = "NextStep", **options: Any)
     return make_vec(env_id, copies, "native", autoreset, **options)
 
 
+each_with_goals = pytest.mark.parametrize("env_id", slow_but(WITH_GOALS, "SpringRope-v0", "SpringTumble-v0"))
+
+
 @pytest.mark.usefixtures("small_pictures")
-@pytest.mark.parametrize("env_id", WITH_GOALS)
-@pytest.mark.often("SpringRope-v0", "SpringTumble-v0")
+@each_with_goals
 def test_checkers(env_id: str, capsys: pytest.CaptureFixture[str]) -> None:
     """SB3's sees that it is a ``GoalEnv``, and computes the reward again."""
     env = make(env_id, render_mode="rgb_array", **APART).unwrapped
@@ -45,8 +46,7 @@ def test_checkers(env_id: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert "We detected your env to be a GoalEnv" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("env_id", WITH_GOALS)
-@pytest.mark.often("SpringRope-v0", "SpringTumble-v0")
+@each_with_goals
 def test_the_reward_is_the_sparse_one_and_that_of_the_goals(env_id: str) -> None:
     options, steps = NEAR[env_id]
     apart, sparse = batch(env_id, 48, **APART), batch(env_id, 48, sparse=True)
@@ -195,8 +195,7 @@ def test_rewards_of_no_goals() -> None:
     assert compute([0, 0, 0, 0], np.zeros(4, np.float32), None) == 1.0
 
 
-@pytest.mark.parametrize("native", [True, False])
-@pytest.mark.often("True")
+@pytest.mark.parametrize("native", slow_but([True, False], True))
 def test_hindsight_of_stable_baselines3(native: bool) -> None:
     """Goals that were reached later are rewarded, though the one that was asked for never was."""
     options = {"max_episode_steps": 20, **APART}

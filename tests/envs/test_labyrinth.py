@@ -11,8 +11,7 @@ from springgym.envs.labyrinth import FIRST_HOLE, HALF, HOLE, LEANING, LEGS, PASS
 from tests.envs.cases import make, make_vec, task_type
 from tests.envs.playing import play
 from tests.envs.test_cheats import classical
-
-pytestmark = pytest.mark.usefixtures("few_kernels")
+from tests.params import slow_but
 
 COPIES = 8
 ENV = "SpringLabyrinth-v0"
@@ -112,7 +111,7 @@ def test_a_ball_above_a_hole_falls(inside: bool) -> None:
     assert not info["is_success"]
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_classical_control_goes_the_way() -> None:
     played = play(ENV, classical(ENV), 50, observation="frame")
     assert played.successes.mean() >= 0.9
@@ -126,8 +125,7 @@ def test_waiting_does_not_pay() -> None:
     assert not played.successes.any()
 
 
-@pytest.mark.parametrize("holes", [True, False])
-@pytest.mark.often("False")
+@pytest.mark.parametrize("holes", slow_but([True, False], False))
 def test_the_end_is_not_reached_past_the_way(holes: bool) -> None:
     """A ball that rolls straight to the end falls; without holes it arrives, and has earned little."""
     envs = make_vec(ENV, COPIES, "native", "SameStep", observation="frame")

@@ -99,7 +99,7 @@ def rebuilt(**options: Any) -> Any:
         ROTOR,
         velocities=rigid_velocities(ROTOR.positions, (0, 0, 35.0), ROTOR.positions[CENTRE]),
         pinned=ROTOR.parts["centre"],
-        wrench=WrenchActuator(axial=False),
+        wrench=WrenchActuator(perpendicular=True),
     )
     head = ROTOR.particle("head")
     shown = film.look(scene, head)

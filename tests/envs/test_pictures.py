@@ -14,10 +14,16 @@ from springgym.measures import SIZE, view
 from springgym.rendering import Marks
 from springgym.rendering.look import GREEN, RED
 from springgym.scene import DriveActuator, Placed, Scene, ThrustActuator
-from tests.envs.cases import IDS, KINDS, few_ids, make, task_type
+from tests.envs.cases import DUEL, IDS, each_kind, make, make_vec, task_type
+from tests.params import slow_unless
 
 each_action = pytest.mark.parametrize(
-    ("env_id", "action"), [(env_id, action) for env_id in IDS for action in task_type(env_id).actions]
+    ("env_id", "action"),
+    [
+        pytest.param(env_id, action, marks=slow_unless(env_id != DUEL))
+        for env_id in IDS
+        for action in task_type(env_id).actions
+    ],
 )
 
 
@@ -34,7 +40,6 @@ def red(marks):
 
 
 @each_action
-@pytest.mark.seldom("SpringDuel-*")
 def test_every_entry_of_the_action_is_seen(env_id: str, action: str) -> None:
     """Red arrows tell how much of it acts, and which way; none is there where nothing acts."""
     env = make(env_id, action=action)
@@ -49,7 +54,6 @@ def test_every_entry_of_the_action_is_seen(env_id: str, action: str) -> None:
 
 
 @each_action
-@pytest.mark.seldom("SpringDuel-*")
 def test_the_key_says_what_is_there(env_id: str, action: str) -> None:
     """Every colour of the key is in the picture, and every arrow and target has its colour in the key."""
     env = make(env_id, action=action)
@@ -66,16 +70,7 @@ def test_the_key_says_what_is_there(env_id: str, action: str) -> None:
     assert not {GREEN, RED} & {tuple(color) for color in drawn}  # bodies are neither targets nor actions
 
 
-@pytest.mark.parametrize(
-    ("env_id", "action"),
-    [
-        pytest.param(env_id, action, marks=given.marks)
-        for given in few_ids(KINDS)
-        for env_id in given.values
-        for action in task_type(env_id).actions
-    ],
-)
-@pytest.mark.often("SpringTop-v0-torque", "SpringShove-v0-push")
+@pytest.mark.parametrize(("env_id", "action"), [("SpringTop-v0", "torque"), ("SpringShove-v0", "push")])
 def test_pictures_show_the_action(env_id: str, action: str) -> None:
     env = make(env_id, action=action, render_mode="rgb_array")
     shown = []
@@ -88,7 +83,45 @@ def test_pictures_show_the_action(env_id: str, action: str) -> None:
     assert max(shown) > shown[0] + 100
 
 
-@pytest.mark.seldom
+@each_kind
+def test_two_pictures_of_one_moment_are_equal(env_id: str) -> None:
+    """Of an environment whose first picture this is: its trace begins there, not with the next picture."""
+    batch = make_vec(env_id, 1, "native", "Disabled", render_mode="rgb_array")
+    for env in (make(env_id, render_mode="rgb_array"), batch):
+        env.reset(seed=1)
+        np.testing.assert_array_equal(env.render(), env.render())
+
+
+@each_kind
+def test_pictures_hold_all_that_counts_and_little_else(env_id: str) -> None:
+    env = make(env_id, render_mode="rgb_array").unwrapped
+    task = env.episodes.task
+    for seed in range(5):
+        env.reset(seed=seed)
+        env.render()
+        pixels, _ = env._canvas.camera.project(task.framed(env.episodes.seen_of(0)[1]), env._canvas.size)
+        shares = pixels / env._canvas.size
+        assert (shares > 0.02).all()
+        assert (shares < 0.98).all()
+        assert np.ptp(shares, axis=0).max() > 0.35
+
+
+def test_pictures_say_which_step_it_is_and_whether_it_succeeds() -> None:
+    env = make("SpringTop-v0")
+    episodes = env.unwrapped.episodes
+    _, info = env.reset(seed=1, options={"tilt": 0.0, "spin": 50.0})
+    for step in range(episodes.task.hold + 10):
+        head, *others = episodes.marks(0).text
+        assert head == f"step {step}"
+        assert ("success" in others) == info["is_success"]
+        *_, info = env.step(np.zeros(env.action_space.shape, np.float32))
+    assert info["is_success"]
+    env.reset(seed=1)
+    assert episodes.marks(0).text[0] == "step 0"
+    assert "success" not in episodes.marks(0).text
+
+
+@pytest.mark.slow
 def test_duel_tells_the_tops_apart() -> None:
     """The colours that the key gives them are those of their own faces."""
     env = make("SpringDuel-v0")

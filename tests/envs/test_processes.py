@@ -9,6 +9,7 @@ from stable_baselines3.common.vec_env import SubprocVecEnv
 
 import springgym  # noqa: F401
 from tests.envs.cases import make, make_vec
+from tests.params import slow_but
 
 
 @pytest.fixture
@@ -31,8 +32,7 @@ def expected(steps: int) -> list[np.ndarray]:
 # Forking with threads about is what is tested; Python ≥ 3.12 warns of it.
 @pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
 @pytest.mark.usefixtures("stepped_parent")
-@pytest.mark.parametrize("context", ["fork", "spawn"])
-@pytest.mark.often("fork")
+@pytest.mark.parametrize("context", slow_but(["fork", "spawn"], "fork"))
 def test_async_vector_env(context: str) -> None:
     envs = gym.vector.AsyncVectorEnv([lambda: gym.make("springgym:SpringTop-v0")] * 2, context=context)
     observation, _ = envs.reset(seed=[3, 4])

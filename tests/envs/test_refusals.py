@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import inspect
+import os
 from collections.abc import Callable, Iterator
+from itertools import cycle, product
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -12,21 +15,33 @@ import pytest
 from gymnasium.envs.registration import load_env_creator
 
 import springgym
-from springgym.bodies import Body, cube, rope
+from springgym.bodies import Body, cube, from_mesh, rope
 from springgym.envs import tolerance
 from springgym.envs.base import SpringEnv, SpringVectorEnv, _Common
 from springgym.envs.episodes import MOST_STEPS
 from springgym.envs.observation import Situation
 from springgym.envs.scene import SceneTask
+from springgym.envs.trained import PUBLISHED
 from springgym.measures import MeasuresOfBodies
 from springgym.registration import ENVIRONMENTS, VARIANTS
 from springgym.scene import Scene, ThrustActuator
+from springgym.scenes import load
 from springgym.simulator import STRAIN_LIMIT
 from springgym.surfaces import floor
 from tests import fuzz
-from tests.envs.cases import IDS, QUICK, each_kind, make, make_vec, task_type
+from tests.envs.cases import (
+    IDS,
+    KINDS,
+    QUICK,
+    each_kind,
+    each_with,
+    make,
+    make_vec,
+    task_type,
+)
 from tests.envs.test_contract import answered, same
 from tests.envs.test_states import frozen
+from tests.params import slow_unless
 
 JUNK: tuple[Any, ...] = (
     *(None, True, False, "", "x", "1", b"x", 0, 1, -1, 7, 10**400, 0.5, -0.5, 2.0, 1e-300, 1e300),
@@ -50,19 +65,21 @@ def arguments(kind: type[SpringEnv] | type[SpringVectorEnv]) -> list[str]:
     return found
 
 
-@pytest.mark.parametrize("env_id", [row.id for row in (*ENVIRONMENTS, *VARIANTS)])
+MEANT = {
+    "obs": "; did you mean 'observation'?",
+    "randomise": "; did you mean 'randomize'?",
+    "rendermode": "; did you mean 'render_mode'?",
+    "xyz": None,
+}
+
+
 @pytest.mark.parametrize(
-    ("wrong", "says"),
-    [
-        ("obs", "; did you mean 'observation'?"),
-        ("randomise", "; did you mean 'randomize'?"),
-        ("rendermode", "; did you mean 'render_mode'?"),
-        ("xyz", None),
-    ],
+    ("env_id", "wrong"),
+    list(zip([row.id for row in (*ENVIRONMENTS, *VARIANTS)], cycle(MEANT), strict=False)),
 )
-def test_an_argument_that_no_environment_has_is_named(env_id: str, wrong: str, says: str | None) -> None:
+def test_an_argument_that_no_environment_has_is_named(env_id: str, wrong: str) -> None:
     """By `gymnasium.make` and by both kinds of `gymnasium.make_vec`, with the argument that may be meant."""
-    spec = gym.spec(env_id)
+    spec, says = gym.spec(env_id), MEANT[wrong]
     for call, entry in (
         (lambda: gym.make(env_id, **{wrong: 1}), spec.entry_point),
         (lambda: gym.make_vec(env_id, 2, "sync", **{wrong: 1}), spec.entry_point),
@@ -116,9 +133,13 @@ def tried(call: Callable[[], Any], name: str) -> Iterator[Any]:
 FREE_OF_LOSS = {"friction": 0, "restitution": 1}
 
 
-@each_kind
-@pytest.mark.parametrize("suffix", ["Env", pytest.param("VectorEnv", marks=pytest.mark.slow)])
-@pytest.mark.often("Env-SpringTumble-v0", "Env-SpringShove-v0")
+@pytest.mark.parametrize(
+    ("env_id", "suffix"),
+    [
+        *(pytest.param(own, "Env", marks=slow_unless(own in KINDS[1:])) for own in IDS),
+        pytest.param(IDS[0], "VectorEnv", marks=pytest.mark.slow),
+    ],
+)
 def test_every_argument_of_every_environment(
     env_id: str, suffix: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -168,9 +189,7 @@ def options(env_id: str) -> list[str]:
     return [part.split('"')[1] for part in given.split(",")]
 
 
-@each_kind
-@pytest.mark.parametrize("copies", [None, 3])
-@pytest.mark.often("None-SpringTop-v0", "3-SpringTumble-v0")
+@each_with("copies", [None, 3])
 def test_every_option_and_seed_of_a_reset(env_id: str, copies: int | None) -> None:
     """What is refused changes nothing, nor consumes random numbers; what is taken starts soundly."""
     factor = "masses" if env_id in QUICK else "actuator"  # the latter is compiled with nothing new
@@ -206,9 +225,7 @@ def test_every_option_and_seed_of_a_reset(env_id: str, copies: int | None) -> No
     assert taken >= 6
 
 
-@each_kind
-@pytest.mark.parametrize("copies", [None, 2])
-@pytest.mark.often("None-SpringTop-v0", "2-SpringTumble-v0")
+@pytest.mark.parametrize(("env_id", "copies"), [("SpringTop-v0", None), ("SpringTumble-v0", 2)])
 def test_every_action(env_id: str, copies: int | None) -> None:
     env = make(env_id).unwrapped if copies is None else make_vec(env_id, copies, "native", "SameStep")
     env.reset(seed=3)
@@ -240,6 +257,57 @@ def test_nothing_is_stepped_or_drawn_before_a_reset(env_id: str) -> None:
         env.step(env.action_space.sample())
     with pytest.raises(gym.error.ResetNeeded, match="render"):
         env.render()
+
+
+# --- Files --------------------------------------------------------------------------------------------
+
+
+def run_folder(path: Path, name: str) -> Path:
+    """Make a run folder of a published agent, in which one file is a link to a path."""
+    path.with_name("run").mkdir()
+    for own in ("config.yaml", "agent.npz"):
+        path.with_name("run").joinpath(own).symlink_to(path if own == name else PUBLISHED / IDS[0] / own)
+    return path.with_name("run")
+
+
+READERS: dict[str, Callable[[Path], Any]] = {
+    "scene": load,
+    "scene of an environment": lambda path: springgym.make_scene_env(path, height, actuators={"force": 1.0}),
+    "mesh": from_mesh,
+    "configuration": lambda path: springgym.load_agent(run_folder(path, "config.yaml")),
+    "agent": lambda path: springgym.load_agent(run_folder(path, "agent.npz")).policy(make(IDS[0])),
+    "run folder": springgym.load_agent,
+}
+"""What reads a file that a user names."""
+
+
+FILES = ("pipe", "endless device", "huge", "folder")
+NAMES = {"long name": "x" * 5000, "null": "x\0"}
+
+
+@pytest.mark.parametrize(
+    ("reader", "what"),
+    [*product(READERS, FILES), *product(sorted(READERS.keys() - {"configuration", "agent"}), NAMES)],
+)
+@pytest.mark.timeout(60)
+def test_what_is_no_regular_file_of_a_sane_size_is_not_read(reader: str, what: str, tmp_path: Path) -> None:
+    """A pipe would hang, and a device has no end."""
+    if reader == "mesh":
+        pytest.importorskip("trimesh")
+    path = tmp_path / "file.yaml"
+    if what == "pipe":
+        os.mkfifo(path)
+    elif what == "endless device":
+        path.symlink_to("/dev/zero")
+    elif what == "huge":
+        path.touch()
+        os.truncate(path, 2 * 10**9)
+    elif what == "folder":
+        path.mkdir()
+    else:
+        path = Path(NAMES[what])
+    with pytest.raises(OSError if reader == "mesh" else ValueError):
+        READERS[reader](path)
 
 
 # --- Steps --------------------------------------------------------------------------------------------
@@ -340,7 +408,6 @@ BESIDE: dict[str, dict[str, Any]] = {
 
 
 @pytest.mark.parametrize("name", [name for name in FUNCTIONS if name != "marks"])
-@pytest.mark.often("reward", "observe", "start", "remember")
 def test_every_answer_of_a_users_function(name: str) -> None:
     for answer in ANSWERS:
         given = RIGHT | BESIDE.get(name, {}) | {name: lambda *_, answer=answer: answer, "num_envs": 2}

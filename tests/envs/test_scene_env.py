@@ -58,6 +58,13 @@ def test_reward_and_end_are_the_users() -> None:
     assert gained == pytest.approx(2.0 * step * 0.02, rel=1e-9)
 
 
+def test_a_sparse_reward_needs_an_aim() -> None:
+    """Without one it would always be 0."""
+    for made in (make, lambda **options: make(num_envs=2, **options), lambda **o: gym.make(make().spec, **o)):
+        with pytest.raises(ValueError, match="sparse is True, and there is no aim to meet; give succeeded"):
+            made(sparse=True, failed=lambda m, s: m.strain > 0.1)
+
+
 def test_batch_equals_single() -> None:
     env, envs = make(), make(num_envs=3)
     first, _ = env.reset(seed=1)
@@ -257,7 +264,7 @@ def test_no_time_limit() -> None:
         make(max_episode_steps=0, num_envs=2)
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_camera_keeps_the_body_in_view() -> None:
     """However far it falls or flies; until it would be lost, the picture's background stays."""
     scene = Scene(cube(), velocities=np.tile([2.0, 0.0, 0.0], (8, 1)))

@@ -15,7 +15,8 @@ from springgym.envs.duel import SPINS, STEEPEST, SpringDuel
 from springgym.envs.randomisation import RANDOMIZABLE
 from springgym.envs.starts import any_rotation, direction, principal_axes, spawned, standing, tilted, uniform
 from tests import fuzz
-from tests.envs.cases import IDS, make, task_type
+from tests.envs.cases import DUEL, IDS, KINDS, make, task_type
+from tests.params import slow_unless
 
 
 @pytest.mark.parametrize(
@@ -43,7 +44,7 @@ def test_a_seed_may_be_long() -> None:
 EVEN = {"sides": (1.0, 1.0, 0.5), "mass": 2.0}
 CUBIC = {"sides": (1.0, 1.0, 1.0), "mass": 2.0}
 VARIANTS = [
-    *((env_id, {"action": action}) for env_id in IDS for action in task_type(env_id).actions),
+    *(pytest.param(env_id, {}, marks=slow_unless(env_id in KINDS)) for env_id in IDS),
     ("SpringDetumble-v0", {"start": "flat"}),
     *(("SpringDetumble-v0", {"start": start, "body": body}) for start in ("tumbling", "flat")
       for body in (EVEN, CUBIC)),
@@ -99,7 +100,6 @@ def starts(env_id: str, options: dict[str, Any]) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("env_id", "options"), VARIANTS, ids=str)
-@pytest.mark.often("SpringTop-v0-*torque*", "SpringTumble-v0-*wrench*", "SpringShove-v0-*")
 def test_starts_under_another_library(
     env_id: str, options: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -207,17 +207,8 @@ def test_orientations_of_starts_point_everywhere(env_id: str) -> None:
 SAME_STARTS = {"sparse", "momentum", "randomize"}
 """Arguments that change no start."""
 
-VARIED = [
-    pytest.param(env_id, variant, marks=pytest.mark.slow if variant else ())
-    for env_id in IDS
-    for variant in ({}, *fuzz.varied(env_id))
-    if SAME_STARTS.isdisjoint(variant)
-]
 
-
-@pytest.mark.parametrize(("env_id", "arguments"), VARIED, ids=lambda value: str(value)[:40])
-@pytest.mark.seldom("SpringDuel*")
-def test_every_corner_of_the_reset_options_can_be_started_from(env_id: str, arguments: dict) -> None:
+def check_corners(env_id: str, **arguments: Any) -> None:
     """All options at a bound at once: one alone may fit where two together lean a ring into a bowl."""
     env = gym.make(env_id, **arguments)
     bounds = fuzz.allowed(env)
@@ -227,6 +218,19 @@ def test_every_corner_of_the_reset_options_can_be_started_from(env_id: str, argu
         options = {name: int(value) if name == "corner" else value for name, value in corner.items()}
         observation, _ = env.reset(seed=n, options=options)
         assert env.observation_space.contains(observation)
+
+
+@pytest.mark.parametrize("env_id", [pytest.param(own, marks=slow_unless(own != DUEL)) for own in IDS])
+def test_every_corner_of_the_reset_options_can_be_started_from(env_id: str) -> None:
+    check_corners(env_id)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("env_id", IDS)
+def test_every_corner_of_every_variant_can_be_started_from(env_id: str) -> None:
+    for arguments in fuzz.varied(env_id):
+        if SAME_STARTS.isdisjoint(arguments):
+            check_corners(env_id, **arguments)
 
 
 def test_tilted_is_the_product_of_two_rotations_to_the_bit() -> None:

@@ -19,7 +19,7 @@ from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.players import ParallelDuel
 from springgym.scene import Scene
 from springgym.simulator import Simulator
-from tests.envs.cases import IDS, each_kind, few_ids, make, make_vec
+from tests.envs.cases import IDS, each_kind, make, make_vec
 from tests.envs.test_contract import answered, same
 
 LIMIT = 10
@@ -71,10 +71,8 @@ def test_state_of_a_batch_returns_through_wrappers(autoreset: str, options: dict
         assert other.unwrapped.np_random_seed == (3, 4, 5)
 
 
-@pytest.mark.parametrize(
-    "env_id", few_ids(["SpringTumble-v0"], ["SpringTumble-v0", "SpringFreeTop-v0", "SpringBalance-v0"])
-)
-@pytest.mark.seldom
+@pytest.mark.slow
+@pytest.mark.parametrize("env_id", ["SpringTumble-v0", "SpringBalance-v0"])
 def test_state_amid_contact_returns_where_masses_vary(env_id: str) -> None:
     """What a surface or another body holds is part of it."""
     env = make_vec(env_id, 4, "native", "SameStep", randomize={"masses": (0.9, 1.1)})
@@ -256,6 +254,7 @@ def test_values_that_no_state_has_are_refused(env_id: str, name: str, values: tu
 
 STEPS = ["driven_by", "actuate", "advance", "_advance", "_evaluate", "_finish", "observe", "told"]
 RESETS = ["place", "_read", "_clear", "_evaluate", "observe", "told"]
+PLACES = [*((True, where) for where in STEPS), *((False, where) for where in RESETS)]
 
 
 def broken_off(patch: pytest.MonkeyPatch, env: Any, where: str, call: Callable[[], Any]) -> None:
@@ -275,12 +274,8 @@ def broken_off(patch: pytest.MonkeyPatch, env: Any, where: str, call: Callable[[
             call()
 
 
-@pytest.mark.parametrize("copies", [None, 3])
 @pytest.mark.parametrize(
-    ("step", "where"), [(True, where) for where in STEPS] + [(False, where) for where in RESETS]
-)
-@pytest.mark.often(
-    "True-advance-3", "True-_evaluate-None", "True-told-3", "False-place-None", "False-observe-3"
+    ("step", "where", "copies"), [(*place, (3, None)[n % 2]) for n, place in enumerate(PLACES)]
 )
 def test_after_a_call_that_broke_off_a_reset_is_asked_for(
     monkeypatch: pytest.MonkeyPatch, copies: int | None, step: bool, where: str
@@ -412,15 +407,13 @@ FACTORS = answered(IDS[0])
     ("env_id", "options"),
     [
         (IDS[0], {}),
-        (IDS[0], {"randomize": FACTORS}),
-        ("SpringGyroscope-v0", {"sparse": True}),  # with a goal
+        pytest.param(IDS[0], {"randomize": FACTORS}, marks=pytest.mark.slow),
+        pytest.param("SpringGyroscope-v0", {"sparse": True}, marks=pytest.mark.slow),  # with a goal
         ("SpringTumble-v0", {}),  # which hits the floor, with a particle for a goal
-        pytest.param("SpringFreeTop-v0", {"randomize": {"masses": (0.9, 1.1)}}, marks=pytest.mark.slow),
         pytest.param("SpringBalance-v0", {}, marks=pytest.mark.slow),  # between bodies
         pytest.param(IDS[0], {"dynamics": "rigid"}, marks=pytest.mark.slow),
     ],
 )
-@pytest.mark.often("*-options0", "*-options3")
 def test_copies_continue_a_single_environment(env_id: str, options: dict[str, Any]) -> None:
     """To the bit, over two ends of its episodes; what the other copies do is not touched."""
     single = make(env_id, max_episode_steps=30, **options)

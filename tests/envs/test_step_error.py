@@ -15,6 +15,7 @@ from springgym.bodies.distances import largest_distance, largest_distances
 from springgym.scene import Scene
 from springgym.simulator import Simulator
 from tests.envs.test_contract import answered
+from tests.params import slow_but
 
 NATIVE = "vector_entry_point"
 RANDOM = {name: reach for name, reach in answered("SpringTop-v0").items() if name != "actuator"}
@@ -33,16 +34,12 @@ def plainly(info: dict[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in info.items() if not name.endswith("step_error")}
 
 
+RIGID = {"dynamics": "rigid"}
+
+
 @pytest.mark.parametrize(
-    "options",
-    [
-        {},
-        {"randomize": RANDOM},
-        pytest.param({"dtype": "float32"}, marks=pytest.mark.slow),
-        {"dynamics": "rigid"},
-    ],
+    "options", slow_but([{}, RIGID, {"randomize": RANDOM}, {"dtype": "float32"}], {}, RIGID)
 )
-@pytest.mark.often("options0", "options3")
 def test_nothing_else_changes(options: dict[str, Any]) -> None:
     plain, watched = batch(**options), batch(error=True, **options)
     (before, _), (seen, its) = (envs.reset(seed=1) for envs in (plain, watched))
@@ -60,9 +57,9 @@ def test_nothing_else_changes(options: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("randomize", "every", "off"), [(None, None, 0.03), (RANDOM, None, 0.03), (RANDOM, 1, 0.005)]
+    ("randomize", "every", "off"),
+    slow_but([(None, None, 0.03), (RANDOM, None, 0.03), (RANDOM, 1, 0.005)], (None, None, 0.03)),
 )
-@pytest.mark.often("None-*")
 def test_it_is_the_distance_from_finer_steps(
     randomize: dict[str, Any] | None, every: int | None, off: float
 ) -> None:

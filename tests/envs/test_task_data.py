@@ -17,9 +17,13 @@ from springgym.envs.observation import ABOUT_CENTRE, ABOUT_GOAL, Situation
 from springgym.envs.task import Task
 from springgym.registration import ENVIRONMENTS, Row
 from springgym.simulator import Simulator
-from tests.envs.cases import task_type
+from tests.envs.cases import DUEL, task_type
+from tests.params import slow_unless
 
 each_row = pytest.mark.parametrize("row", ENVIRONMENTS, ids=lambda row: row.id)
+each_row_but_a_duel = pytest.mark.parametrize(
+    "row", [pytest.param(row, id=row.id, marks=slow_unless(row.id != DUEL)) for row in ENVIRONMENTS]
+)
 
 
 def documentation(row: Row) -> str:
@@ -75,8 +79,7 @@ def test_what_the_torque_of_the_free_top_does_is_told_too() -> None:
     assert number(documentation(row).split("turns the ring by")[1]) == free_top.RING_ACCELERATION
 
 
-@each_row
-@pytest.mark.seldom("SpringDuel*")
+@each_row_but_a_duel
 def test_limits_are_what_actuators_are_given(row: Row) -> None:
     """At ±1, one entry after the other, beside what always acts; an impulse is a force for a period."""
     for action, size in task_type(row.id).actions.items():
@@ -137,7 +140,7 @@ def impulses(action: str) -> bool:
 
 @each_row
 def test_limits_of_the_hard_variant(row: Row) -> None:
-    """ "…torques up to 10 N·m" of hard=True: what is told is what it does, for every action."""
+    """Such as "…torques up to 10 N·m" of hard=True: what is told is what it does, for every action."""
     bullet = re.search(r"- `hard=True`: (.*?)\n    - ", documentation(row), re.S)
     if bullet is None:
         pytest.skip("it has no hard variant")
@@ -282,8 +285,7 @@ def of_several(task: Task, m: Any, x: np.ndarray, goal: np.ndarray) -> dict[str,
     return known
 
 
-@each_row
-@pytest.mark.seldom("SpringDuel*")
+@each_row_but_a_duel
 def test_entries_are_what_is_observed(row: Row) -> None:
     """`Task.seen` gives back, in SI units, what the kernel has scaled."""
     envs = gym.make_vec(row.id, num_envs=3, vectorization_mode="vector_entry_point", observation="frame")

@@ -10,6 +10,7 @@ import pytest
 
 from springgym.envs import tolerance
 from springgym.envs.tolerance import EPISODES, SAFETY
+from tests.params import slow_but
 
 NATIVE = gym.VectorizeMode.VECTOR_ENTRY_POINT
 
@@ -31,8 +32,7 @@ def errors_of(copies: int, periods: int, **options: Any) -> tuple[Any, np.ndarra
     return envs.unwrapped, np.array(errors)
 
 
-@pytest.mark.parametrize("tolerance", [2e-4, 1e-6])
-@pytest.mark.often("0.0002")
+@pytest.mark.parametrize("tolerance", slow_but([2e-4, 1e-6], 2e-4))
 def test_errors_stay_below_it(tolerance: float) -> None:
     """They do so without waste: at half of the steps they would not."""
     env, errors = errors_of(32, 40, tolerance=tolerance)
@@ -49,7 +49,7 @@ def test_a_looser_one_costs_less() -> None:
     assert loose.error > usual.error > strict.error
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_one_copy_and_many_choose_alike(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tolerance, "PERIODS", 5)
     single = gym.make("SpringTop-v0", tolerance=1e-5)
@@ -61,7 +61,7 @@ def test_one_copy_and_many_choose_alike(monkeypatch: pytest.MonkeyPatch) -> None
     assert "error_bound" not in gym.make("SpringTop-v0").reset(seed=0)[1]
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_it_is_met_at_the_ends_of_ranges() -> None:
     """A lighter and stiffer body needs finer steps."""
     plain = batch(tolerance=1e-5).unwrapped.chosen
@@ -71,7 +71,7 @@ def test_it_is_met_at_the_ends_of_ranges() -> None:
     assert env.chosen.steps != plain.steps
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_a_given_method_is_kept() -> None:
     env = batch(tolerance=1e-6, integrator="verlet").unwrapped
     assert env.chosen.integrator == env.episodes.simulator.integrator.name == "verlet"

@@ -19,8 +19,6 @@ WAIT = np.array([0.0, 0.0, 0.0, -1.0], np.float32)
 WEIGHTLESS = np.array([0.0, 0.0, (1 - CARRIED) * MASS * G / FORCE, -1.0])
 """The action that carries a block."""
 
-pytestmark = pytest.mark.usefixtures("few_kernels")
-
 
 def begun(held: int, centres: dict[int, tuple[float, float, float]], tilt: float = 0.0) -> gym.Env:
     """An episode with some blocks elsewhere, leaning towards x [rad], and another one held."""
@@ -154,7 +152,7 @@ def at_once(seen: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("cheat", [without_letting_go, at_once])
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_cheats_do_not_pay(cheat: Policy) -> None:
     honest, other = (play(ENV, policy, COPIES, observation="frame") for policy in (classical(ENV), cheat))
     assert honest.successes.mean() > 0.8
@@ -163,7 +161,7 @@ def test_cheats_do_not_pay(cheat: Policy) -> None:
 
 
 @pytest.mark.parametrize("blocks", [3, 4])
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_classical_control_builds_towers(blocks: int) -> None:
     """Here 20 towers, of which 18 and more stand; 98 of the 100 of the benchmark do."""
     played = play(ENV, classical(ENV, blocks=blocks), 20, observation="frame", blocks=blocks)

@@ -11,11 +11,12 @@ from controllers import controllers_of, make_controller
 from gymnasium.envs.registration import EnvSpec
 
 from springgym.registration import ENVIRONMENTS, VARIANTS, Variant, find
-from tests.envs import test_contract as contract
-from tests.envs.cases import make, make_vec
+from tests.envs.cases import DUEL, make, make_vec
 from tests.envs.playing import play
+from tests.params import slow_unless
 
-each_variant = pytest.mark.parametrize("variant", VARIANTS, ids=lambda variant: variant.id)
+USUAL = ("SpringTopHard-v0", "SpringDetumbleFlat-v0", "SpringShoveSparse-v0")
+"""What has an episode in every run; in the others' stead, that they are their environments with arguments."""
 
 CLASSICAL_FAILS = {
     "SpringFreeTopRough-v0",  # the tip sticks, which the controller knows nothing of
@@ -27,16 +28,9 @@ LEAST = {
 """Least success rate of classical control in 16 episodes, for the variants in which it is not one half."""
 
 
-@pytest.mark.usefixtures("small_pictures")
-@each_variant
-@pytest.mark.often("SpringTopHard-v0", "SpringDetumbleFlat-v0")
-def test_checkers(variant: Variant) -> None:
-    contract.check_env(make(variant.id, render_mode="rgb_array").unwrapped)
-    contract.check_env_sb3(make(variant.id))
-
-
-@each_variant
-@pytest.mark.seldom("SpringDuel*")
+@pytest.mark.parametrize(
+    "variant", [pytest.param(own, id=own.id, marks=slow_unless(own.of != DUEL)) for own in VARIANTS]
+)
 def test_it_is_its_environment_with_its_arguments(variant: Variant) -> None:
     """The same episode to the bit, alone and in a batch, and from its spec."""
     ours, theirs = make(variant.id), make(variant.of, **variant.arguments)
@@ -49,6 +43,7 @@ def test_it_is_its_environment_with_its_arguments(variant: Variant) -> None:
     for _ in range(12):  # before the first episode ends
         action = rng.uniform(-1, 1, ours.action_space.shape).astype(np.float32)
         seen, reward, *_ = ours.step(action)
+        assert ours.observation_space.contains(seen)
         rows, rewards, *_ = batch.step(np.repeat(action[None], 2, 0))
         for other in (theirs.step(action), again.step(action), (rows[0], rewards[0])):
             np.testing.assert_array_equal(other[0], seen)
@@ -65,24 +60,18 @@ def test_names_are_told_apart() -> None:
     json.dumps([variant.arguments for variant in VARIANTS])
 
 
-@each_variant
-@pytest.mark.often("SpringTopHard-v0", "SpringTopSparse-v0")
-def test_it_can_be_done(variant: Variant) -> None:
-    """A classical controller succeeds."""
-    if variant.id in CLASSICAL_FAILS:
-        pytest.skip("what does it has yet to be written")
+@pytest.mark.parametrize(
+    "variant", [pytest.param(own, id=own.id, marks=slow_unless(own.id in USUAL)) for own in VARIANTS]
+)
+def test_a_classical_controller_does_it_and_doing_nothing_does_not(variant: Variant) -> None:
+    env = make(variant.id)
+    idle = make_controller("zero", variant.id, {}, env.action_space)
+    assert play(variant.id, idle, 16).successes.mean() <= 0.1
     assert controllers_of(variant.id)
-    env = make(variant.id)
-    policy = make_controller("classical", variant.id, {}, env.action_space)
-    assert play(variant.id, policy, 16, observation="frame").successes.mean() >= LEAST.get(variant.id, 0.5)
-
-
-@each_variant
-@pytest.mark.often("SpringTopHard-v0", "SpringDetumbleFlat-v0", "SpringShoveSparse-v0")
-def test_doing_nothing_does_not_do_it(variant: Variant) -> None:
-    env = make(variant.id)
-    policy = make_controller("zero", variant.id, {}, env.action_space)
-    assert play(variant.id, policy, 16).successes.mean() <= 0.1
+    if variant.id not in CLASSICAL_FAILS:
+        policy = make_controller("classical", variant.id, {}, env.action_space)
+        played = play(variant.id, policy, 16, observation="frame")
+        assert played.successes.mean() >= LEAST.get(variant.id, 0.5)
 
 
 def test_a_sparse_reward_is_whether_the_aim_is_met() -> None:

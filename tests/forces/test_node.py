@@ -49,8 +49,7 @@ def bits(simulator: Simulator) -> list[bytes]:
     ]
 
 
-@pytest.mark.parametrize("surfaces", [(floor(),), RAMP, BOWL], ids=["floor", "ramp", "bowl"])
-@pytest.mark.seldom("ramp")
+@pytest.mark.parametrize("surfaces", [(floor(),), BOWL], ids=["floor", "bowl"])
 def test_one_call_is_many_to_the_bit(surfaces: Any) -> None:
     """Odd and even parts, read amid impacts: the next call makes the node anew as it was."""
     one, many = fallen(surfaces, **ALIKE), fallen(surfaces, **ALIKE)
@@ -62,7 +61,7 @@ def test_one_call_is_many_to_the_bit(surfaces: Any) -> None:
 
 
 @pytest.mark.own_kernels
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_a_copy_placed_amid_the_steps_of_others_is_as_one_alone() -> None:
     """The directions of dampers' sweeps, and where nodes begin, are each copy's own."""
     for before in (3, 4):

@@ -59,7 +59,7 @@ def test_force_is_equation_8() -> None:
 
 
 @pytest.mark.parametrize("surface", [Bowl((0, 0, 0), 1.0), Pipe((0, 0, 0), (0, 1, 0), 1.0)])
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_force_is_along_the_normal(surface: Surface) -> None:
     out = np.array([0.6, 0, -0.8])
     places = np.outer(1 - HEIGHTS, out)

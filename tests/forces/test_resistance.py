@@ -51,9 +51,8 @@ def run(dynamics: str, duration: float, surface: Surface = LEVEL, **begins: Any)
     return 0.01 * np.arange(len(rows)), Measures(*map(np.array, zip(*rows, strict=True)))
 
 
-@pytest.mark.seldom
 def test_ball_rolls_and_spins_ever_slower() -> None:
-    """By the coefficients, within a few steps: `tests/test_plain.py` takes them in every run."""
+    """By the coefficients, within a few steps."""
     speed, spin, steps = 0.3, 4.0, 5
     scene = placed(BALL, (LEVEL,), HOW, velocity=(speed, 0, 0), omega=(0, speed / RADIUS, spin))
     simulator = Simulator(scene, dynamics="rigid", step=STEP["rigid"])
@@ -68,7 +67,7 @@ def test_ball_rolls_and_spins_ever_slower() -> None:
     assert slower == pytest.approx([rolls, turns], rel=1e-2)
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 @each_dynamics
 def test_ball_rolls_to_a_stop_and_stays(dynamics: str) -> None:
     """The ledger holds all that it had: it is lost to resistance, and enters as friction."""
@@ -88,7 +87,7 @@ def test_ball_rolls_to_a_stop_and_stays(dynamics: str) -> None:
     assert np.ptp(m.balance[1:]) < (1e-12 if dynamics == "rigid" else 1e-4 * energy)
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 @each_dynamics
 @pytest.mark.parametrize("ratio", [0.95, 2.0])
 def test_slope_holds_a_ball_up_to_the_angle_of_resistance(ratio: float, dynamics: str) -> None:
@@ -107,7 +106,7 @@ def test_slope_holds_a_ball_up_to_the_angle_of_resistance(ratio: float, dynamics
         assert measured == pytest.approx(expected, rel=2 * SAG[dynamics])
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 @each_dynamics
 def test_spin_about_the_vertical_stops(dynamics: str) -> None:
     spin = 4.0
@@ -120,7 +119,7 @@ def test_spin_about_the_vertical_stops(dynamics: str) -> None:
     assert np.abs(m.angular_velocity[-1]).max() < 1e-5
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 @each_dynamics
 def test_the_direction_in_which_it_rolls_does_not_matter(dynamics: str) -> None:
     """A sphere of a few particles is alike in a few directions alone: there is more than rounding."""

@@ -43,6 +43,7 @@ from springgym.surfaces import (
 from springgym.theory import rolling
 from springgym.theory.contact import force, rest_height
 from tests.forces.rigid_rolling import Solid, motion
+from tests.params import slow_but
 
 G = 9.81
 BALL = rolling_ball(0.1, 1.0)
@@ -337,7 +338,7 @@ def test_tippe_top_is_the_rigid_one_and_turns_over() -> None:
     assert np.ptp(m.balance) < 1e-3 * m.kinetic[0]
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_spinning_egg_is_the_rigid_one_and_rises() -> None:
     """It slides, and the floor's force stays over half of its weight, so that it does not leave the floor."""
     egg = ellipsoid((0.022, 0.022, 0.03), 0.06, stiffness=1e5, damping=0.0)
@@ -356,7 +357,7 @@ def test_spinning_egg_is_the_rigid_one_and_rises() -> None:
     assert np.ptp(m.balance) < 1e-3 * m.kinetic[0]
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_top_on_a_round_foot_walks_as_the_rigid_one() -> None:
     """A foot of half the radius walks half as far, as it unrolls."""
     ways = []
@@ -378,8 +379,7 @@ def test_top_on_a_round_foot_walks_as_the_rigid_one() -> None:
     assert ways[1] == pytest.approx(0.5 * ways[0], rel=0.15)
 
 
-@pytest.mark.parametrize("angle", [0.3, 0.6])
-@pytest.mark.often("0.3")
+@pytest.mark.parametrize("angle", slow_but([0.3, 0.6], 0.3))
 def test_disk_rolls_round_as_the_rigid_one(angle: float) -> None:
     coin = disk(0.1, 1.0, 0.01, stiffness=1e6, damping=0.0)
     across = float(coin.inertia()[0, 0])
@@ -571,5 +571,5 @@ def test_what_round_features_cannot_do_is_refused() -> None:
     block = Placed(cube(0.1), cube(0.1).positions + np.array([1, 0, 0.06]))
     coin = Placed(disk(), disk().positions + np.array([0, 0, 0.2]))
     several = replace(coin, body=coin.body.with_(rounds=(coin.body.rounds[0], sphere(0.05))))
-    with pytest.raises(ValueError, match="a single ellipsoid, or two spheres"):
+    with pytest.raises(ValueError, match="only surfaces meet ellipsoids and disks"):
         Scene(bodies=(several, block), surfaces=(floor(),), contact=GRIP)

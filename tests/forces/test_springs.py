@@ -10,7 +10,9 @@ import pytest
 from springgym.core.blocks import block_array, numbers
 from springgym.core.compiling import kernel
 from springgym.core.lanes import LOCAL, at
-from springgym.forces.springs import SPRINGS_A_ROW, Dampers, Springs, add_spring_forces, damp, decay
+from springgym.forces.springs import SPRINGS_A_ROW, add_spring_forces, damp, decay
+from springgym.terms import Dampers, Springs
+from tests.params import slow_but
 
 pytestmark = pytest.mark.own_kernels
 
@@ -55,8 +57,7 @@ def results(copies: int, dtype: Any, particles: int, springs: int) -> list[np.nd
         pytest.param(LOCAL + 1, 4 * LOCAL, id="too many rows"),
     ],
 )
-@pytest.mark.parametrize("dtype", [np.float64, np.float32])
-@pytest.mark.often("float64-*")
+@pytest.mark.parametrize("dtype", slow_but([np.float64, np.float32], np.float64))
 def test_a_single_copy_has_the_bits_of_one_of_a_block(dtype: Any, particles: int, springs: int) -> None:
     single, block = results(1, dtype, particles, springs), results(2, dtype, particles, springs)
     for ours, theirs in zip(single, block, strict=True):

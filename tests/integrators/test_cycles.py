@@ -1,4 +1,4 @@
-"""Dampers and the wrench that act once in several steps: the same motion, however it is cut."""
+"""Dampers and the wrench that act once in several steps."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import pytest
 
 from springgym import stability
 from springgym.bodies import cube, rope, start, top
-from springgym.forces.cycle import PHASE
 from springgym.integrators import integrator
 from springgym.scene import DriveActuator, Placed, Scene, ThrustActuator, WrenchActuator
 from springgym.simulator import Simulator
 from springgym.surfaces import Contact, floor
 from tests.integrators.problems import error, oscillator, reference, simulator, tetrahedron
+from tests.params import slow_but
 
 EVERY, STEP = 6, 2e-3
 FAR, NEAR = -9.0, -0.03
@@ -54,34 +54,45 @@ def assert_same(one: list[np.ndarray], other: list[np.ndarray]) -> None:
         np.testing.assert_array_equal(mine, its)
 
 
-@pytest.mark.parametrize(("every", "height"), [(2, None), (EVERY, None), (EVERY, NEAR)])
-@pytest.mark.parametrize("cuts", [[1] * 40, [3, 3, 1, 5, 0, 28], [37, 3]])
-@pytest.mark.seldom("*--0.03")
-def test_calls_cut_anywhere_give_the_same_bits(every: int, height: float | None, cuts: list[int]) -> None:
+@pytest.mark.parametrize(
+    ("every", "height"), slow_but([(2, None), (EVERY, None), (EVERY, NEAR)], (2, None), (EVERY, None))
+)
+@pytest.mark.parametrize("cuts", [[1] * 8, [3, 0, 5], [7, 1]])
+def test_calls_cut_at_cycles_give_the_same_bits(every: int, height: float | None, cuts: list[int]) -> None:
     whole, cut = (spun(every, height, copies=1) for _ in range(2))
-    whole.advance(40)
-    for steps in cuts:
-        cut.advance(steps)
-        cut.actuate(torque=[3.0, -2.0, 4.0])  # as before
+    whole.advance(8 * every)
+    for cycles in cuts:
+        cut.advance(cycles * every)
     assert_same(seen(cut), seen(whole))
-    assert abs(seen(whole)[2]) > 0.1  # work
-    assert seen(whole)[3] > 1e-3  # and losses
+    assert abs(seen(whole)[2]) > 0.01  # work
+    assert seen(whole)[3] > 1e-4  # and losses
+
+
+@pytest.mark.parametrize("steps", [1, EVERY - 1, EVERY + 1, 3 * EVERY // 2])
+def test_calls_that_end_amid_a_cycle_are_refused(steps: int) -> None:
+    made = spun()
+    before = seen(made)
+    with pytest.raises(ValueError, match=f"steps is {steps}; it must be a multiple of damping_every, 6"):
+        made.advance(steps)
+    assert_same(seen(made), before)
+    made.advance(2 * EVERY)
 
 
 @pytest.mark.own_kernels
 @pytest.mark.parametrize("height", [None, pytest.param(NEAR, marks=pytest.mark.slow)])
-def test_copies_amid_different_cycles_are_as_alone(height: float | None) -> None:
+def test_copies_in_first_and_second_cycles_are_as_alone(height: float | None) -> None:
     batch = spun(height=height, copies=11)
     begun = batch.positions[0], batch.velocities[0]
     ages = {}
-    for copy, steps in ((2, 5), (7, 1), (9, EVERY), (4, 3)):
+    for copy, cycles in ((2, 3), (7, 1), (9, 2), (4, 1)):
+        steps = cycles * EVERY
         batch.advance(steps)
         batch.place(*begun, copies=[copy])
         ages = {other: age + steps for other, age in ages.items()} | {copy: 0}
-    batch.advance(25)
+    batch.advance(4 * EVERY)
     for copy, age in ages.items():
         alone = spun(height=height)
-        alone.advance(age + 25)
+        alone.advance(age + 4 * EVERY)
         assert (alone.measure().contact_loss[0] > 1e-4) == (height is not None)
         assert_same([values[copy] for values in (batch.positions, batch.velocities)], seen(alone)[:2])
         assert batch.measure().balance[copy] == alone.measure().balance[0]
@@ -115,28 +126,28 @@ def assert_struck(made: Simulator, copy: int = 0) -> None:
     assert measures.damping_loss[copy] > 1e-2
 
 
-@pytest.mark.parametrize("cuts", [[1] * 400, [3, 133, 1, 5, 0, 258]])
-@pytest.mark.seldom
-def test_colliding_bodies_give_the_same_bits_in_calls_cut_anywhere(cuts: list[int]) -> None:
+@pytest.mark.parametrize("cuts", [[1] * 66, [3, 19, 1, 0, 43]])
+@pytest.mark.slow
+def test_colliding_bodies_give_the_same_bits_in_calls_cut_at_cycles(cuts: list[int]) -> None:
     whole, cut = struck(), struck()
-    whole.advance(400)
-    for steps in cuts:
-        cut.advance(steps)
+    whole.advance(66 * EVERY)
+    for cycles in cuts:
+        cut.advance(cycles * EVERY)
     assert_same(seen(cut), seen(whole))
     assert_struck(whole)
 
 
 @pytest.mark.own_kernels
 @pytest.mark.slow
-def test_copies_of_colliding_bodies_amid_different_cycles_are_as_alone() -> None:
+def test_copies_of_colliding_bodies_in_first_and_second_cycles_are_as_alone() -> None:
     batch = struck(11)
     begun = batch.positions[0], batch.velocities[0]
-    batch.advance(5)
+    batch.advance(EVERY)
     batch.place(*begun, copies=[2])
-    batch.advance(2)
+    batch.advance(2 * EVERY)
     batch.place(*begun, copies=[7])
-    batch.advance(400)
-    for copy, age in ((0, 407), (2, 402), (7, 400)):
+    batch.advance(66 * EVERY)
+    for copy, age in ((0, 69 * EVERY), (2, 68 * EVERY), (7, 66 * EVERY)):
         alone = struck()
         alone.advance(age)
         assert_struck(alone)
@@ -144,21 +155,20 @@ def test_copies_of_colliding_bodies_amid_different_cycles_are_as_alone() -> None
         assert batch.measure().balance[copy] == alone.measure().balance[0]
 
 
-@pytest.mark.parametrize("amid", [0, 3])
-@pytest.mark.seldom
-def test_ledger_of_colliding_bodies_closes(amid: int) -> None:
+@pytest.mark.slow
+def test_ledger_of_colliding_bodies_closes() -> None:
     gaps = []
     for finer in (1, 4):
         made = struck(finer=finer)
         before = made.measure().balance[0]
-        made.advance(396 * finer + amid)
+        made.advance(396 * finer)
         gaps.append(abs(made.measure().balance[0] - before))
         assert_struck(made)
     assert gaps[0] < 1e-4
     assert gaps[1] < gaps[0] / 10
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_colliding_bodies_move_as_with_dampers_in_every_step() -> None:
     """In cycles of two steps the error is no more than doubled; in longer ones it falls with the step."""
     ends = {}
@@ -172,71 +182,49 @@ def test_colliding_bodies_move_as_with_dampers_in_every_step() -> None:
     assert errors[EVERY, 8] < errors[EVERY, 1] / 5
 
 
-def test_a_state_amid_a_cycle_returns() -> None:
+def test_a_state_between_two_cycles_returns() -> None:
     made = spun()
-    made.advance(4)
+    made.advance(EVERY)
     kept = made.state()
-    made.advance(11)
+    made.advance(3 * EVERY)
     after = seen(made)
     made.restore(kept)
-    made.advance(11)
+    made.advance(3 * EVERY)
     assert_same(seen(made), after)
     again = spun()
     again.restore(kept)
-    again.advance(11)
+    again.advance(3 * EVERY)
     assert_same(seen(again), after)
     with pytest.raises(ValueError, match="damping_every"):
         spun(2).restore(kept)
 
 
-def test_another_action_begins_a_cycle() -> None:
-    made, fresh = spun(), spun()
-    made.advance(EVERY + 2)
-    fresh.place(made.positions, made.velocities)
-    for each in (made, fresh):
-        each.actuate(torque=[-1.0, 0.0, 2.0])
-        each.advance(9)
-    assert_same(seen(made)[:2], seen(fresh)[:2])
-    assert numbers_of_steps(made) == 9
-
-
-def numbers_of_steps(made: Simulator) -> float:
-    """Steps since the first copy began a cycle, of two."""
-    return float(made._terms.cycle.marks["lanes"][0, PHASE, 0])
-
-
-@pytest.mark.parametrize("height", [None, FAR])
-@pytest.mark.parametrize("amid", [0, 1, 4])
-@pytest.mark.seldom("*--9.0")
-def test_order_stays_two(amid: int, height: float | None) -> None:
-    """Where cycles end, and amid them, where the state is read as if they did."""
+@pytest.mark.parametrize("height", slow_but([None, FAR], None))
+def test_order_stays_two(height: float | None) -> None:
     counts = 240 * np.array([1, 2, 4])
     duration = 0.6
     errors = []
     for count in counts.tolist():
-        made = simulator(scene_of(height), "verlet", duration / (count + amid), damping_every=EVERY)
-        made.advance(count + amid)
-        assert (numbers_of_steps(made) - amid) % EVERY == 0
+        made = simulator(scene_of(height), "verlet", duration / count, damping_every=EVERY)
+        made.advance(count)
         errors.append(error(made, reference(1.0, duration)))
     assert errors[0] < 0.05
-    assert -np.polyfit(np.log(counts + amid), np.log(errors), 1)[0] == pytest.approx(2, abs=0.15)
+    assert -np.polyfit(np.log(counts), np.log(errors), 1)[0] == pytest.approx(2, abs=0.15)
 
 
-@pytest.mark.parametrize("height", [None, FAR])
-@pytest.mark.parametrize("amid", [0, 4])
-@pytest.mark.seldom("*--9.0")
-def test_ledger_closes(amid: int, height: float | None) -> None:
+@pytest.mark.parametrize("height", slow_but([None, FAR], None))
+def test_ledger_closes(height: float | None) -> None:
     counts, gaps = 240 * np.array([1, 2, 4]), []
     for count in counts.tolist():
-        made = simulator(scene_of(height), "verlet", 0.6 / (count + amid), damping_every=EVERY)
+        made = simulator(scene_of(height), "verlet", 0.6 / count, damping_every=EVERY)
         made.actuate(torque=[[1.0, 4.0, 3.0]])
         before = made.measure()
-        made.advance(count + amid)
+        made.advance(count)
         after = made.measure()
         gaps.append(abs(after.balance[0] - before.balance[0]))
         assert abs(after.work[0]) > 1.0
         assert after.damping_loss[0] > 0.5
-    assert -np.polyfit(np.log(counts + amid), np.log(gaps), 1)[0] > 1.85
+    assert -np.polyfit(np.log(counts), np.log(gaps), 1)[0] > 1.85
 
 
 def test_strong_dampers_add_no_energy() -> None:
@@ -260,16 +248,16 @@ def test_strong_dampers_add_no_energy() -> None:
 def tops(damping: float) -> Scene:
     body = top(damping=damping)
     tip = body.parts["tip"]
-    return Scene(body, *start(body, spin=50.0, pinned=tip), pinned=tip, wrench=WrenchActuator(axial=False))
+    return Scene(
+        body, *start(body, spin=50.0, pinned=tip), pinned=tip, wrench=WrenchActuator(perpendicular=True)
+    )
 
 
-@pytest.mark.parametrize(("damping", "every"), [(1.0, 10), (100.0, 10), (500.0, 4), (1e4, 1)])
-def test_the_stronger_the_dampers_the_shorter_the_cycle(damping: float, every: int) -> None:
-    made = Simulator(tops(damping), step=5e-4)
-    assert made.damping_every <= every
-    assert f"damping every {made.damping_every}" in repr(made)
-    share = made.damping_every**2 * damping / 1e6 * stability.FINE_TURN / made.step
-    assert made.damping_every == 1 or share <= 1
+@pytest.mark.parametrize(("damping", "most"), [(1.0, 10), (100.0, 10), (500.0, 4), (1e4, 1)])
+def test_the_stronger_the_dampers_the_shorter_the_cycle(damping: float, most: int) -> None:
+    steps, every = stability.cycles_in(stability.vibrations(tops(damping)), 0.02, 40, exactly=False)
+    assert every <= most
+    assert every == 1 or every**2 * damping / 1e6 * stability.FINE_TURN <= 0.02 / steps
 
 
 @pytest.mark.parametrize(("turn", "rings"), [(0.5, True), (0.46, False)])
@@ -304,25 +292,26 @@ REASONS = {
 @pytest.mark.parametrize("reason", REASONS)
 def test_where_all_acts_at_every_step(reason: str) -> None:
     scene, options = REASONS[reason]
-    assert Simulator(scene, **options).damping_every == 1
     assert Simulator(scene, damping_every=1, **options).damping_every == 1
     with pytest.raises(ValueError, match=f"damping_every is 2; it must be 1: {reason.rpartition(': ')[2]}"):
         Simulator(scene, damping_every=2, **options)
 
 
 @pytest.mark.parametrize(
-    "scene", [tops(100.0).with_(surfaces=(floor(-0.5),)), CUBES], ids=["floor", "bodies"]
+    "scene",
+    [tops(100.0), tops(100.0).with_(surfaces=(floor(-0.5),)), pytest.param(CUBES, marks=pytest.mark.slow)],
+    ids=["free", "floor", "bodies"],
 )
-@pytest.mark.seldom("bodies")
-def test_where_there_is_contact_cycles_are_asked_for(scene: Scene) -> None:
+def test_cycles_are_asked_for(scene: Scene) -> None:
     assert Simulator(scene).damping_every == 1
-    assert Simulator(scene, damping_every=4).damping_every == 4
+    made = Simulator(scene, damping_every=4)
+    assert made.damping_every == 4
+    assert "damping every 4" in repr(made)
 
 
 @pytest.mark.own_kernels  # of whose arrays it reads one
 @pytest.mark.parametrize("name", stability.VARIED)
-def test_what_varies_has_no_cycle_but_a_given_one(name: str) -> None:
-    assert Simulator(tops(100.0), varying=[name]).damping_every == 1
+def test_what_varies_decays_for_a_cycle(name: str) -> None:
     made = Simulator(tops(100.0), varying=[name, "damping"], damping_every=4)
     made.vary([0], damping=np.full(37, 50.0))
     weaker = Simulator(tops(50.0), step=made.step, damping_every=4)
@@ -360,7 +349,7 @@ def test_a_control_period_is_of_whole_cycles(env_id: str) -> None:
 
 
 @pytest.mark.own_kernels
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_a_task_among_surfaces_says_its_cycle() -> None:
     at = episodes("SpringFreeTop-v0")
     assert (at.simulator.damping_every, at.steps % 4) == (at.task.damping_every, 0)
@@ -371,7 +360,7 @@ def test_a_task_among_surfaces_says_its_cycle() -> None:
 
 
 @pytest.mark.own_kernels
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_a_task_of_colliding_bodies_says_its_cycle() -> None:
     at = episodes("SpringDuel-v0")
     assert (at.simulator.damping_every, at.steps % 4) == (at.task.damping_every, 0) == (2, 0)

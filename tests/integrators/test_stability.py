@@ -33,7 +33,7 @@ def grown(name: str, phase: float, steps: int) -> float:
 
 
 @pytest.mark.parametrize("name", METHODS)
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_imaginary_limit(name: str) -> None:
     limit = integrator(name).imaginary_limit
     if math.isinf(limit):

@@ -35,17 +35,6 @@ def test_the_paper_s_scenes_are_there():
     assert set(wanted.split()) <= set(names())
 
 
-@pytest.mark.parametrize("name", names())
-@pytest.mark.seldom("pile-300")
-def test_every_scene_reads(name):
-    plan = load(name)
-    assert plan.name == name
-    assert plan.title
-    assert "energy" in plan.checks or all("energy" in part.checks for part in plan.parts)
-    # something is to happen: it moves, or can fall
-    assert plan.scene.velocities.any() or plan.scene.gravity
-
-
 def test_what_a_small_file_means(read):
     plan = read(BOX)
     assert plan.name == "mine"
@@ -288,13 +277,6 @@ def test_rope_held_at_its_end():
     assert scene.positions[-1] == pytest.approx([0.5, 0, 0], abs=1e-9)
     assert scene.positions[:, [0, 2]] == pytest.approx(expected.points)
     assert scene.positions[:, 2].min() < -5
-
-
-def test_friction_may_fall_as_the_slip_grows(read):
-    falls = "contact: {friction: 0.5, kinetic: 0.2, stribeck: 0.05}"
-    assert read(BOX + falls).scene.contact == Contact(0.5, kinetic=0.2, stribeck=0.05)
-    with pytest.raises(YamlError, match=r"mine.yaml:4: contact: kinetic and stribeck .* are given together"):
-        read(BOX + "contact: {friction: 0.5, kinetic: 0.2}")
 
 
 def test_surfaces_and_contact(read):

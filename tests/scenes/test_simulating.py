@@ -41,6 +41,7 @@ from springgym.scenes.film import (
 from springgym.scenes.plan import LEAST
 from springgym.scenes.plots import PLOTS, draw
 from springgym.scenes.recording import record
+from tests.params import slow_but
 from tests.scenes.conftest import marked, recorded
 
 SHORT = ["simulate", "cube-pendulum", "--duration", "0.1"]
@@ -183,7 +184,6 @@ def test_an_output_that_cannot_be_written_is_one_line():
 
 
 @pytest.mark.parametrize("option", ["--trace", "--plot", "--video"])
-@pytest.mark.often("--trace", "--video")
 def test_a_file_that_cannot_be_written_leaves_the_old_one(capsys, monkeypatch, tmp_path, option):
     def fails(*arguments):
         Path(arguments[-1]).write_text("half")
@@ -208,7 +208,7 @@ def test_too_little_memory_is_one_line(capsys, monkeypatch):
     assert capsys.readouterr().err == "springgym: error: not enough memory\n"
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_options_change_the_plan(tmp_path):
     path = tmp_path / "trace.npz"
     assert main([*SHORT, "--integrator", "rk4", "--step", "1e-3", "--trace", str(path)]) == 0
@@ -233,7 +233,7 @@ def test_trace_as_text(tmp_path):
     assert float(rows[0]["y6"]) == load("cube-pendulum").scene.positions[6, 1]
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_papers_method_is_one_switch(monkeypatch, capsys):
     seen = []
     monkeypatch.setattr(simulating, "record", lambda plan, **_: seen.append(plan) or record(plan))
@@ -349,11 +349,9 @@ def test_table_shows_relative_and_absolute_differences():
 # --- Plots and films --------------------------------------------------------------------------------
 
 
-PLOTTED = ("top", "cube-pendulum", "rope-swing", "cube-drop", "sliding-block")
-
-
-@pytest.mark.parametrize("name", marked([*PLOTTED, "flipping-box", "bouncing-ball", "top-on-ice"]))
-@pytest.mark.often("top")
+@pytest.mark.parametrize(
+    "name", slow_but(["top", "rope-swing", "sliding-block", "flipping-box", "bouncing-ball"], "top")
+)
 def test_plot_shows_the_recording(name, tmp_path):
     figure = draw(recorded(name))
     path = tmp_path / "plot.png"
@@ -453,19 +451,18 @@ def brief(name):
     return record(plan)
 
 
-each_body = pytest.mark.parametrize("name", ["flipping-box", "one particle at rest"])
+BODIES = ("flipping-box", "one particle at rest")
 
 
-@each_body
-@pytest.mark.parametrize("kind", PLOTS)
-@pytest.mark.often("top-flipping-box", "bodies-one *")
-def test_every_kind_of_plot_of_any_body(name, kind, monkeypatch):
+@pytest.mark.parametrize("kind", slow_but(PLOTS, "top", "bodies"))
+def test_every_kind_of_plot_of_any_body(kind, monkeypatch):
     monkeypatch.setattr(plots, "FINER", 0.2)
-    recording = brief(name)
-    draw(replace(recording, plan=replace(recording.plan, plot=kind))).draw_without_rendering()
+    for name in BODIES:
+        recording = brief(name)
+        draw(replace(recording, plan=replace(recording.plan, plot=kind))).draw_without_rendering()
 
 
-@each_body
+@pytest.mark.parametrize("name", BODIES)
 def test_a_film_of_any_body(name):
     assert len(list(frames(brief(name), fps=20.0))) == 3
 
@@ -478,19 +475,15 @@ def test_plot_of_a_line_shows_it_turn_as_theory_says():
     assert [float(line.get_ydata()[-1]) for line in lines] == pytest.approx([0, 0, expected], abs=1e-3)
 
 
-@pytest.mark.parametrize("name", ["bouncing-ball", "cube-pendulum", "top"])
-@pytest.mark.often("top")
-def test_the_shortest_run_can_be_drawn(name):
-    recording = record(replace(load(name), duration=LEAST["duration"], step=None))
+def test_the_shortest_run_can_be_drawn():
+    recording = record(replace(load("top"), duration=LEAST["duration"], step=None))
     draw(recording).draw_without_rendering()
     assert len(list(frames(recording))) == 1
 
 
-FILMED = ("top", "gyroscope", "rope-swing", "cube-drop", "unbalanced-top")
-
-
-@pytest.mark.parametrize("name", marked([*FILMED, "bouncing-ball", "top-in-bowl", "spun-pair"]))
-@pytest.mark.often("rope-swing")
+@pytest.mark.parametrize(
+    "name", slow_but(["rope-swing", "gyroscope", "cube-drop", "bouncing-ball", "top-in-bowl"], "rope-swing")
+)
 def test_film_shows_the_body_in_the_picture(name):
     recording = recorded(name)
     pictures = list(frames(recording, fps=1.0, speed=1.0))
@@ -545,7 +538,7 @@ def test_the_light_end_of_an_uneven_ball_is_dark():
         assert not (np.asarray(even.triangle_colors) == INK).all(axis=1).any()
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_film_is_written_in_real_time(tmp_path):
     imageio = pytest.importorskip("imageio.v3")
     path = tmp_path / "film.gif"

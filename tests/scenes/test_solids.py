@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from springgym.bodies import vibrations
-from springgym.materials import MATERIALS
 from springgym.scenes import load
 from springgym.scenes.checks import check
 from springgym.scenes.recording import record
-from tests.bodies.test_solid import SHAPES
+from tests.bodies.test_solid import EACH, SHAPES
+from tests.params import slow_but
 
 
 def struck(body):
@@ -33,27 +33,15 @@ def rings(recording):
     return [found.passed for found in check(replace(recording, plan=replace(recording.plan, checks=checks)))]
 
 
-OFTEN = {("top", "steel"), ("slender top", "beech"), ("cube", "rubber"), ("brick", "oak"), ("stone", "nylon")}
-EVERY = [
-    pytest.param(shape, name, marks=() if (shape, name) in OFTEN else pytest.mark.slow, id=f"{shape}-{name}")
-    for shape in SHAPES
-    for name in MATERIALS
-]
-
-
-@pytest.mark.parametrize(("shape", "name"), EVERY)
-@pytest.mark.often("slender top-beech")
+@pytest.mark.parametrize(("shape", "name"), slow_but(EACH, EACH[-1]))
 def test_frequency_and_decay(shape, name):
     """Within 1e-4 and what calibration missed, and within half a per cent; energy to the method's order."""
     assert rings(struck(SHAPES[shape](name))) == [True] * 3
 
 
 @pytest.mark.parametrize(
-    ("changes", "fails"),
-    [({"young": 1.001}, 0), ({"loss": 1.02}, 1)],
-    ids=["stiffer by a thousandth", "lossier by a fiftieth"],
+    ("changes", "fails"), slow_but([({"young": 1.001}, 0), ({"loss": 1.02}, 1)], ({"loss": 1.02}, 1))
 )
-@pytest.mark.often("lossier*")
 def test_what_rings_otherwise_is_found(changes, fails):
     """The same ringing, held against a solid of another material."""
     recording = struck(SHAPES["cube"]("rubber"))

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from scipy.special import ellipk
 
 from springgym.theory import frames, free_body
+from tests.params import slow_but
 
 TURN = frames.euler_zxz(0.3, 1.0, 2.0)
 
@@ -35,8 +36,7 @@ def compare(inertia, omega, times, rigid_reference):
     return reference, motion
 
 
-@pytest.mark.parametrize("name", CASES)
-@pytest.mark.often("about the major axis", "near the middle axis", "sphere")
+@pytest.mark.parametrize("name", slow_but(CASES, "about the major axis", "near the middle axis", "sphere"))
 def test_motion_against_integration(name, rigid_reference):
     inertia, omega = CASES[name]
     times = np.linspace(0, 3, 31)
@@ -57,7 +57,7 @@ component = st.floats(-4, 4)
 
 @settings(max_examples=15, deadline=None, derandomize=True, phases=[Phase.generate])
 @given(st.tuples(moment, moment, moment), st.tuples(component, component, component))
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_any_motion_against_integration(rigid_reference, inertia, omega):
     assume(np.linalg.norm(omega) > 0.1)
     compare(inertia, omega, np.linspace(0, 3, 7), rigid_reference)

@@ -31,7 +31,7 @@ def test_two_masses_on_a_hard_floor():
     assert met.until > met.duration
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_a_damper_takes_of_the_rebound():
     """Of the vibration exp(−ζ π) is left when the lower meets the floor again, and makes the rebound."""
     ratio = 0.05
@@ -39,7 +39,7 @@ def test_a_damper_takes_of_the_rebound():
     assert met.speed == pytest.approx(SPEED * math.exp(-ratio * math.pi), rel=5e-3)
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_a_soft_floor_is_a_spring():
     """Much softer than the body: half a vibration of both masses on it."""
     met = dropped(stiff=1e-3, speed=1e-3)

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from springgym.theory import frames, top
 from springgym.theory.top import TopState
+from tests.params import slow_but
 
 PAPER = top.cone_top_inertia(mass=12.0, radius=0.5, height=1.0)
 SLOW, FAST = top.steady_precession(PAPER, 0.4, 45.0)
@@ -56,8 +57,7 @@ def compare(state, times, rigid_reference, body=PAPER):
     return reference, motion
 
 
-@pytest.mark.parametrize("name", CASES)
-@pytest.mark.often("cusps", "sleeping", "plane pendulum")
+@pytest.mark.parametrize("name", slow_but(CASES, "cusps", "sleeping", "plane pendulum"))
 def test_motion_against_integration(name, rigid_reference):
     reference, motion = compare(CASES[name], np.linspace(0, 2.5, 51), rigid_reference)
     assert reference.error < 2e-9
@@ -72,7 +72,7 @@ def test_motion_against_integration(name, rigid_reference):
     phi_dot=st.floats(-5, 5),
     i3=st.floats(0.1, 1.9),
 )
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_any_motion_against_integration(rigid_reference, theta, omega3, theta_dot, phi_dot, i3):
     state = TopState(theta, omega3, theta_dot, phi_dot)
     body = top.HeavyTop(1.0, i3, 20.0)

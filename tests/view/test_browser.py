@@ -179,9 +179,9 @@ def test_page_plays_turns_and_changes(browser, page, tmp_path):
 
     # it plays
     assert page.time == 0.0
-    click(browser, "button", "play")
+    click(browser, "button", "Play")
     until(lambda: page.time > 0.1)
-    click(browser, "button", "pause")
+    click(browser, "button", "Pause")
     until(lambda: not page.playing)
 
     # a slider of the scene is moved by keys, as a mouse would
@@ -202,12 +202,12 @@ def test_page_plays_turns_and_changes(browser, page, tmp_path):
     page._ask("top", {("body", "mass"): -1.0})
     until(lambda: "positive" in texts(browser, ".told.wrong"))
     changes(browser, full)
-    assert not browser.find_element(By.XPATH, "//button[normalize-space()='play']").is_enabled()
+    assert not browser.find_element(By.XPATH, "//button[normalize-space()='Play']").is_enabled()
     assert "spin [rad/s] " not in text(browser)
     assert page.motion is kept
 
     # back to the file
-    click(browser, "button", "as it was")
+    click(browser, "button", "Reset")
     until(lambda: abs(page.motion.fastest - spun.fastest) < 1e-6)
 
     # springs by strain, forces and rotation are there at first; so is a key to them over the stage
@@ -216,7 +216,7 @@ def test_page_plays_turns_and_changes(browser, page, tmp_path):
     key = browser.find_element(By.CSS_SELECTOR, ".over")
     assert key.rect["x"] + key.rect["width"] < browser.find_element(By.CSS_SELECTOR, "canvas").rect["width"]
     before = settled(browser)
-    click(browser, "[role=tab]", "show")
+    click(browser, "[role=tab]", "Show")
     for tick in ("springs", "forces", "rotation", "rigid twin"):
         box = labelled(browser, tick)[0]
         browser.execute_script("arguments[0].click()", box)
@@ -231,7 +231,7 @@ def test_page_plays_turns_and_changes(browser, page, tmp_path):
     # a scene of several bodies has sliders for each, under its name
     page._ask("side-by-side", {})
     until(lambda: "tops of one shape" in text(browser))
-    click(browser, "[role=tab]", "change")
+    click(browser, "[role=tab]", "Parameters")
     until(lambda: all(name in text(browser).split("\n") for name in ("steel", "beech", "nylon", "rubber")))
     assert text(browser).count("tilt [rad]") == 4
     assert requested(browser) == {"127.0.0.1"}
@@ -246,7 +246,7 @@ def test_on_a_phone(browser, page):
     drawn(browser)
     still = settled(browser)
     assert still.shape[1] == 390
-    button = browser.find_element(By.XPATH, "//button[normalize-space()='play']")
+    button = browser.find_element(By.XPATH, "//button[normalize-space()='Play']")
     sheet = button.find_element(By.XPATH, "./ancestor::*[contains(@style, 'max-height: 60%')][1]")
     assert sheet.rect["width"] == 390
     assert sheet.rect["y"] >= 0.49 * 844
@@ -295,7 +295,7 @@ def test_the_clock_of_who_seeks_shows_what_was_sought(browser, page):
     until(lambda: page.time > 0.1)
     browser.find_elements(By.CSS_SELECTOR, "[role=slider]")[0].send_keys(Keys.ARROW_RIGHT)
     until(lambda: not page.playing)
-    moment = labelled(browser, "time [s]")[-1]
+    moment = labelled(browser, "Time [s]")[-1]
     until(lambda: float(moment.get_attribute("value")) == round(page.time, 3))
     time.sleep(1.0)  # what was on its way comes, and changes nothing
     assert float(moment.get_attribute("value")) == round(page.time, 3)
@@ -316,7 +316,7 @@ def test_a_class_needs_the_token(browser):
         until(server.get_clients)
         browser.refresh()
         until(lambda: "spin [rad/s]" in text(browser))
-        click(browser, "button", "pause")
+        click(browser, "button", "Pause")
         until(lambda: not page.playing)
     finally:
         page.stop()

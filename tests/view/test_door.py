@@ -186,7 +186,15 @@ def test_a_panel_takes_nothing_else(server, panel, recwarn):
         {"type": "nothing"},
         {**CAMERA, "fov": math.nan},
         {**CAMERA, "position": [[[[1.0]]]]},
-        {**CAMERA, "position": "here"},
+        *(
+            {**CAMERA, name: wrong}
+            for name in CAMERA
+            for wrong in ("here", [1.0], None, {})
+            if name != "type"
+        ),
+        *({n: v for n, v in CAMERA.items() if n in ("type", kept)} for kept in CAMERA),
+        {**CAMERA, "image_height": 0},
+        {**CAMERA, "more": 1},
         *([], 1, None, b"", b"\xc1", deep, json.dumps(value(slider, 1.5))),
     ]
     with connected(server) as client:

@@ -13,7 +13,7 @@ from springgym.scenes.plan import SPEEDS
 from springgym.scenes.recording import record
 from springgym.simulator import PAPER_METHOD
 from springgym.view.motion import of_recording
-from tests.envs.cases import few_ids
+from tests.params import slow_but
 
 pytest.importorskip("viser")
 
@@ -72,7 +72,7 @@ def test_what_rolls_is_held_where_it_touches():
     assert scene.surfaces[0].height(recording.positions).min() > 0.1 * radius
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_contacts_of_colliding_bodies_are_recorded():
     plan = replace(load("stack"), duration=0.1)
     told = record(plan, contacts=True)
@@ -130,8 +130,7 @@ def test_energies_that_hardly_move_are_shown_as_changes(top):
     assert np.ptp(curves["sum"].values) < 1e-3 * np.ptp(curves["kinetic"].values)
 
 
-@pytest.mark.parametrize("env_id", ["SpringTop-v0", "SpringFreeTop-v0", "SpringRope-v0", "SpringJuggle-v0"])
-@pytest.mark.often("SpringFreeTop-v0")
+@pytest.mark.parametrize("env_id", slow_but(["SpringFreeTop-v0", "SpringJuggle-v0"], "SpringFreeTop-v0"))
 def test_the_states_between_are_those_under_the_action(env_id):
     """Not under the one before."""
     motion = played(find_agent("random", env_id), 3)
@@ -152,13 +151,7 @@ def test_the_states_between_are_those_under_the_action(env_id):
         env.step(action)
 
 
-@pytest.mark.parametrize(
-    "env_id",
-    few_ids(
-        ["SpringJuggle-v0"],
-        ["SpringBalance-v0", "SpringShove-v0", "SpringStack-v0", "SpringJuggle-v0", "SpringDuel-v0"],
-    ),
-)
+@pytest.mark.parametrize("env_id", slow_but(["SpringJuggle-v0", "SpringDuel-v0"], "SpringJuggle-v0"))
 def test_episodes_of_several_bodies_are_shown(env_id):
     motion = played(find_agent("zero", env_id), 3)
     assert np.isfinite(motion.positions).all()
@@ -186,12 +179,10 @@ def test_what_touches_nothing_has_no_contacts():
     assert played(find_agent("zero", "SpringTop-v0"), 3).touches is None
 
 
-@pytest.mark.parametrize("env_id", ["SpringTop-v0", "SpringRope-v0"])
-@pytest.mark.often("SpringRope-v0")
-def test_an_episode_is_the_environment_s_own(env_id):
+def test_an_episode_is_the_environment_s_own():
     """The states between come from playing each control period again; its end must stay as it was."""
-    motion = played(find_agent("random", env_id), 3)
-    env = gym.make(env_id)
+    motion = played(find_agent("random", "SpringRope-v0"), 3)
+    env = gym.make("SpringRope-v0")
     env.action_space.seed(0)
     env.reset(seed=3)
     positions = [env.unwrapped.episodes.particles[0][0].copy()]

@@ -77,6 +77,22 @@ def test_the_camera_steps_back_from_what_has_grown(page):
     assert not (camera.eye == eye).all()
 
 
+def test_the_camera_is_placed_anew_when_the_picture_changes_its_shape(page):
+    """As the panel does that takes its part of it; otherwise it stays where who looks has put it."""
+    with connected(page._server) as client, run(page):
+        send(client, CAMERA)
+        until(page._server.get_clients)
+        (camera,) = (seen.camera for seen in page._server.get_clients().values())
+        for width in (240, 600):
+            send(client, {**CAMERA, "image_width": width})
+            eye = page._stage.camera(page.motion, width / CAMERA["image_height"]).eye
+            until(lambda eye=eye: np.allclose(camera.position, eye))
+        send(client, {**CAMERA, "image_width": 600, "image_height": 301})
+        until(lambda: camera.image_height == 301)
+        until(lambda: not page._due)
+        np.testing.assert_array_equal(camera.position, CAMERA["position"])
+
+
 @contextmanager
 def run(page):
     thread = threading.Thread(target=page.run)
@@ -284,10 +300,10 @@ def test_the_key_says_what_is_seen(page):
     assert page._stage._nodes["/world/contacts/forces"].visible
 
 
-@pytest.mark.seldom
+@pytest.mark.slow
 def test_the_key_has_the_marks_of_an_environment(page):
     from springgym.view.episodes import find_agent, played
 
     motion = played(find_agent("zero", "SpringTumble-v0"), 0)
     page._show(motion)
-    assert "bring it into the ring, this corner up" in page._key.content
+    assert "target place, and the corner to point up" in page._key.content

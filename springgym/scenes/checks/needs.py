@@ -96,13 +96,7 @@ def _contacts(plan: Plan) -> list[Contact]:
     return [one for one in every if isinstance(one, Contact)]
 
 
-def constant_friction(plan: Plan) -> None:
-    if any(one.stribeck is not None for one in _contacts(plan)):
-        raise ValueError("its friction falls as the slip grows, which theory leaves out")
-
-
 def coulomb(plan: Plan) -> None:
-    constant_friction(plan)
     if any(one.resists for one in _contacts(plan)):
         raise ValueError("its rolling or spinning is resisted, which theory leaves out")
 

@@ -189,7 +189,7 @@ def _resisted(plan: Plan) -> None:
         raise ValueError("it does not roll at the start")
 
 
-@applies(_ball, needs.level, needs.moves, needs.gravity, needs.constant_friction, _resisted)
+@applies(_ball, needs.level, needs.moves, needs.gravity, _resisted)
 def rolling_resistance(recording: Recording) -> list[Check]:
     """Compare with theory the distance and the time in which a rolling ball stops."""
     contact, m = recording.plan.scene.contact, recording.measures

@@ -1,0 +1,70 @@
+"""The records of a rigid body: what it is, where it is, and how it moves."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+
+from springgym.core.kinds import Number, Numbers, Vector
+from springgym.integrators.envelope import Block
+from springgym.terms import Terms
+
+Motion: TypeAlias = tuple[Vector, Vector]
+"""A velocity and an angular momentum, both in body coordinates."""
+
+
+class State(NamedTuple):
+    """The state of a rigid body: where it is and how it moves."""
+
+    q: Vector
+    """the orientation, from where the body began"""
+    spin: Vector
+    """angular momentum about the body's point, in body coordinates [kg·m²/s]"""
+    position: Vector
+    """of that point, the pin or the centre of mass [m]"""
+    velocity: Vector
+    """[m/s]"""
+
+
+class Rigid(NamedTuple):
+    """The rigid body, as its kernel takes it."""
+
+    shape: np.ndarray
+    """(N, 3) particles in principal axes, from the pin or the centre of mass [m]"""
+    moments: np.ndarray
+    """(3,) [kg·m²]"""
+    triad: np.ndarray
+    """(3, 3) rows: the body's `triad` in principal axes"""
+    markers: np.ndarray
+    """(3,) the particles of that triad"""
+    pivot: int
+    """the pinned particle, or −1"""
+    moves: bool
+    """whether any particle is free"""
+    turns: bool
+    """whether it does more than to move along: not so of a single particle"""
+    stages: np.ndarray
+    """(stages,) the composition: shares of the step that its second-order steps take"""
+
+
+class Solid(NamedTuple):
+    """A body in a call, as its steps take it."""
+
+    rigid: Rigid
+    asymmetry: Numbers
+    """1/I₂ − 1/I₁ [1/(kg·m²)], (1,), or None"""
+    axes: Block
+    """the principal axes in world coordinates where `State.q` is the identity"""
+    centre: Vector
+    """of mass, in body coordinates [m]"""
+    total: Number
+    """mass [kg]"""
+    lightness: Number
+    """1/mass [1/kg], or 0 of a pinned body"""
+    terms: Terms
+    """what acts on it"""
+
+
+Twin: TypeAlias = "tuple[Rigid, Numbers, Terms]"
+"""What kernels take of a rigid body: itself, as `Solid` has it its asymmetry, and what acts on it."""

@@ -1,0 +1,147 @@
+"""Flags do what their docstrings claim."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+import pytest
+
+from springgym.bodies import Body, cube, start, top
+from springgym.measures import Measures
+from springgym.scene import Scene, ThrustActuator, WrenchActuator
+from springgym.simulator import SimulationDivergedError, Simulator
+
+MODULES = ("springgym.bodies.body", "springgym.bodies.motion", "springgym.scene", "springgym.simulator")
+TOP, CUBE = top(ring=3), cube()
+LEANING = start(TOP, tilt=0.5, azimuth=0.3, position=(0.0, 0.0, 1.0), stretched=False)
+
+
+def flags(module: str) -> set[str]:
+    """Return the flags of a module's public classes, methods and functions, as "place.flag"."""
+    found = set()
+    for name, own in vars(import_module(module)).items():
+        if name.startswith("_") or getattr(own, "__module__", None) != module:
+            continue
+        calls = {name: own} if inspect.isfunction(own) or "__init__" in vars(own) else {}
+        methods = vars(own).items() if inspect.isclass(own) else ()
+        calls |= {n: f for n, f in methods if inspect.isfunction(f) and not n.startswith("_")}
+        for place, call in calls.items():
+            parameters = inspect.signature(call).parameters.values()
+            found |= {f"{place}.{p.name}" for p in parameters if p.annotation in (bool, "bool")}
+    return found
+
+
+def driven(scene: dict[str, Any], **acts: Any) -> Measures:
+    """Return measures of a leaning top after a push at its actuators."""
+    simulator = Simulator(Scene(TOP, *LEANING, gravity=None, **scene))
+    simulator.actuate(**acts)
+    simulator.advance(20)
+    return simulator.measure()
+
+
+def perpendicular(given: bool) -> None:
+    told = driven({"wrench": WrenchActuator(perpendicular=given)}, torque=(0.2, 0.1, 1.0))
+    along = float(told.angular_momentum[0] @ told.axis[0])
+    across = np.linalg.norm(told.angular_momentum[0] - along * told.axis[0])
+    assert across > 1e-3
+    assert (abs(along) < 1e-3 * across) == given
+
+
+def turns(given: bool) -> None:
+    told = driven({"thrust": ThrustActuator((0,), turns=given)}, thrust=[(0.0, 0.0, 0.1)])
+    pushed = told.momentum[0] / np.linalg.norm(told.momentum[0])
+    np.testing.assert_allclose(pushed, told.axis[0] if given else (0.0, 0.0, 1.0), atol=0.01)
+
+
+def floppy(given: bool) -> None:
+    chain = ("chain", np.diag([0.0, 1.0, 2.0]), 1.0, [(0, 1), (1, 2)], 1e3, 0.0)
+    if given:
+        assert Body(*chain, floppy=True).floppy_modes() == 1
+    else:
+        with pytest.raises(ValueError, match="can change shape in 1 ways"):
+            Body(*chain, floppy=False)
+
+
+def hanging(given: bool) -> None:
+    (tip,) = TOP.parts["tip"]
+    x, _ = start(TOP, pinned=(tip,), hanging=given)
+    assert (TOP.masses @ x[:, 2] < x[tip, 2] * TOP.mass) == given
+
+
+def stretched(given: bool) -> None:
+    x, _ = start(TOP, spin=20.0, stretched=given)
+    lengths = np.linalg.norm(np.diff(x[TOP.springs], axis=1)[:, 0], axis=1)
+    assert (np.abs(lengths / TOP.lengths - 1).max() > 1e-6) == given
+
+
+def ledger(given: bool) -> None:
+    simulator = Simulator(Scene(CUBE, 1.01 * CUBE.positions, gravity=None), ledger=given)
+    simulator.advance(100)
+    assert (simulator.measure().damping_loss[0] > 0) == given
+
+
+def place_read(given: bool) -> None:
+    simulator = Simulator(Scene(CUBE))
+    simulator.place(CUBE.positions + 1.0, np.zeros((8, 3)), read=given)
+    assert np.array_equal(simulator.readout.positions[0], CUBE.positions + 1.0) == given
+
+
+def advance_read(given: bool) -> None:
+    simulator = Simulator(Scene(CUBE))
+    simulator.advance(1, check=False, read=given)
+    assert simulator.readout.positions.any() == given
+
+
+def check(given: bool) -> None:
+    simulator = Simulator(Scene(CUBE, gravity=None))
+    simulator.place(2.0 * CUBE.positions, np.zeros((8, 3)))
+    if given:
+        with pytest.raises(SimulationDivergedError):
+            simulator.advance(0, check=True)
+    else:
+        simulator.advance(0, check=False)
+
+
+TRIED: dict[str, tuple[object, str, Callable[[bool], None]]] = {
+    "WrenchActuator.perpendicular": (
+        WrenchActuator,
+        "If ``perpendicular``, only the component of the world torque perpendicular to the body's axis acts",
+        perpendicular,
+    ),
+    "ThrustActuator.turns": (
+        ThrustActuator,
+        "fixed in the world or, if ``turns``, in the body's triad",
+        turns,
+    ),
+    "Body.floppy": (Body, "Whether the springs may leave the body free to change shape", floppy),
+    "start.hanging": (start, "Whether the body hangs from its first pin", hanging),
+    "start.stretched": (
+        start,
+        "Whether to start in the shape of a steady motion under the weight",
+        stretched,
+    ),
+    "Simulator.ledger": (Simulator, "Whether to record work and losses", ledger),
+    "place.read": (Simulator.place, "Whether to `read` them afterwards", place_read),
+    "advance.read": (Simulator.advance, "Whether to `read` the copies afterwards", advance_read),
+    "advance.check": (Simulator.advance, "Whether to check that no copy has diverged", check),
+}
+"""What has each flag, the claim in its docstring, and a trial of this claim."""
+
+COLLIDING = {"pairs.forget"}
+"""What `tests.collisions` tries, where a kernel of bodies that collide is compiled anyway."""
+
+
+def test_every_flag_is_tried() -> None:
+    assert set().union(*map(flags, MODULES)) == {*TRIED, *COLLIDING}
+
+
+@pytest.mark.parametrize("given", [False, True])
+@pytest.mark.parametrize("name", TRIED)
+def test_a_flag_does_what_its_docstring_claims(name: str, given: bool) -> None:
+    of, claim, trial = TRIED[name]
+    assert claim in " ".join(inspect.getdoc(of).split())  # type: ignore[union-attr]
+    trial(given)
