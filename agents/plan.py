@@ -183,7 +183,9 @@ def play(envs: VectorEnv, model: VectorEnv, seeds: Sequence[int], planner: Plann
     own: Any = model.unwrapped
     length, between = planner.periods(own.episodes.task.period)
     searches = [Search(planner, (length, size), seed) for seed in seeds]
-    found = [{"seed": seed, "return": 0.0, "success": False, "steps": 0, "seconds": 0.0} for seed in seeds]
+    found: list[dict[str, Any]] = [
+        {"seed": seed, "return": 0.0, "success": False, "steps": 0, "seconds": 0.0} for seed in seeds
+    ]
     playing = list(range(len(seeds)))
     while playing:
         began = time.process_time()

@@ -7,6 +7,7 @@ python agents/ppo_sb3.py --env SpringFreeTop-v0 --timesteps 600_000 --seed 1 --o
 import argparse
 import os
 import time
+from typing import Any
 
 os.environ["OMP_NUM_THREADS"] = "1"  # networks this small are fastest on one thread
 
@@ -18,7 +19,7 @@ from stable_baselines3 import PPO
 import springgym  # noqa: F401  (registers the environments)
 from springgym.envs.sb3 import Monitor, SB3VecEnv, StaggeredMonitor
 
-HYPERPARAMETERS = {
+HYPERPARAMETERS: dict[str, Any] = {
     "n_steps": 64,  # of each environment between two updates
     "batch_size": 1024,
     "learning_rate": 7e-4,
@@ -53,7 +54,7 @@ def evaluate(model: PPO, env_id: str, episodes: int = 100) -> tuple[np.ndarray, 
     -------
     the return and the success of each episode, (episodes,)
     """
-    envs = make(env_id, episodes)
+    envs: Any = make(env_id, episodes)
     envs.seed(range(1_000_000, 1_000_000 + episodes))
     observations = envs.reset()
     returns, successes, running = np.zeros(episodes), np.zeros(episodes, bool), np.ones(episodes, bool)

@@ -267,7 +267,7 @@ def refusal(row: Any) -> str:
     for name, types in FORM.items():
         if not isinstance(row[name], types) or isinstance(row[name], bool):
             return f"{name} is {row[name]!r}"
-    if ("data" in row) != ("data" in row["used"]) or set(row["used"]) - set(USED):
+    if ("data" in row) != ("data" in row["used"]) or any(name not in USED for name in row["used"]):
         return f"used is {row['used']!r}; it holds some of {', '.join(USED)}, and 'data' only with data"
     if find(row["task"]) is None:
         return f"springgym has no task {row['task']!r}"
