@@ -474,8 +474,8 @@ class Episodes:
 
     def _views_told(self) -> dict[str, Any]:
         """Return the arrays of `told`, as views but for those of pairs."""
-        views: dict[str, Any] = {
-            "is_success": self._succeeded,
+        views: dict[str, Any] = {"is_success": self._succeeded} if self.task.has_aim else {}
+        views |= {
             "diverged": self.diverged,
             "energy": self.measures.energy,
             "energy_drift": self._drift,

@@ -11,6 +11,7 @@ import springgym.registration
 from springgym import measures
 from springgym.envs.agent import Policy, alone
 from springgym.envs.trained import Agent, load_agent
+from springgym.registration import spec_of
 from springgym.scenes import film
 from springgym.scenes.recording import contacts_of
 from springgym.view.motion import Motion, graphs, lacking, touches
@@ -49,6 +50,8 @@ def find_agent(agent: str | None, env_id: str) -> Agent:
         If there is no such agent.
     """
     springgym.registration.register()
+    if agent in (None, "zero", "random"):
+        spec_of(env_id)
     if agent in (None, "zero"):
         return Agent("no action", env_id, {}, _zero)
     if agent == "random":
@@ -72,6 +75,9 @@ def _random(env: gym.Env) -> Policy:
     env.action_space.seed(0)
     return lambda observations: np.stack([env.action_space.sample() for _ in observations])
 
+
+SUCCESS = {True: "success · ", False: "no success · ", None: ""}
+"""Part of the summary of an episode, by whether it succeeded; None if its task has no aim."""
 
 ACTUATORS = ("terms.wrench.", "terms.thrust.", "terms.drive.")
 """How the names of what an action sets begin, in the state of a simulator."""
@@ -148,6 +154,6 @@ def played(agent: Agent, seed: int) -> Motion:
         note=lacking(task.scene),
         summary=(
             f"{steps} steps of {task.period:g} s · return {total:.4g}, {total / steps:.3f} a step · "
-            f"{'success' if info['is_success'] else 'no success'} · largest strain {m.strain.max():.1e}"
+            f"{SUCCESS[info.get('is_success')]}largest strain {m.strain.max():.1e}"
         ),
     )
