@@ -317,7 +317,7 @@ def _rolling(body: Body, size: float, color: Color) -> dict[str, Any]:
             axes[:, 0] = along / np.linalg.norm(along)
         semi = np.maximum(np.sqrt(np.maximum(squares, 0.0)), THIN * feature.extent)
         profile = PILL if capsule else (COIN if squares[0] < FLAT * squares[2] else BALL)
-        points, faces, sector = _globe(*profile)
+        points, faces, sector = globe(*profile)
         axes[:, 1 if capped or capsule else 0] *= np.sign(np.linalg.det(axes))
         # a flat one is a coin: its first axis is that of the globe
         skin = centre + (points[:, [2, 0, 1]] * semi) @ axes.T + np.sign(points[:, 2:]) * half
@@ -335,7 +335,7 @@ def _rolling(body: Body, size: float, color: Color) -> dict[str, Any]:
     }
 
 
-def _globe(sines: np.ndarray, heights: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def globe(sines: np.ndarray, heights: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return points (V, 3) of a body of revolution, its triangles (T, 3), and the octant (T,) of each.
 
     Octants are numbered from 0 to 7. Its rings have the radii ``sines`` and lie at ``heights``, between the

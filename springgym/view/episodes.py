@@ -13,8 +13,9 @@ from springgym.envs.agent import Policy, alone
 from springgym.envs.trained import Agent, load_agent
 from springgym.registration import spec_of
 from springgym.scenes import film
+from springgym.scenes.graphs import graphs
 from springgym.scenes.recording import contacts_of
-from springgym.view.motion import Motion, graphs, lacking, touches
+from springgym.view.motion import Motion, lacking, touches
 from springgym.view.page import Changes, Subject
 
 INTERVAL = 5e-3
