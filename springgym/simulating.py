@@ -5,9 +5,10 @@ from __future__ import annotations
 import argparse
 import csv
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from springgym.scenes.checks.basis import two_figures
 from springgym.scenes.plan import LEAST, Plan
 from springgym.scenes.reading import document, load
 from springgym.scenes.reading import names as scene_names
-from springgym.scenes.recording import Recording, record
+from springgym.scenes.recording import Progress, Recording, record
 from springgym.simulator import PAPER_METHOD
 
 ENERGIES = (
@@ -87,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
         from springgym.scenes.film import save_film
 
         with whole_file(args.video) as path:
-            save_film(recording, path)
+            save_film(recording, path, progress=_bar("film"))
     for path in filter(None, (args.trace, args.plot, args.video)):
         print(f"wrote {path}")
     status = _report(recording, scene.duration) if args.check else 0
@@ -122,10 +123,10 @@ def _changed(plan: Plan, args: argparse.Namespace) -> Plan:
     return plan if args.step is None else replace(plan, step=args.step)
 
 
-def _bar(name: str) -> Callable[[Iterable[int]], Iterable[int]]:
+def _bar(name: str) -> Progress:
     """Make a progress bar for what takes longer than a second while someone is looking."""
 
-    def wrap(items: Iterable[int]) -> Iterable[int]:
+    def wrap(items: Iterable[Any]) -> Iterable[Any]:
         from tqdm import tqdm
 
         return tqdm(items, desc=name, delay=1.0, leave=False, disable=not sys.stderr.isatty())

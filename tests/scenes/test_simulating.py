@@ -187,7 +187,7 @@ def test_an_output_that_cannot_be_written_is_one_line():
 
 @pytest.mark.parametrize("option", ["--trace", "--plot", "--video"])
 def test_a_file_that_cannot_be_written_leaves_the_old_one(capsys, monkeypatch, tmp_path, option):
-    def fails(*arguments):
+    def fails(*arguments, **options):
         Path(arguments[-1]).write_text("half")
         raise OSError(errno.ENOSPC, "No space left on device")
 
@@ -544,10 +544,12 @@ def test_the_light_end_of_an_uneven_ball_is_dark():
 
 
 @pytest.mark.slow
-def test_film_is_written_in_real_time(tmp_path):
+def test_film_is_written_in_real_time(tmp_path, monkeypatch):
     imageio = pytest.importorskip("imageio.v3")
-    path = tmp_path / "film.gif"
+    path, shown = tmp_path / "film.gif", {}
+    monkeypatch.setattr(simulating, "_bar", lambda name: lambda items: shown.setdefault(name, list(items)))
     assert main(["simulate", "cube-pendulum", "--duration", "0.5", "--video", str(path)]) == 0
+    assert {name: len(items) for name, items in shown.items()} == {"cube-pendulum": 51, "film": 13}
     film = imageio.imread(path, index=None)
     assert len(film) == 13  # 25 frames a second
     assert film[0].shape == (640, 640, 3)
