@@ -25,7 +25,6 @@ from springgym.collisions import (
     shape,
 )
 from springgym.collisions.meeting import ALL, Meeting, Named
-from springgym.core.compiling import kernel
 from springgym.identity import digest
 from springgym.own_forces import checked_forces
 from springgym.records import ReadOnly, read_only
@@ -195,7 +194,7 @@ class Placed(ReadOnly):
                 refuse(driven > self.drive.speed, fast % (self.drive.particle, self.drive.speed))
                 moves[..., self.drive.particle] = False
             refuse(moves, "pinned particle {n}{of} has a velocity; it must be zero")
-        if (short := too_short(self.body.springs, self.body.lengths, positions)) is not None:
+        if (short := too_short(self.body.springs, positions)) is not None:
             refuse(short, "spring {n}{of} starts with both ends at the same place; it has no direction")
 
     @cached_property
@@ -224,38 +223,20 @@ def _as_bytes(feature: Round) -> tuple[bytes, bytes, tuple[int, ...]]:
     return feature.matrix.tobytes(), feature.centre.tobytes(), feature.particles
 
 
-def too_short(springs: np.ndarray, lengths: np.ndarray, positions: np.ndarray) -> np.ndarray | None:
+def too_short(springs: np.ndarray, positions: np.ndarray) -> np.ndarray | None:
     """Return a mask (…, S) of springs too short to have a direction, or None if all are long enough.
 
-    Positions are (…, N, 3), and lengths without load are (S,) [m]. To return None takes much less time.
+    Positions are (…, N, 3) [m].
     """
-    placed = np.array(positions, order="C").reshape(-1, *positions.shape[-2:])
-    if extremes(springs, lengths[None], placed)[0] >= TINY**2:
-        return None
+    short = squared_lengths(springs, positions) < TINY**2
+    return short if short.any() else None
+
+
+def squared_lengths(springs: np.ndarray, positions: np.ndarray) -> np.ndarray:
+    """Return the squared lengths (…, S) of springs (S, 2) between positions (…, N, 3) [m²]."""
     first, second = springs.T
     apart = positions.take(second, axis=-2) - positions.take(first, axis=-2)
-    return np.asarray(np.einsum("...n,...n", apart, apart) < TINY**2)
-
-
-@kernel
-def extremes(springs: np.ndarray, lengths: np.ndarray, positions: np.ndarray) -> tuple[float, float]:
-    """Return the least square of a spring's length [m²] and the largest strain; NaN if one is not a number.
-
-    Springs are (S, 2), their lengths (k, S), or (1, S) for all copies, and positions (k, N, 3) [m].
-    """
-    least, most = math.inf, 0.0
-    for k in range(positions.shape[0]):
-        row = min(k, lengths.shape[0] - 1)
-        for n in range(springs.shape[0]):
-            square = 0.0
-            for axis in range(3):
-                apart = positions[k, springs[n, 1], axis] - positions[k, springs[n, 0], axis]
-                square += apart * apart
-            strain = abs(math.sqrt(square) / lengths[row, n] - 1.0)
-            if math.isnan(strain):
-                return strain, strain
-            least, most = min(least, square), max(most, strain)
-    return least, most
+    return np.asarray(np.einsum("...n,...n", apart, apart))
 
 
 def _numbered(bodies: tuple[Placed, ...]) -> tuple[Placed, ...]:
@@ -615,7 +596,7 @@ class Scene(ReadOnly):
             that collide overlap.
         """
         doubtful = {0} if len(self.bodies) == 1 else set(self._held)
-        short = None if len(self.bodies) == 1 else too_short(self.springs, self.lengths, positions)
+        short = None if len(self.bodies) == 1 else too_short(self.springs, positions)
         if short is not None:
             doubtful |= set(self._springs_of[short.any(axis=tuple(range(positions.ndim - 2)))].tolist())
         for n in sorted(doubtful):

@@ -39,7 +39,6 @@ from springgym.core.blocks import (
     numbers,
     put,
     to_copies,
-    within,
 )
 from springgym.core.compiling import SameTypes
 from springgym.core.kinds import Nested, Ragged
@@ -435,10 +434,10 @@ class Simulator:
         self._check_settled(x, v, index)
         self._check_distance(x)
         for lanes, values in zip(self._moving, (x, v), strict=True):
-            put(lanes, index, np.array(values, order="C").reshape(len(index), lanes.shape[1]))
+            put(lanes, index, np.array(values, order="C").reshape(len(index), lanes.shape[1]), HUGE)
         self._settle(index)
         for lanes, zeros in self._emptied:
-            put(lanes, index, zeros)
+            put(lanes, index, zeros, HUGE)
         if self._terms.collisions is not None:
             totals.empty_totals(self._terms.collisions, index)
             self.unresolved[index] = False
@@ -579,11 +578,11 @@ class Simulator:
             if value.__class__ is not np.ndarray or value.dtype is not FLOAT or value.shape != shape:
                 value = np.array(np.broadcast_to(checks.array(name, value, shape, shape[1:]), shape))
             rows = np.ascontiguousarray(value).reshape(self.copies, lanes.shape[1])
-            if not within(rows, HUGE):
+            if not put(lanes, self._all[:0], rows, HUGE):
                 checks.array(name, value, shape)  # which says what is wrong
             given.append((lanes, rows))
         for lanes, rows in given:
-            put(lanes, self._all, rows)
+            put(lanes, self._all, rows, HUGE)
 
     @guarded
     def state(self, copies: ArrayLike | None = None) -> dict[str, Any]:

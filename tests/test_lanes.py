@@ -15,13 +15,13 @@ from hypothesis.extra.numpy import arrays
 from springgym.bodies import start, top
 from springgym.core.blocks import (
     aligned_zeros,
+    ascending,
     block_array,
     flat_numbers,
     numbers,
     put,
     set_copies,
     to_copies,
-    within,
 )
 from springgym.core.compiling import kernel
 from springgym.core.lanes import (
@@ -205,12 +205,12 @@ def test_rows_of_a_batch(copies: int, dtype: Any) -> None:
     """What goes into blocks copy by copy comes out again, and only what was named is changed."""
     rows = np.arange(copies * 6).reshape(copies, 2, 3).astype(dtype)
     array = block_array(copies, (2, 3), dtype)
-    put(flat_numbers(array), np.arange(copies), rows.reshape(copies, 6).astype(float))
+    put(flat_numbers(array), np.arange(copies), rows.reshape(copies, 6).astype(float), math.inf)
     np.testing.assert_array_equal(to_copies(array, copies), rows)
     chosen = np.unique([0, copies // 2, copies - 1])
     for value, set_chosen in (
         (-1.0, lambda: set_copies(array, chosen, -1.0)),
-        (-2.0, lambda: put(flat_numbers(array), chosen, np.full((1, 6), -2.0))),
+        (-2.0, lambda: put(flat_numbers(array), chosen, np.full((1, 6), -2.0), 2.0)),
     ):
         set_chosen()
         rows[chosen] = value
@@ -218,13 +218,21 @@ def test_rows_of_a_batch(copies: int, dtype: Any) -> None:
     assert array.ctypes.data % 64 == 0
 
 
-def test_numbers_that_are_within_a_bound() -> None:
-    rows = np.linspace(-3.0, 3.0, 8).reshape(2, 4)
-    assert within(rows, 3.0)
-    assert not within(rows, 2.9)
+def test_numbers_beyond_a_bound_are_not_put() -> None:
+    rows, lanes = np.linspace(-3.0, 3.0, 8).reshape(2, 4), flat_numbers(block_array(2, (4,), np.float64))
+    assert not put(lanes, np.arange(2), rows, 2.9)
     for wrong in (math.nan, math.inf, -math.inf):
-        rows[1, 3] = wrong
-        assert not within(rows, 1e30)
+        assert not put(lanes, np.arange(2), np.where(rows == 3.0, wrong, rows), 1e30)
+    assert not lanes.any()
+    assert put(lanes, np.arange(0), rows, 3.0)
+    assert not lanes.any()
+    assert put(lanes, np.arange(2), rows, 3.0)
+    assert (rows == lanes[0, :, :2].T).all()
+
+
+def test_ascending_indices() -> None:
+    assert all(ascending(np.array(index, int), 5) for index in ([], [0], [4], [0, 1, 4]))
+    assert not any(ascending(np.array(index), 5) for index in ([5], [-1], [0, 0], [1, 0], [0, 5], [-1, 2]))
 
 
 COPIES = 2 * 16 + 3

@@ -90,34 +90,28 @@ def chosen_copies(array: np.ndarray, index: np.ndarray) -> np.ndarray:
 
 
 @kernel
-def put(lanes: np.ndarray, index: np.ndarray, rows: np.ndarray) -> None:
-    """Set some copies (k,) of `flat_numbers` (blocks, n, width) to ``rows`` (k, n), or to one for all."""
+def put(lanes: np.ndarray, index: np.ndarray, rows: np.ndarray, bound: float) -> bool:
+    """Set some copies (k,) of `flat_numbers` (blocks, n, width) to ``rows`` (k, n), or to one for all.
+
+    Return False, and change nothing, if a number is NaN or larger than ``bound`` in size.
+    """
     width = lanes.shape[2]
-    for k in range(index.size):
-        block, lane, row = index[k] // width, index[k] % width, min(k, rows.shape[0] - 1)
-        for n in range(rows.shape[1]):
-            lanes[block, n, lane] = rows[row, n]
-
-
-@kernel
-def within(rows: np.ndarray, bound: float) -> bool:
-    """Return whether all numbers (k, n) are finite and at most ``bound`` in size."""
     for k in range(rows.shape[0]):
         for n in range(rows.shape[1]):
             if not abs(rows[k, n]) <= bound:
                 return False
+    for k in range(index.size):
+        block, lane, row = index[k] // width, index[k] % width, min(k, rows.shape[0] - 1)
+        for n in range(rows.shape[1]):
+            lanes[block, n, lane] = rows[row, n]
     return True
 
 
-@kernel
 def ascending(index: np.ndarray, count: int) -> bool:
     """Return whether each index (k,) is larger than the one before, and all are from 0 to ``count`` − 1."""
-    last = -1
-    for k in range(index.size):
-        if not last < index[k] < count:
-            return False
-        last = index[k]
-    return True
+    if not index.size:
+        return True
+    return bool(index[0] >= 0 and index[-1] < count and (index[1:] > index[:-1]).all())
 
 
 def flat_numbers(array: np.ndarray) -> np.ndarray:

@@ -289,8 +289,8 @@ class SpringDuel(Task):
             entries=entries, per_metre=turned * own.per_metre, per_speed=turned * own.per_speed
         )
         seen = np.empty((len(rows), 2 * len(entries)), np.float32)
-        observing.observe_particles(rows, s, columns, seen)
-        return np.clip(np.nan_to_num(seen), -BOUND, BOUND)
+        observing.observe_particles(rows, s, columns, ~np.isfinite(rows).all(axis=1), seen)
+        return seen
 
     def respond(self, m: Measures, s: Situation) -> dict[str, np.ndarray]:
         seen = self.seen_by_second(m, s)

@@ -29,7 +29,7 @@ from springgym.envs.task import FAILED, MET, Task
 from springgym.identity import check_same
 from springgym.measures import Measures
 from springgym.rendering import Marks
-from springgym.scene import Scene, extremes
+from springgym.scene import Scene, squared_lengths
 from springgym.simulator import STRAIN_LIMIT, Simulator, copies_in
 from springgym.stability import steps_in
 
@@ -87,8 +87,8 @@ STATE = ("goal", "memory", "time", "factors", "elapsed", "held", "balance", "act
 OF_PAIRS = ("pairs_touching", "pairs_impulse", "pairs_least_gap", "pairs_missed", "too_fast")
 """Names in ``info`` of the fields of `springgym.contacts.PairSums`, in their order."""
 
-CLEARED = ("goal", "memory", "elapsed", "time", "held", "balance", "action", "out", "diverged")
-"""Arrays of `STATE` that `clear` sets where an episode begins, in the order of its parameters."""
+CLEARED = ("elapsed", "time", "held", "action", "out", "diverged")
+"""Arrays of `STATE` that are 0 where an episode begins."""
 
 
 class Sought(dict[str, Any]):
@@ -337,9 +337,7 @@ class Episodes:
         if self.error is not None:
             self.error.last[copies] = 0.0
         goal = np.array(goals, float).reshape(len(copies), self.goal.shape[1])
-        self._clear(
-            copies, goal, self._first_memory, self._whole.rows, *(getattr(self, name) for name in CLEARED)
-        )
+        self._clear(copies, goal)
         parts = self._parts_with(copies)
         if self._remember is not None:
             memory = self.memory.copy()
@@ -354,6 +352,14 @@ class Episodes:
             self.out[copies, metrics] = fresh[copies, metrics]
         return Begun(copies, parts)
 
+    def _clear(self, copies: np.ndarray, goal: np.ndarray) -> None:
+        """Reset the arrays of some copies (k,), whose episodes begin with goals (k, G)."""
+        for name in CLEARED:
+            getattr(self, name)[copies] = 0
+        self.goal[copies] = goal
+        self.memory[copies] = self._first_memory
+        self.balance[copies] = self.measures.balance[copies]
+
     def _check_strain(self, positions: np.ndarray, drawn: Sequence[Mapping[str, float]]) -> None:
         """Refuse starts (k, N, 3) in a shape that has diverged already."""
         if self.simulator.dynamics == "rigid":
@@ -363,16 +369,15 @@ class Episodes:
         if "scale" in self.ranges:
             scales = np.array([[factors["scale"]] for factors in drawn])
             lengths = randomisation.stretched(scene, scales) * lengths
-            lengths.setflags(write=False)
-        placed = np.array(positions, order="C")
-        for n in range(len(placed)):
-            _, strain = extremes(scene.springs, lengths[n % len(lengths) :][:1], placed[n : n + 1])
-            if not strain <= STRAIN_LIMIT:
-                factors = ", ".join(f"{name} × {drawn[n][name]:g}" for name in self.ranges)
-                raise ValueError(
-                    f"{type(self.task).__name__} would start with a strain of {strain:.3g}"
-                    f"{f' ({factors})' if factors else ''}; it must be at most {STRAIN_LIMIT}"
-                )
+        stretch = np.sqrt(squared_lengths(scene.springs, np.asarray(positions))) / lengths
+        strain = np.abs(stretch - 1.0).max(axis=1, initial=0.0)
+        if (wrong := ~(strain <= STRAIN_LIMIT)).any():
+            n = int(np.argmax(wrong))
+            factors = ", ".join(f"{name} × {drawn[n][name]:g}" for name in self.ranges)
+            raise ValueError(
+                f"{type(self.task).__name__} would start with a strain of {strain[n]:.3g}"
+                f"{f' ({factors})' if factors else ''}; it must be at most {STRAIN_LIMIT}"
+            )
 
     def step(self, action: np.ndarray) -> tuple[Step, np.ndarray | None]:
         """Step all copies by one control period; `observe` returns their observations then.
@@ -461,8 +466,8 @@ class Episodes:
 
     def told(self) -> dict[str, Any]:
         """Return arrays (n,) of what ``info`` reports, by name; the next step overwrites them."""
-        rows = self.simulator.readout.rows
-        self._tell(self.held, self.task.hold, rows, self.balance, self._succeeded, self._drift)
+        np.greater_equal(self.held, self.task.hold, out=self._succeeded)
+        np.subtract(self.measures.balance, self.balance, out=self._drift)
         if self.task.scene.meetings:
             self._told.update(zip(OF_PAIRS, self.simulator.pair_sums(), strict=True))
         return self._told
@@ -514,11 +519,11 @@ class Episodes:
 
     def _look(self, own: Part, seen: np.ndarray) -> None:
         """Write what some copies observe to ``seen``."""
-        if self.task.observation != "particles":
-            self._observe(*own[:2], seen)
+        if self._bound is None:
+            self._observe(own.rows, own.situation, self._columns, own.diverged, seen)
         else:
-            self._observe(own.rows, own.situation, self._columns, seen)
-        self._bound(seen, own.diverged)
+            self._observe(*own[:2], seen)
+            self._bound(seen, own.diverged)
 
     def _parts_with(self, copies: np.ndarray) -> list[Part]:
         """Return parts that together hold some copies (k,): the blocks that they are in, or all copies.
@@ -660,7 +665,7 @@ class Episodes:
             checks.array(what, values, shape, low=0.0)
         elif name in ("goal", "memory", "balance", "factors"):
             checks.array(what, values, shape)
-        if name == "goal" and (pointed := self._columns.pointed) >= 0:  # it is a particle
+        if name == "goal" and (pointed := self._columns.pointed) is not None:  # it is a particle
             last = len(self.simulator.scene.masses) - 1
             particles = checks.array(f"{what}[:, {pointed}]", values[:, pointed], (None,), low=0, high=last)
             if (wrong := particles % 1 != 0).any():
@@ -678,7 +683,6 @@ class Episodes:
     def _use_kernels(self) -> None:
         self.measures = measures.view(self.simulator.readout.rows)
         self._told = self._views_told()
-        self._tell = SameTypes(tell)
         self._parts: dict[tuple[int, int], Part] = {}
         self._whole = self._part(0, self.copies)
         compact = self.task.observation != "particles"
@@ -687,7 +691,6 @@ class Episodes:
         width = self.simulator.width
         self._judges_parts = self._sees_parts and self.copies % width != 1  # see `_seen_alone`
         self._take = SameTypes(take)
-        self._clear = SameTypes(clear)
         self._tick = SameTypes(tick)
         self._evaluate = SameTypes(self.task.evaluate)
         self._finish = SameTypes(finish)
@@ -697,7 +700,7 @@ class Episodes:
             None if self.goals is None or self.task.achieve is None else SameTypes(self.task.achieve)
         )
         self._remember = None if self.task.remember is None else SameTypes(self.task.remember)
-        self._bound = SameTypes(observation.bound)
+        self._bound = SameTypes(observation.bound) if compact else None
 
     def __getstate__(self) -> dict[str, Any]:
         return {
@@ -792,52 +795,6 @@ def _checked_limit(steps: int | None) -> int:
 
 
 # --- Compiled -------------------------------------------------------------------------------------
-
-
-@kernel
-def clear(
-    copies: np.ndarray,
-    goals: np.ndarray,
-    first_memory: np.ndarray,
-    rows: np.ndarray,
-    goal: np.ndarray,
-    memory: np.ndarray,
-    elapsed: np.ndarray,
-    time: np.ndarray,
-    held: np.ndarray,
-    balance: np.ndarray,
-    action: np.ndarray,
-    out: np.ndarray,
-    diverged: np.ndarray,
-) -> None:
-    """Reset the arrays of some copies (k,), whose episodes begin with goals (k, G) and measured ``rows``."""
-    for k in range(copies.size):
-        c = copies[k]
-        for n in range(goal.shape[1]):
-            goal[c, n] = goals[k, n]
-        for n in range(memory.shape[1]):
-            memory[c, n] = first_memory[n]
-        elapsed[c], held[c] = 0, 0
-        time[c] = 0.0
-        balance[c] = rows[c, measures.BALANCE]
-        action[c, :] = 0.0
-        out[c, :] = 0.0
-        diverged[c] = False
-
-
-@kernel
-def tell(
-    held: np.ndarray,
-    hold: int,
-    rows: np.ndarray,
-    balance: np.ndarray,
-    succeeded: np.ndarray,
-    drift: np.ndarray,
-) -> None:
-    """Write which copies have met the aim for long enough, and how far their energy balance is off [J]."""
-    for c in range(held.size):
-        succeeded[c] = held[c] >= hold
-        drift[c] = rows[c, measures.BALANCE] - balance[c]
 
 
 @kernel

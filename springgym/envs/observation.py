@@ -117,7 +117,10 @@ class ObservedParticles:
 
 
 class Columns(NamedTuple):
-    """`ObservedParticles` for compiled functions: a column of the observation for each entry."""
+    """`ObservedParticles` for compiled functions: a column of the observation for each entry.
+
+    What is None is not compiled.
+    """
 
     entries: np.ndarray
     """(K, 2) particle and axis, positions first, then velocities of the same"""
@@ -127,13 +130,14 @@ class Columns(NamedTuple):
     """(K,) [s/m]"""
     about: int
     """index in `ABOUT`"""
-    pointed: int
-    """the entry of the goal that is the index of a particle; −1 if there is none"""
-    measured: np.ndarray
-    """columns of the rows of measures that are appended"""
+    pointed: int | None
+    """the entry of the goal that is the index of a particle, if there is one"""
+    measured: np.ndarray | None
+    """columns of the rows of measures that are appended, if any are"""
     per_measure: np.ndarray
     """1 over the scales of these"""
-    turned: bool
+    turned: bool | None
+    """True or None"""
     goalless: bool
 
 
@@ -152,10 +156,10 @@ def columns(particles: ObservedParticles) -> Columns:
         per_metre=1 / np.asarray(particles.position_scale, float)[entries[:, 0]],
         per_speed=1 / np.asarray(particles.velocity_scale, float)[entries[:, 0]],
         about=ABOUT.index(particles.about),
-        pointed=-1 if particles.pointed is None else particles.pointed,
-        measured=np.array(measured, np.int64),
+        pointed=particles.pointed,
+        measured=np.array(measured, np.int64) if measured else None,
         per_measure=1 / np.array(scales, float),
-        turned=particles.turned,
+        turned=particles.turned or None,
         goalless=particles.goalless,
     )
 
@@ -188,10 +192,46 @@ def point_to(row: np.ndarray, position: np.ndarray, out: np.ndarray) -> None:
         out[axis] /= math.sqrt(length)
 
 
+@compiled
+def write_goal(
+    n: int, k: int, row: np.ndarray, x: np.ndarray, goal: np.ndarray, pointed: int | None, out: np.ndarray
+) -> int:
+    """Write entry ``n`` of a goal from column ``k`` on, and return the next column."""
+    if pointed is not None and n == pointed:
+        point_to(row, x[int(goal[n])], out[k : k + 3])
+        return k + 3
+    out[k] = goal[n]
+    return k + 1
+
+
+@compiled
+def write_measures(
+    row: np.ndarray,
+    k: int,
+    measured: np.ndarray | None,
+    per_measure: np.ndarray,
+    turned: bool | None,
+    out: np.ndarray,
+) -> None:
+    """Write the appended measures, if there are any, from column ``k`` on."""
+    if measured is not None:
+        for n in range(measured.size):
+            out[k + n] = measured_value(row, n, measured, turned) * per_measure[n]
+
+
+@compiled
+def measured_value(row: np.ndarray, n: int, measured: np.ndarray, turned: bool | None) -> float:
+    if turned is None:
+        return row[measured[n]]
+    return along(row, measured[n - n % 3], n % 3)
+
+
 @kernel
-def observe_particles(rows: np.ndarray, s: Situation, columns: Columns, observation: np.ndarray) -> None:
+def observe_particles(
+    rows: np.ndarray, s: Situation, columns: Columns, diverged: np.ndarray, observation: np.ndarray
+) -> None:
     """Write positions and velocities of (particle, axis) entries, goal and appended measures, see
-    `Columns`."""
+    `Columns`, clipped to ±`BOUND`; the observations of diverged copies are 0."""
     count = columns.entries.shape[0]
     unseen = 3 if columns.about == ABOUT_GOAL else 0
     if columns.goalless:
@@ -209,23 +249,20 @@ def observe_particles(rows: np.ndarray, s: Situation, columns: Columns, observat
             observation[c, count + n] = velocity * columns.per_speed[n]
         k = 2 * count
         for n in range(unseen, s.goal.shape[1]):
-            if n == columns.pointed:
-                point_to(rows[c], s.x[c, int(s.goal[c, n])], observation[c, k : k + 3])
-                k += 3
-            else:
-                observation[c, k] = s.goal[c, n]
-                k += 1
-        for n in range(columns.measured.size):
-            value = rows[c, columns.measured[n]]
-            if columns.turned:
-                value = along(rows[c], columns.measured[n - n % 3], n % 3)
-            observation[c, k + n] = value * columns.per_measure[n]
+            k = write_goal(n, k, rows[c], s.x[c], s.goal[c], columns.pointed, observation[c])
+        write_measures(rows[c], k, columns.measured, columns.per_measure, columns.turned, observation[c])
+        clip(observation[c], diverged[c])
 
 
 @kernel
 def bound(observation: np.ndarray, diverged: np.ndarray) -> None:
     """Clip observations to ±`BOUND`; those of diverged copies are 0."""
     for c in range(observation.shape[0]):
-        for n in range(observation.shape[1]):
-            value = observation[c, n]
-            observation[c, n] = 0.0 if diverged[c] else min(max(value, -BOUND), BOUND)
+        clip(observation[c], diverged[c])
+
+
+@compiled
+def clip(seen: np.ndarray, diverged: bool) -> None:
+    """Clip the observation of a copy."""
+    for n in range(seen.size):
+        seen[n] = 0.0 if diverged else min(max(seen[n], -BOUND), BOUND)
