@@ -105,7 +105,7 @@ LONGEST = (
 """What runs first, so that no process is left with it at the end."""
 
 
-METHODS = ("batch", "conservation", "equations", "order", "stability")
+METHODS = ("conservation", "equations", "order", "stability")
 TOGETHER = (
     ("tests/forces/test_contact.py", "tests/forces/test_node.py"),
     tuple(f"tests/integrators/test_{name}.py" for name in METHODS),
