@@ -11,10 +11,12 @@ import springgym.registration
 from springgym import measures
 from springgym.envs.agent import Policy, alone
 from springgym.envs.trained import Agent, load_agent
+from springgym.identity import sealed
 from springgym.registration import spec_of
 from springgym.scenes import film
+from springgym.scenes.graphs import graphs
 from springgym.scenes.recording import contacts_of
-from springgym.view.motion import Motion, graphs, lacking, touches
+from springgym.view.motion import Motion, lacking, touches
 from springgym.view.page import Changes, Subject
 
 INTERVAL = 5e-3
@@ -116,7 +118,7 @@ def played(agent: Agent, seed: int) -> Motion:
         total, over = total + float(reward), terminated or truncated
         after = simulator.state()
         acting = {name: values for name, values in after.items() if name.startswith(ACTUATORS)}
-        simulator.restore(before | acting)
+        simulator.restore(sealed(before | acting))
         taken = 0
         for n in range(1, parts):  # the same period again, to see what is between
             until = every * round(n * cycles / parts)
