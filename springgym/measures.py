@@ -10,7 +10,7 @@ import numpy as np
 
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Nested, Number, Numbers, Rows, Vector
-from springgym.core.lanes import bodies_of, load, maximum, of_body, sqrt, store
+from springgym.core.lanes import bodies_of, lane_of, load, maximum, of_body, sqrt, store
 from springgym.core.vectors import (
     ROUND_OFF,
     angular_momentum,
@@ -295,11 +295,10 @@ def write_copies(
     width = len(space[0]["lanes"])
     start = block * width
     for lane in range(min(width, readout.bodies.shape[0] - start)):
-        measured = readout.bodies[start + lane, body]
+        copy = start + lane
         for n in range(SIZE):
-            measured[n] = space[n]["lanes"][lane]
-        place, speed = readout.positions[start + lane], readout.velocities[start + lane]
+            readout.bodies[copy, body, n] = lane_of(load(space, n), lane)
         for i in range(x.shape[0]):
             for axis in range(3):
-                place[first + i, axis] = x[i, axis]["lanes"][lane]
-                speed[first + i, axis] = v[i, axis]["lanes"][lane]
+                readout.positions[copy, first + i, axis] = lane_of(load(x, (i, axis)), lane)
+                readout.velocities[copy, first + i, axis] = lane_of(load(v, (i, axis)), lane)

@@ -312,6 +312,16 @@ def any_lane(typingctx, mask):
 
 
 @intrinsic
+def lane_of(typingctx, value, lane):
+    """Return the number of one lane."""
+
+    def codegen(context, builder, sig, args):
+        return builder.extract_element(*args) if value.width > 1 else args[0]
+
+    return value.dtype(value, types.intp), codegen
+
+
+@intrinsic
 def filled(typingctx, mask, value):
     """``value`` where the mask holds; in the other lanes, that of the first lane in which it does.
 
