@@ -9,8 +9,8 @@ Each run equals one of ``agents/train.py`` with the same arguments, on one core 
 folder under ``--runs``, with its output in ``log.txt``. At the end, its agent plays 100 held-out episodes,
 and a row is added to ``--json``. If the benchmark was stopped, start the same command again. Runs that have
 a row are skipped, and other runs continue from their newest checkpoint. A run is repeated if its
-configuration or its task has changed since its row was written. docs/benchmark.md holds the protocol and
-describes the rows; rows of others are checked by
+configuration, its task or the protocol has changed since its row was written. docs/benchmark.md holds the
+protocol and describes the rows; rows of others are checked by
 
     python agents/benchmark.py --check rows.json --agents FOLDER
 
@@ -21,7 +21,6 @@ folders, another node continues the runs of a node that fails. Otherwise these r
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import json
 import multiprocessing
 import os
@@ -30,45 +29,45 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
-from dataclasses import Field, asdict, dataclass, fields
+from dataclasses import dataclass
 from functools import partial
-from hashlib import sha256
 from importlib.util import find_spec
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any
 
-from config import CONFIG_FOLDER, MENDABLE, ONLINE, Config, ConfigError, load_config, whole
-from controllers import UNTRAINED, controller_env_kwargs, controllers_of, make_controller
-from rows import PROTOCOL, curve, folder_name, used
-from runs import locked, open_run, versions, write_atomically, write_rows
+from config import CONFIG_FOLDER, MENDABLE, ONLINE, Config, ConfigError, config_path, load_config, whole
+from controllers import UNTRAINED, controllers_of
+from evaluate import evaluate, find_task, percent, score
+from results import (
+    EPISODES,
+    PROTOCOL,
+    Cell,
+    Row,
+    add_row,
+    check,
+    curve_of,
+    digest_of,
+    folder_name,
+    identity,
+    probe,
+    read_rows,
+    row_of,
+    same_probe,
+)
+from runs import locked, open_run, versions, write_atomically
 from tqdm import tqdm
 
 from springgym.cli import INTERRUPTED, guarded
 from springgym.extras import install
-from springgym.registration import ENVIRONMENTS, VARIANTS
+from springgym.registration import ENVIRONMENTS, VARIANTS, spec_of
 from springgym.strict_yaml import read_yaml
-
-if TYPE_CHECKING:
-    from evaluate import Evaluation
 
 ROOT = Path(__file__).resolve().parent.parent
 ALGORITHMS = (*UNTRAINED, *ONLINE)
-EPISODES = 100
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 TRIES = 5
 """Number of node failures that a run survives."""
-
-
-class Cell(NamedTuple):
-    """One run of the benchmark."""
-
-    task: str
-    algorithm: str
-    seed: int
-
-    def __str__(self) -> str:
-        return f"{self.task} {self.algorithm} {self.seed}"
 
 
 @dataclass(frozen=True)
@@ -84,18 +83,17 @@ class Plan:
     def folder(self, cell: Cell) -> Path:
         return self.runs / folder_name(cell.task, cell.algorithm, (), cell.seed)
 
-    def config(self, algorithm: str) -> Path | None:
-        return self.configs / f"{algorithm}.yaml" if self.configs else None
+    def config(self, algorithm: Any) -> Path | None:
+        return config_path(algorithm, self.configs) if self.configs else None
 
 
 # --- One cell, in a process of its own -----------------------------------------------------------------
 
 
-def measured(cell: Cell, plan: Plan) -> dict[str, Any]:
+def run_cell(cell: Cell, plan: Plan) -> dict[str, Any]:
     """Run a cell, from where it stands, and return its row."""
     import torch
     import train
-    from evaluate import evaluate, find_task
     from recorder import Recorder
 
     torch.set_num_threads(1)
@@ -110,55 +108,23 @@ def measured(cell: Cell, plan: Plan) -> dict[str, Any]:
         else:
             agent = str(folder)
             if train.main(training(cell, plan)):
-                told = (folder / "log.txt").read_text(encoding="utf-8").splitlines()
-                raise ConfigError(told[-1] if told else f"{folder}: it wrote no error message")
+                lines = (folder / "log.txt").read_text(encoding="utf-8").splitlines()
+                raise ConfigError(lines[-1] if lines else f"{folder}: it wrote no error message")
             steps, seconds = last_row(folder)
             env_id, kwargs = find_task([agent], cell.task, [])
-        found = evaluate(agent, env_id, kwargs, plan.episodes)
-    config = asked(cell, plan)
-    points = [] if config is None else curve(folder)
-    row = row_of(cell, config, digest(cell, plan), steps, seconds, points, found)
+        played = evaluate(agent, env_id, kwargs, plan.episodes)
+    config = config_of(cell, plan)
+    row = row_of(cell, config, steps, seconds, curve_of(folder) if config else [], played)
     if config is not None and (begun := begun_at(folder)) != row["commit"]:
         row["commit"] = f"{begun}, {row['commit']}"  # which --check refuses
     return row
 
 
-def row_of(
-    cell: Cell,
-    config: Config | None,
-    letters: str,
-    steps: int,
-    seconds: float,
-    points: list[list[float | None]],
-    found: Evaluation,
-) -> dict[str, Any]:
-    """Return the row of a run: what it asked for, the digest of that, what it spent, and what it reached."""
-    returns = [round(earned, 5) for earned in found.returns_per_step]
-    return {
-        "protocol": PROTOCOL,
-        **cell._asdict(),
-        "used": used(cell.algorithm, config),
-        "steps": steps,
-        "seconds": seconds,
-        "success_rate": found.success_rate,
-        "mean_return": round(sum(returns) / len(returns), 6),
-        "first_seed": found.first_seed,
-        "episodes": len(returns),
-        "returns": returns,
-        "successes": None if found.successes is None else [int(one) for one in found.successes],
-        "curve": points,
-        "configuration": {} if config is None else asdict(config),
-        "config": letters,
-        "probe": probe(cell.task),
-        **made_with(),
-    }
-
-
 def begun_at(folder: Path) -> str | None:
     """Return the commit at which a run began; None if it is not known."""
     try:
-        found: str | None = json.loads((folder / "versions.json").read_text(encoding="utf-8"))["git_revision"]
-        return found
+        made: dict[str, str | None] = json.loads((folder / "versions.json").read_text(encoding="utf-8"))
+        return made["git_revision"]
     except (OSError, ValueError, KeyError):
         return None
 
@@ -167,22 +133,22 @@ def training(cell: Cell, plan: Plan) -> list[str]:
     """Return the arguments of ``agents/train.py`` that begin or continue a run."""
     folder = plan.folder(cell)
     if (folder / "config.yaml").exists():
-        if asked(cell, plan) == open_run(folder).config and trained_for(folder) == probe(cell.task):
+        if config_of(cell, plan) == open_run(folder).config and same_probe(trained_for(folder), cell.task):
             return ["--resume", str(folder), "--episodes", "0"]
         put_away(folder)
-    write_atomically(folder / "probe.txt", f"{probe(cell.task)}\n")
+    write_atomically(folder / "probe.json", json.dumps(probe(cell.task)) + "\n")
     arguments = [cell.task, "--algo", cell.algorithm, "--seed", str(cell.seed), "--run", str(folder)]
     if config := plan.config(cell.algorithm):
         arguments += ["--config", str(config)]
     return [*arguments, "--episodes", "0", *(["--set", *plan.overrides] if plan.overrides else [])]
 
 
-def trained_for(folder: Path) -> float:
-    """Return the result of `probe` for the task at the beginning of a run."""
+def trained_for(folder: Path) -> object:
+    """Return the probe of the task when a run began; None if it is not known."""
     try:
-        return float((folder / "probe.txt").read_text(encoding="utf-8"))
+        return json.loads((folder / "probe.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        return float("nan")
+        return None
 
 
 def put_away(folder: Path) -> None:
@@ -205,92 +171,12 @@ def last_row(folder: Path) -> tuple[int, float]:
         return 0, 0.0
 
 
-def asked(cell: Cell, plan: Plan) -> Config | None:
+def config_of(cell: Cell, plan: Plan) -> Config | None:
     """Return the configuration of a cell; None for controllers that are not trained."""
     if cell.algorithm in UNTRAINED:
         return None
     algorithm: Any = cell.algorithm
     return load_config(algorithm, cell.task, plan.overrides, plan.config(algorithm))
-
-
-def digest(cell: Cell, plan: Plan) -> str:
-    """Return letters that change with the configuration of a cell, see `digest_of`.
-
-    Of classical control, a number that changes with what it does.
-    """
-    if cell.algorithm == "classical":
-        return f"{answers(cell.task):.5f}"
-    return digest_of(asked(cell, plan))
-
-
-def digest_of(config: Config | None) -> str:
-    """Return letters that change with fields of a configuration that have not their default, in any order."""
-    known = () if config is None else fields(config)
-    told = {own.name: value for own in known if (value := getattr(config, own.name)) != usual(own)}
-    return sha256(repr(dict(sorted(told.items()))).encode()).hexdigest()[:8]
-
-
-def usual(field: Field[Any]) -> object:
-    """Return the value of a field that is not given; `dataclasses.MISSING` if it has to be.
-
-    Ray copies what this module holds, and a copy of that constant is another object.
-    """
-    return field.default if field.default_factory is dataclasses.MISSING else field.default_factory()
-
-
-def wandering(task: str, **kwargs: Any) -> Iterator[tuple[Any, Any, Any]]:
-    """Return an environment of a task, what its copies observe at given actions, and what they then earn.
-
-    Rounding does not grow in so few control periods.
-    """
-    import numpy as np
-
-    from springgym.envs.sb3 import make_sb3
-
-    copies = 8
-    env: Any = make_sb3(task, copies, **kwargs)
-    env.seed(range(copies))
-    rng = np.random.default_rng(0)
-    try:
-        seen = env.reset()
-        space: Any = env.action_space
-        for _ in range(20):
-            actions = rng.uniform(space.low, space.high, (copies, *space.shape))
-            before = seen
-            seen, rewards, _, _ = env.step(actions.astype(np.float32))
-            yield env, before, rewards
-    finally:
-        env.close()
-
-
-def probe(task: str) -> float:
-    """Return a number that changes with the task: the mean reward of given actions from given starts."""
-    rewards = [reward.mean(dtype=float) for _, _, reward in wandering(task)]
-    return float(round(sum(rewards) / len(rewards), 7))
-
-
-def answers(task: str) -> float:
-    """Return a number that changes with classical control: a weighted sum of its actions."""
-    import numpy as np
-
-    total, count = 0.0, 0
-    for env, seen, _ in wandering(task, **controller_env_kwargs("classical", task, {})):
-        actions = make_controller("classical", task, {}, env.action_space)(seen).ravel()
-        total += float(np.cos(count + np.arange(actions.size)) @ actions.astype(float))
-        count += actions.size
-    return total
-
-
-def made_with() -> dict[str, Any]:
-    """Describe with what a row was made."""
-    found: Any = versions()
-    return {
-        "springgym": found["packages"]["springgym"],
-        "commit": found["git_revision"],
-        "python": found["python"].split()[0],
-        "packages": {name: found["packages"][name] for name in ("numpy", "numba", "torch")},
-        "cpu": found["cpu"],
-    }
 
 
 # --- All cells -----------------------------------------------------------------------------------------
@@ -309,7 +195,7 @@ def in_processes(cells: Sequence[Cell], plan: Plan, jobs: int) -> Iterator[Outco
             while waiting and len(running) < jobs:
                 cell = waiting.pop()
                 ours, theirs = spawn.Pipe(duplex=False)
-                process = spawn.Process(target=tell, args=(theirs, cell, plan), daemon=True)
+                process = spawn.Process(target=send_outcome, args=(theirs, cell, plan), daemon=True)
                 with one_thread():
                     process.start()
                 theirs.close()
@@ -329,14 +215,14 @@ def in_processes(cells: Sequence[Cell], plan: Plan, jobs: int) -> Iterator[Outco
             process.terminate()
 
 
-def tell(pipe: Connection, cell: Cell, plan: Plan) -> None:
-    """Run a cell and send what came of it."""
+def send_outcome(pipe: Connection, cell: Cell, plan: Plan) -> None:
+    """Run a cell and send its outcome."""
     end_with_parent()
-    pipe.send(outcome(lambda: measured(cell, plan)))
+    pipe.send(outcome(lambda: run_cell(cell, plan)))
 
 
 def end_with_parent() -> None:
-    """Do not go on when the benchmark is killed: the next one would find the folder locked."""
+    """End this process when the benchmark is killed: the next one would find the folder locked."""
     parent = multiprocessing.parent_process()
     assert parent is not None
 
@@ -349,7 +235,7 @@ def end_with_parent() -> None:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Let what is started in here compute on one thread."""
+    """Limit processes that are started within this context to one thread."""
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ |= dict.fromkeys(THREADS, "1")
     try:
@@ -379,7 +265,7 @@ def on_ray(cells: Sequence[Cell], plan: Plan, address: str | None, jobs: int) ->
         return row
 
     try:
-        task = ray.remote(num_cpus=1, max_retries=TRIES, max_calls=1)(measured)
+        task = ray.remote(num_cpus=1, max_retries=TRIES, max_calls=1)(run_cell)
         running = {task.remote(cell, plan): cell for cell in cells}
         while running:
             done, _ = ray.wait(list(running), timeout=1.0)
@@ -412,30 +298,11 @@ def planned(tasks: Sequence[str], algorithms: Sequence[str], seeds: int) -> list
     ]
 
 
-class Table:
-    """The rows of ``--json``, which is rewritten whenever there is a new one."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.rows: dict[Cell, dict[str, Any]] = {}
-        if not path.exists():
-            return
-        try:
-            for row in json.loads(path.read_text(encoding="utf-8")):
-                self.rows[Cell(row["task"], row["algorithm"], int(row["seed"]))] = row
-        except (ValueError, KeyError, TypeError, OSError) as error:
-            raise ConfigError(f"{path}: the file does not hold the rows of a benchmark: {error!r}") from error
-
-    def current(self, cell: Cell, plan: Plan, probes: dict[str, float]) -> bool:
-        """Return whether there is a row for the cell as it is now."""
-        row = self.rows.get(cell)
-        names = ("protocol", "config", "probe", "episodes")
-        now = PROTOCOL, digest(cell, plan), probes[cell.task], plan.episodes
-        return row is not None and tuple(map(row.get, names)) == now
-
-    def add(self, row: dict[str, Any]) -> None:
-        self.rows[Cell(row["task"], row["algorithm"], row["seed"])] = row
-        write_rows(self.path, (self.rows[cell] for cell in sorted(self.rows)))
+def is_current(row: Row, cell: Cell, plan: Plan) -> bool:
+    """Return whether a row is of a cell as it is now: its protocol, configuration, episodes and task."""
+    now = PROTOCOL, digest_of(config_of(cell, plan)), plan.episodes
+    same = tuple(map(row.get, ("protocol", "config", "episodes"))) == now
+    return same and same_probe(row["probe"], cell.task)
 
 
 def add_hyperparameters(parser: argparse.ArgumentParser) -> None:
@@ -502,15 +369,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--agents",
         type=Path,
         metavar="FOLDER",
-        help="with --check: folder of run folders ID-ALGORITHM-SEED; their agents play a few episodes again",
+        help="with --check: folder of run folders ID-ALGORITHM-SEED; their agents play the episodes again",
     )
     add_hyperparameters(parser)
     options = parsed(parser, arguments)
     if options.agents and not options.check:
         parser.error("--agents belongs to --check")
     if options.check:
-        from check import check
-
         return guarded("benchmark.py", lambda: check(options.check, options.agents), MENDABLE)
     return guarded("benchmark.py", lambda: benchmark(options), MENDABLE)
 
@@ -522,20 +387,22 @@ def benchmark(options: argparse.Namespace) -> int:
     plan = Plan(
         runs, options.episodes, tuple(options.overrides), options.configs and options.configs.absolute()
     )
+    for task in options.tasks:
+        spec_of(task)
     cells = planned(options.tasks, options.algorithms, options.seeds)
     for cell in cells:
-        asked(cell, plan)  # what is wrong is told before anything runs
+        config_of(cell, plan)  # what is wrong is told before anything runs
     with locked(runs):
-        table = Table(options.json or runs / "baselines.json")
-        probes = {task: probe(task) for task in options.tasks}
-        left = [cell for cell in cells if not table.current(cell, plan, probes)]
-        print(f"{len(cells)} runs, {len(left)} of them to do; rows in {table.path}")
+        path = options.json or runs / "baselines.json"
+        rows = read_rows(path)
+        left = [cell for cell in cells if not is_current(rows.get(identity(cell._asdict()), {}), cell, plan)]
+        print(f"{len(cells)} runs, {len(left)} of them to do; rows in {path}")
         if (revision := versions()["git_revision"]) and str(revision).endswith("-dirty"):
             print("files of the source tree differ from its commit: --check will refuse these rows")
         if not left:
             return 0
         try:
-            failed = collected(left, plan, run_cells(left, plan, options), table)
+            failed = collected(left, plan, run_cells(left, plan, options), path)
         except KeyboardInterrupt:
             print("\nstopped; the same command continues")
             return INTERRUPTED
@@ -545,7 +412,7 @@ def benchmark(options: argparse.Namespace) -> int:
 
 
 def collected(
-    cells: Sequence[Cell], plan: Plan, results: Iterator[Outcome | None], table: Table
+    cells: Sequence[Cell], plan: Plan, results: Iterator[Outcome | None], path: Path
 ) -> list[tuple[Cell, str]]:
     """Write rows as they come, show how far all has come, and return what failed."""
     failed, open_cells = [], {cell: steps_of(cell, plan) for cell in cells}
@@ -560,10 +427,12 @@ def collected(
                     failed.append((cell, row))
                     tqdm.write(f"{cell}: failed: {row}")
                 else:
-                    table.add(row)
-                    success = "-" if row["success_rate"] is None else f"{100 * row['success_rate']:.0f} %"
-                    told = f"{success}, {row['mean_return']:.3f}, {row['seconds']:.0f} s of processor time"
-                    tqdm.write(f"{cell}: {told}")
+                    add_row(path, row)
+                    success, (scale, unit) = percent(row["success_rate"]), score(cell.task)
+                    tqdm.write(
+                        f"{cell}: success {success}, return {scale * row['mean_return']:.3f} per {unit}, "
+                        f"{row['seconds']:.0f} s of processor time"
+                    )
             under_way = sum(
                 min(last_row(plan.folder(c))[0], steps) for c, steps in open_cells.items() if steps
             )
@@ -574,7 +443,7 @@ def collected(
 
 
 def steps_of(cell: Cell, plan: Plan) -> int:
-    config = asked(cell, plan)
+    config = config_of(cell, plan)
     return 0 if config is None else int(config.total_timesteps)
 
 

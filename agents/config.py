@@ -1,8 +1,8 @@
 """Hyperparameters: YAML files keyed by environment id, read strictly.
 
-``configs/<algo>.yaml`` maps environment ids to the fields of a dataclass below. The entry ``default`` holds
-for all other ids. An unknown, duplicate or missing key, or a value of the wrong type, raises a `ConfigError`
-that names file, line and key.
+``configs/<algo>.yaml``, of TQC ``configs/sac.yaml``, maps environment ids to the fields of a dataclass below.
+The entry ``default`` holds for all other ids. An unknown, duplicate or missing key, or a value of the wrong
+type, raises a `ConfigError` that names file, line and key.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ import math
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from importlib import import_module
 from math import inf
 from pathlib import Path
 from typing import Any, Literal
@@ -21,7 +20,7 @@ from typing import Any, Literal
 import gymnasium as gym
 
 from springgym.envs.agent import Algorithm
-from springgym.registration import find
+from springgym.registration import UnknownEnvironment, find, spec_of
 from springgym.strict_yaml import Tree, YamlError, build, parse_yaml, read_yaml
 
 ConfigError = YamlError
@@ -34,6 +33,8 @@ def making(env_id: str) -> Iterator[None]:
     `ConfigError`."""
     try:
         yield
+    except UnknownEnvironment:
+        raise
     except (TypeError, ValueError, ArithmeticError, MemoryError, ImportError, gym.error.Error) as error:
         raise ConfigError(f"{env_id}: {str(error) or 'not enough memory'}") from error
 
@@ -255,6 +256,11 @@ DEFAULT = "default"
 """Key of the entry for environments that a file does not name."""
 
 
+def config_path(algo: Algorithm, folder: Path = CONFIG_FOLDER) -> Path:
+    """Return the file of an algorithm's hyperparameters; TQC has those of SAC."""
+    return folder / f"{'sac' if algo == 'tqc' else algo}.yaml"
+
+
 def load_config(
     algo: Algorithm, env_id: str, overrides: Iterable[str] = (), path: Path | None = None
 ) -> Config:
@@ -270,30 +276,26 @@ def load_config(
     overrides
         ``"key=value"`` texts; ``env_kwargs.key=value`` reaches inside.
     path
-        The file; ``configs/<algo>.yaml`` if None.
+        The file; that of `config_path` if None.
 
     Raises
     ------
     ConfigError
         If the file, any entry of it, or an override is wrong.
+    UnknownEnvironment
+        If there is no such environment.
     """
-    path = path or CONFIG_FOLDER / f"{algo}.yaml"
+    path = path or config_path(algo)
     tree = read_yaml(path)
     if not isinstance(tree.value, dict):
         raise ConfigError(f"{path}: the file must be a mapping of environment ids to hyperparameters")
     for key in tree.value:
         build_config(algo, tree, (key,))
+    if env_id not in tree.value:
+        spec_of(env_id)
     if env_id not in tree.value and (found := find(env_id)):
         tree = _with_copy(tree, env_id, found[0].id)
     if env_id not in tree.value and DEFAULT in tree.value:
-        module, _, name = env_id.rpartition(":")
-        try:
-            if module:
-                import_module(module)
-            gym.spec(name)
-        except (gym.error.Error, ImportError) as error:
-            hint = "" if module else f" (if a module of yours registers it, write MODULE:{name})"
-            raise ConfigError(f"{path}: there is no entry for {env_id!r}: {error}{hint}") from error
         tree = _with_copy(tree, env_id, DEFAULT)
     if env_id not in tree.value:
         raise ConfigError(f"{path}: no entry for {env_id!r}; it has {', '.join(tree.value)}")

@@ -7,9 +7,9 @@
 An agent is a run folder, an environment id (for the published agent of that environment), the name of a
 baseline (zero, random, classical), or ``module:function``, a function from observations to actions. All
 agents play the same episodes. The return is the sum of rewards divided by the time limit: the mean reward
-per step, if an episode that ends early earns nothing for the rest. The other columns are means over the
-episodes of what the environment reports in the last step of an episode. The number after ± is the standard
-deviation over the episodes.
+per step, if an episode that ends early earns nothing for the rest. Duels are scored per episode instead. The
+other columns are means over the episodes of what the environment reports in the last step of an episode. The
+number after ± is the standard deviation over the episodes, and – stands for what the environment lacks.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ import springgym  # noqa: F401  (registers the environments)
 from springgym.cli import guarded
 from springgym.envs.agent import Policy
 from springgym.envs.trained import published
-from springgym.registration import find
+from springgym.registration import find, nearest_id, spec_of
 
 #: Keyword arguments of an environment that belong to the agent and not to the task.
 INTERFACE = ("observation", "action", "goals")
@@ -139,8 +139,20 @@ def evaluate(
 
 
 def named(agent: str) -> str:
-    """Return the folder of the published agent of an environment, and any other name as it is."""
-    return agent if Path(agent).is_dir() or find(agent) is None else str(published(agent))
+    """Return the folder of the published agent of an environment, and any other name as it is.
+
+    Raises
+    ------
+    UnknownEnvironment
+        If the name is like an id, and is none.
+    """
+    if Path(agent).is_dir() or agent in UNTRAINED or ":" in agent:
+        return agent
+    if find(agent):
+        return str(published(agent))
+    if nearest_id(agent):
+        spec_of(agent)  # which says what is meant
+    return agent
 
 
 def trained_on(agent: str, env_id: str) -> Run | None:
@@ -172,18 +184,32 @@ def _run_one_episode_each(env: Any, policy: Policy, first_seed: int) -> list[dic
     return [info for info in last_infos if info is not None]
 
 
-def table(evaluations: Sequence[Evaluation]) -> str:
-    """Write the evaluations as lines of text, one agent a line; the JSON file holds everything."""
+def score(env_id: str) -> tuple[int, str]:
+    """Return the factor from return per step to score, and what a task is scored per: "step" or "episode"."""
+    found = find(env_id)
+    return (
+        (found[0].max_episode_steps, "episode") if found and found[0].scored_per == "episode" else (1, "step")
+    )
+
+
+def percent(rate: float | None) -> str:
+    """Return a share in per cent; a dash for None."""
+    return "–" if rate is None else f"{100 * rate:.0f} %"
+
+
+def table(evaluations: Sequence[Evaluation], env_id: str) -> str:
+    """Return the evaluations as lines of text, one agent a line; the JSON file holds everything."""
+    scale, unit = score(env_id)
     extra = [key for key in evaluations[0].last_infos if not key.startswith(("reward_", "energy"))]
-    header = ["agent", "return/step", "success", "steps", *extra]
+    header = ["agent", f"return/{unit}", "success", "steps", *extra]
     rows = [header]
     for e in evaluations:
-        spread = float(np.std(e.returns_per_step))
+        spread = scale * float(np.std(e.returns_per_step))
         rows.append(
             [
                 e.agent,
-                f"{e.return_per_step:.3f} ± {spread:.3f}",
-                "-" if e.success_rate is None else f"{100 * e.success_rate:.0f} %",
+                f"{scale * e.return_per_step:.3f} ± {spread:.3f}",
+                percent(e.success_rate),
                 f"{np.mean(e.lengths):.0f}",
                 *(f"{np.mean(e.last_infos[key]):.3g}" for key in extra),
             ]
@@ -237,7 +263,7 @@ def _compare(options: argparse.Namespace) -> int:
         replace(evaluate(agent, env_id, env_kwargs, options.episodes, options.seed), agent=name)
         for name, agent in zip(options.agents, agents, strict=True)
     ]
-    print(f"{env_id}: {options.episodes} episodes, seeds from {options.seed}\n{table(evaluations)}")
+    print(f"{env_id}: {options.episodes} episodes, seeds from {options.seed}\n{table(evaluations, env_id)}")
     if options.json:
         write_json(options.json, evaluations)
     return 0

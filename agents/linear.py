@@ -83,7 +83,8 @@ class Search:
         weight, bias = matrices[:, None, :, :-1], matrices[:, None, :, -1]
         observations, _ = self.env.reset(seed=seeds * count)  # type: ignore[arg-type]  # it takes a list
         returns, lengths = np.zeros(count * episodes), np.zeros(count * episodes, int)
-        successes, running, taken = np.zeros(count * episodes, bool), np.ones(count * episodes, bool), 0
+        successes, running, taken = np.zeros(count * episodes), np.ones(count * episodes, bool), 0
+        unknown = np.full(count * episodes, np.nan)
         while running.any():
             seen = np.asarray(observations, float).reshape(count, episodes, self.inputs)
             actions = np.einsum(
@@ -96,7 +97,7 @@ class Search:
             lengths += running
             over = running & (terminated | truncated)
             if over.any():
-                successes[over] = infos["final_info"].get("is_success", successes)[over]
+                successes[over] = infos["final_info"].get("is_success", unknown)[over]
             running &= ~over
         shape = (count, episodes)
         return returns.reshape(shape), lengths.reshape(shape), successes.reshape(shape), taken
@@ -126,7 +127,8 @@ class Search:
         table.writerow(self.columns)
         whole = [name in ("timesteps", "episodes") for name in self.columns]
         for row in self.rows.tolist():
-            table.writerow([int(cell) if as_int else cell for cell, as_int in zip(row, whole, strict=True)])
+            cells = zip(row, whole, strict=True)
+            table.writerow(["" if cell != cell else int(cell) if as_int else cell for cell, as_int in cells])
         write_atomically(self.run.folder / "metrics.csv", text.getvalue())
 
     def load(self) -> None:

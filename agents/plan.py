@@ -1,7 +1,7 @@
 """Plan with the exact model, as a reference for every task, without learning.
 
     python agents/plan.py --tasks SpringTop-v0 --episodes 5
-    python agents/plan.py --rows docs/planner.json          # a row for every environment, cheapest first
+    python agents/plan.py --tasks SpringTop-v0 --samples 256 --iterations 4
 
 A plan is a sequence of actions, and straight lines between them. Whenever the environment has taken the first
 of them, its state is set in many copies of a native batch. Each copy tries a plan, and the plans move towards
@@ -14,39 +14,31 @@ The return is that of ``agents/evaluate.py``: the mean reward per step, if an ep
 nothing for the rest. Plans are compared by the terms of the reward, which a sparse variant reports in
 ``info``. Intervals have 95 %: a bootstrap over the episodes for the return, and Wilson's interval for
 success. Seconds are those of one processor core.
-
-With ``--rows``, rows are written to a file, in the form of ``agents/benchmark.py``. A task that has a row is
-skipped, unless its planner or the task itself has changed since. Rows come ten episodes at a time: if the
-command was stopped, the same command continues.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
-import math
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
-from hashlib import sha256
-from pathlib import Path
+from dataclasses import dataclass, replace
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from benchmark import made_with, probe
-from config import MENDABLE, ConfigError, making, number, whole
+from config import MENDABLE, making, number, whole
+from evaluate import percent, score
 from gymnasium.vector import AutoresetMode, VectorEnv
-from runs import HELD_OUT_SEED, time_limit, write_rows
-from scores import interval
+from results import interval_of_returns, wilson
+from runs import HELD_OUT_SEED, time_limit
 
 import springgym
-from springgym.cli import INTERRUPTED, guarded
-from springgym.registration import find
+from springgym.cli import guarded
+from springgym.registration import find, spec_of
 
 AT_ONCE = 10
-"""Number of episodes that are played at once, and written down together."""
+"""Number of episodes that are played at once."""
 
 
 @dataclass(frozen=True)
@@ -97,25 +89,6 @@ SETTINGS: dict[str, dict[str, Any]] = {
 }
 """What the planner of an environment and its variants does otherwise than `Planner`."""
 
-CHEAPEST_FIRST = (
-    "SpringBilliards-v0",
-    "SpringTop-v0",
-    "SpringRope-v0",
-    "SpringPendulum-v0",
-    "SpringDetumble-v0",
-    "SpringGyroscope-v0",
-    "SpringTumble-v0",
-    "SpringFreeTop-v0",
-    "SpringLabyrinth-v0",
-    "SpringDuel-v0",
-    "SpringBalance-v0",
-    "SpringShove-v0",
-    "SpringStack-v0",
-    "SpringTower-v0",
-    "SpringJuggle-v0",
-)
-"""The environments, by what a row costs."""
-
 
 def noise(rng: np.random.Generator, shape: tuple[int, int, int], colour: float) -> np.ndarray:
     """Noise of unit variance and a shape (plans, actions of a plan, entries of an action)."""
@@ -144,7 +117,7 @@ def returns(model: VectorEnv, actions: np.ndarray) -> np.ndarray:
     for now in actions.swapaxes(0, 1):
         _, _, terminated, _, infos = model.step(now)
         total += goes_on * sum(infos[name] for name in infos if name.startswith("reward_"))
-        total -= periods * (goes_on & terminated & ~infos["is_success"])
+        total -= periods * (goes_on & terminated & ~infos.get("is_success", np.zeros(len(total), bool)))
         goes_on &= ~terminated
     return total
 
@@ -210,7 +183,9 @@ def play(envs: VectorEnv, model: VectorEnv, seeds: Sequence[int], planner: Plann
     own: Any = model.unwrapped
     length, between = planner.periods(own.episodes.task.period)
     searches = [Search(planner, (length, size), seed) for seed in seeds]
-    found = [{"seed": seed, "return": 0.0, "success": False, "steps": 0, "seconds": 0.0} for seed in seeds]
+    found: list[dict[str, Any]] = [
+        {"seed": seed, "return": 0.0, "success": False, "steps": 0, "seconds": 0.0} for seed in seeds
+    ]
     playing = list(range(len(seeds)))
     while playing:
         began = time.process_time()
@@ -238,148 +213,90 @@ def play(envs: VectorEnv, model: VectorEnv, seeds: Sequence[int], planner: Plann
                 found[n]["return"] += float(reward[n]) / limit
                 found[n]["steps"] += 1
                 if terminated[n] or truncated[n]:
-                    found[n]["success"] = bool(info["is_success"][n])
+                    found[n]["success"] = bool(info["is_success"][n]) if "is_success" in info else None
                     playing.remove(n)
     return found
-
-
-def wilson(successes: int, episodes: int) -> tuple[float, float]:
-    """Return an interval for the rate of success (Wilson 1927, doi:10.1080/01621459.1927.10502953)."""
-    z, rate = 1.96, successes / episodes
-    centre = rate + z * z / (2 * episodes)
-    half = z * math.sqrt(rate * (1 - rate) / episodes + z * z / (4 * episodes**2))
-    low, high = ((centre + side * half) / (1 + z * z / episodes) for side in (-1, 1))
-    return max(low, 0.0), min(high, 1.0)
-
-
-class Tables:
-    """Files of rows, and of the episodes of which rows are made."""
-
-    def __init__(self, rows: Path | None) -> None:
-        self.rows = rows
-        self.parts = None if rows is None else rows.with_suffix(".parts.json")
-
-    @staticmethod
-    def read(path: Path | None) -> dict[str, Any]:
-        """What a file holds, by task."""
-        if path is None or not path.exists():
-            return {}
-        try:
-            return {row["task"]: row for row in json.loads(path.read_text(encoding="utf-8"))}
-        except (ValueError, KeyError, TypeError) as error:
-            raise ConfigError(f"{path}: the file does not hold rows of tasks: {error!r}") from error
-
-    @classmethod
-    def write(cls, path: Path | None, row: dict[str, Any]) -> None:
-        """Write a row in place of one of the same task."""
-        if path is not None:
-            rows = cls.read(path) | {row["task"]: row}
-            write_rows(path, (rows[task] for task in sorted(rows)))
-
-
-def digest(planner: Planner) -> str:
-    """A few letters that change with the settings of a planner."""
-    return sha256(repr(planner).encode()).hexdigest()[:8]
 
 
 def planner_of(env_id: str, **given: Any) -> Planner:
     """The planner of a task, with what is given in place of its settings."""
     found = find(env_id)
-    usual = Planner(**(SETTINGS.get(found[0].id, {}) if found else {}))
-    return replace(usual, **{name: value for name, value in given.items() if value is not None})
+    default = Planner(**(SETTINGS.get(found[0].id, {}) if found else {}))
+    return replace(default, **{name: value for name, value in given.items() if value is not None})
 
 
-def row_of(task: str, planner: Planner, played: Sequence[Mapping[str, Any]], period: float) -> dict[str, Any]:
-    """The row of a task whose episodes have been played, in the form of ``agents/benchmark.py``."""
-    returned, successes = [one["return"] for one in played], sum(one["success"] for one in played)
+def play_episodes(task: str, planner: Planner, seeds: Sequence[int]) -> list[dict[str, Any]]:
+    """Play episodes of a task at once, see `play`."""
+    made: dict[str, Any] = {"vectorization_mode": "vector_entry_point"}
+    made["autoreset_mode"] = AutoresetMode.NEXT_STEP
+    with making(task):
+        envs = gym.make_vec(task, len(seeds), **made)
+        model = gym.make_vec(task, len(seeds) * planner.samples, max_episode_steps=-1, **made)
+    model.reset(seed=0)
+    model.step(np.zeros(model.action_space.shape, np.float32))  # compiles
+    try:
+        return play(envs, model, seeds, planner)
+    finally:
+        envs.close()
+        model.close()
+
+
+def summary(task: str, played: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return mean return and success with their intervals, and what planning takes, of episodes of a task."""
+    own: Any = gym.make(task).unwrapped
+    returns, successes = [one["return"] for one in played], [one["success"] for one in played]
+    known = None not in successes
     seconds, steps = sum(one["seconds"] for one in played), sum(one["steps"] for one in played)
     return {
         "task": task,
-        "algorithm": "planner",
-        "seed": 0,
-        "steps": 0,
         "seconds": round(seconds, 2),
-        "success_rate": successes / len(played),
-        "mean_return": round(float(np.mean(returned)), 6),
+        "success_rate": sum(successes) / len(played) if known else None,
+        "mean_return": round(float(np.mean(returns)), 6),
         "episodes": len(played),
-        "config": digest(planner),
-        "planner": {name: value for name, value in asdict(planner).items() if value is not None},
-        "return_interval": [
-            round(end, 4) for end in interval([np.array(returned)], lambda all_: float(np.mean(all_)))
-        ],
-        "success_interval": [round(end, 4) for end in wilson(successes, len(played))],
-        "real_time_factor": round(seconds / (steps * period), 3),
+        "return_interval": [round(end, 4) for end in interval_of_returns(returns)],
+        "success_interval": [round(end, 4) for end in wilson(sum(successes), len(played))] if known else None,
+        "real_time_factor": round(seconds / (steps * own.episodes.task.period), 3),
     }
 
 
-def measured(task: str, planner: Planner, seeds: Sequence[int], tables: Tables) -> dict[str, Any]:
-    """Play an episode of a task from each seed, from where the file of episodes stands, and make the row."""
-    whose = {"task": task, "config": digest(planner), "first_seed": seeds[0], "probe": probe(task)}
-    whose |= {"commit": made_with()["commit"]}
-    part = tables.read(tables.parts).get(task, {})
-    played = part["played"] if {name: part.get(name) for name in whose} == whose else []
-    played = played[: len(seeds)]
-    while len(played) < len(seeds):
-        now = seeds[len(played) : len(played) + AT_ONCE]
-        with making(task):
-            made: dict[str, Any] = {"vectorization_mode": "vector_entry_point"}
-            made["autoreset_mode"] = AutoresetMode.NEXT_STEP
-            envs = gym.make_vec(task, len(now), **made)
-            model = gym.make_vec(task, len(now) * planner.samples, max_episode_steps=-1, **made)
-        model.reset(seed=0)
-        model.step(np.zeros(model.action_space.shape, np.float32))  # compiles
-        played = [*played, *play(envs, model, now, planner)]
-        envs.close()
-        model.close()
-        tables.write(tables.parts, {**whose, "played": played})
-    own: Any = gym.make(task).unwrapped
-    row = row_of(task, planner, played, own.episodes.task.period)
-    return {**row, "first_seed": seeds[0], "probe": whose["probe"], **made_with()}
-
-
-def told(row: Mapping[str, Any]) -> str:
-    """A row in a line."""
-    (low, high), (least, most) = row["return_interval"], row["success_interval"]
+def line_of(row: Mapping[str, Any]) -> str:
+    """Return a `summary` as a line of text."""
+    scale, unit = score(row["task"])
+    low, high = (scale * end for end in row["return_interval"])
+    success = percent(row["success_rate"])
+    if interval := row["success_interval"]:
+        success += f" ({100 * interval[0]:.0f}–{100 * interval[1]:.0f})"
     return (
-        f"{row['task']}: return {row['mean_return']:.3f} ({low:.3f}–{high:.3f}), success "
-        f"{100 * row['success_rate']:.0f} % ({100 * least:.0f}–{100 * most:.0f}) of {row['episodes']} "
-        f"episodes, {row['real_time_factor']:.2f} s of one core a simulated second"
+        f"{row['task']}: return {scale * row['mean_return']:.3f} ({low:.3f}–{high:.3f}) per {unit}, success "
+        f"{success} of {row['episodes']} episodes, "
+        f"{row['real_time_factor']:.2f} s of one core a simulated second"
     )
 
 
-def plan_all(options: argparse.Namespace) -> int:
-    """Make the rows that are asked for."""
+def plan_tasks(options: argparse.Namespace) -> int:
+    """Play the episodes of the tasks that are asked for, and print what the planner reaches."""
     names = ("samples", "horizon", "spacing", "iterations", "temperature")
     given = {name: getattr(options, name) for name in names}
-    tables = Tables(options.rows)
-    done = tables.read(options.rows)
+    for task in options.tasks:
+        spec_of(task)
     for task in options.tasks:
         planner = planner_of(task, **given)
-        if planner.elites > planner.samples:
-            planner = replace(planner, elites=planner.samples)
-        old = done.get(task, {})
-        asked = {"config": digest(planner), "episodes": options.episodes, "first_seed": options.seed}
-        if old and {name: old.get(name) for name in asked} == asked and old["probe"] == probe(task):
-            continue
-        try:
-            row = measured(task, planner, range(options.seed, options.seed + options.episodes), tables)
-        except KeyboardInterrupt:
-            print("\nstopped; the same command goes on" if options.rows else "\nstopped")
-            return INTERRUPTED
-        tables.write(options.rows, row)
-        print(told(row), flush=True)
+        planner = replace(planner, elites=min(planner.elites, planner.samples))
+        played: list[dict[str, Any]] = []
+        while len(played) < options.episodes:
+            first, count = options.seed + len(played), min(AT_ONCE, options.episodes - len(played))
+            played += play_episodes(task, planner, range(first, first + count))
+        print(line_of(summary(task, played)), flush=True)
     return 0
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Command line."""
-    usual = Planner()
+    default = Planner()
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument(
-        "--tasks", nargs="+", default=CHEAPEST_FIRST, metavar="ID", help="environment ids (default: all)"
-    )
+    parser.add_argument("--tasks", nargs="+", required=True, metavar="ID", help="environment ids")
     parser.add_argument(
         "--episodes", type=whole(1, 10_000), default=AT_ONCE, help=f"number of episodes (default: {AT_ONCE})"
     )
@@ -387,16 +304,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--seed", type=whole(0, 2**31), default=HELD_OUT_SEED, help="seed of the first episode"
     )
     for name, least, most in (("samples", 2, 100_000), ("iterations", 1, 1000)):
-        parser.add_argument(f"--{name}", type=whole(least, most), help=f"({getattr(usual, name)})")
+        parser.add_argument(f"--{name}", type=whole(least, most), help=f"({getattr(default, name)})")
     for name, told_ in (
-        ("horizon", f"how far a plan reaches [s] ({usual.horizon:g})"),
-        ("spacing", f"from one action of a plan to the next [s] ({usual.spacing:g})"),
+        ("horizon", f"how far a plan reaches [s] ({default.horizon:g})"),
+        ("spacing", f"from one action of a plan to the next [s] ({default.spacing:g})"),
         ("temperature", "weigh all plans by their returns, instead of choosing the best"),
     ):
         parser.add_argument(f"--{name}", type=number(0.001, 1000), help=told_)
-    parser.add_argument("--rows", type=Path, help="write rows to this file")
     options = parser.parse_args(arguments)
-    return guarded("plan.py", lambda: plan_all(options), MENDABLE)
+    return guarded("plan.py", lambda: plan_tasks(options), MENDABLE)
 
 
 if __name__ == "__main__":

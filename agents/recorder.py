@@ -1,23 +1,52 @@
-"""The files and messages of a run: metrics.csv, progress.csv, checkpoints, and a bar on the terminal."""
+"""The files and messages of a run: metrics.csv, progress.csv, checkpoints, logs, a figure, a progress bar.
+
+A checkpoint is the whole state of a training in one file, so that a run can continue as if it had not
+stopped. Stable-Baselines3's CheckpointCallback and EvalCallback do not do this: what they save leaves out
+environments, random numbers and logs, and they write several files one after another.
+"""
 
 from __future__ import annotations
 
 import csv
+import json
 import math
+import os
+import pickle
+import platform
+import random
 import time
+import zipfile
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
-from agent import save_agent
-from checkpoint import save_checkpoint
+import matplotlib
+import numpy as np
+import torch
+from agent import ALGORITHMS, save_agent
 from config import ConfigError
-from evaluate import evaluate, task_kwargs
+from evaluate import Evaluation, evaluate, task_kwargs
 from learner import native_env, network_config
 from runs import PROGRESS_SEED, Run, time_limit, write_atomically
+from stable_baselines3 import HerReplayBuffer
+from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import KVWriter, Logger, filter_excluded_keys
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.utils import safe_mean
+from stable_baselines3.common.vec_env import VecNormalize
+from tensorboard.compat.proto.event_pb2 import Event, SessionLog
+from tensorboard.compat.proto.summary_pb2 import Summary
+from tensorboard.summary.writer.record_writer import RecordWriter
 from tqdm import tqdm
 
+from springgym.cli import whole_file
 from springgym.envs.sb3 import StaggeredMonitor
+
+matplotlib.use("Agg")
+from matplotlib import pyplot as plt
+from matplotlib.ticker import EngFormatter
 
 COLUMNS = (
     "timesteps",  # environment steps of all copies together
@@ -171,3 +200,216 @@ class Recorder(BaseCallback):
             shown["success"] = f"{100 * reached:.0f} %"
         self.bar.set_postfix(shown, refresh=False)
         self.row_at, self.steps, self.episodes, self.reward = self.num_timesteps, 0, 0, 0.0
+
+
+# --- Checkpoints ---------------------------------------------------------------------------------------
+
+MAY_CHANGE = ("total_timesteps", "log_every", "checkpoint_every", "eval_env_kwargs")
+"""Settings that may change when a run is resumed."""
+
+
+def save_checkpoint(run: Run, env: StaggeredMonitor, model: BaseAlgorithm, recorder: Recorder) -> None:
+    """Write the model and all that training depends on into one file, swapped in whole, and the agent.
+
+    To be called between iterations: after an update and before the next step is taken.
+    """
+    native = native_env(env)
+    normalize = model.get_vec_normalize_env()
+    logger = model.logger
+    state = {
+        "env": native.get_state() if hasattr(native, "get_state") else None,
+        "monitor": (env.episode_returns, env.episode_lengths, env.episode_count, env.shortened),
+        "discounted_returns": normalize.returns if normalize else None,
+        "replay_buffer": model.replay_buffer if isinstance(model, OffPolicyAlgorithm) else None,
+        "recorder": recorder.state(),
+        "logger": (dict(logger.name_to_value), dict(logger.name_to_count), logger.name_to_excluded),
+        "random": (random.getstate(), np.random.get_state(), torch.get_rng_state()),  # noqa: NPY002
+    }
+    with whole_file(run.model) as temporary:
+        model.save(temporary)
+        with zipfile.ZipFile(temporary, "a") as archive:
+            archive.writestr("run.json", json.dumps(asked_for(run)))
+            archive.writestr("training_state.pkl", pickle.dumps(state))
+            if normalize:
+                archive.writestr("vecnormalize.pkl", pickle.dumps(normalize))
+    save_agent(run.agent, model)
+
+
+def load_checkpoint(run: Run, env: StaggeredMonitor, recorder: Recorder) -> BaseAlgorithm:
+    """Restore an agent and everything around it as :func:`save_checkpoint` found it.
+
+    Raises
+    ------
+    ConfigError
+        If the checkpoint is damaged, or of another run.
+    """
+    try:
+        with zipfile.ZipFile(run.model) as archive:
+            if damaged := archive.testzip():
+                raise ConfigError(f"{run.model}: {damaged} in it is damaged")
+            check_same(run, json.loads(archive.read("run.json")))
+            state = pickle.loads(archive.read("training_state.pkl"))
+            normalize = (
+                pickle.loads(archive.read("vecnormalize.pkl")) if network_config(run).normalize else None
+            )
+        return _restore(run, env, recorder, state, normalize)
+    except (ConfigError, MemoryError):
+        raise
+    except Exception as error:  # it may be any file, and be wrong in any way
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise ConfigError(
+            f"{run.model}: this is not a checkpoint of this run: {reason}. "
+            "Restore it from a copy, or start a new run"
+        ) from error
+
+
+def _restore(
+    run: Run,
+    env: StaggeredMonitor,
+    recorder: Recorder,
+    state: dict[str, Any],
+    normalize: VecNormalize | None,
+) -> BaseAlgorithm:
+    """Put what `load_checkpoint` read into the algorithm."""
+    if normalize:
+        normalize.set_venv(env)
+    exact = state["env"] is not None
+    if not exact:
+        print(f"{run.env_id} cannot save its state: the episodes under way start anew")
+    else:
+        native_env(env).set_state(state["env"])
+        env.episode_returns, env.episode_lengths, env.episode_count, env.shortened = state["monitor"]
+        if normalize:
+            normalize.returns = state["discounted_returns"]
+    model = ALGORITHMS[run.algo].load(run.model, env=normalize or env, device="cpu", force_reset=not exact)
+    if isinstance(model, OffPolicyAlgorithm):
+        model.replay_buffer = state["replay_buffer"]
+        if isinstance(model.replay_buffer, HerReplayBuffer):
+            model.replay_buffer.set_env(normalize or env)
+    logger = make_logger(run, model.num_timesteps)
+    values, counts, excluded = state["logger"]
+    logger.name_to_value.update(values)
+    logger.name_to_count.update(counts)
+    logger.name_to_excluded.update(excluded)
+    model.set_logger(logger)
+    recorder.restore(state["recorder"])
+    python_state, numpy_state, torch_state = state["random"]
+    random.setstate(python_state)
+    np.random.set_state(numpy_state)  # noqa: NPY002
+    torch.set_rng_state(torch_state)
+    return model
+
+
+def asked_for(run: Run) -> dict[str, Any]:
+    """Return the settings of a run, in the form that JSON has."""
+    asked = {"algo": run.algo, "env_id": run.env_id, "seed": run.seed, **asdict(run.config)}
+    return dict(json.loads(json.dumps(asked, default=str)))
+
+
+def check_same(run: Run, whose: dict[str, Any]) -> None:
+    """Refuse a ``config.yaml`` that says something else than when the checkpoint was made.
+
+    Raises
+    ------
+    ConfigError
+        Naming what differs.
+    """
+    for key, value in asked_for(run).items():
+        if key not in MAY_CHANGE and whose.get(key) != value:
+            raise ConfigError(
+                f"{run.folder / 'config.yaml'}: {key} is {value!r}, but the checkpoint was made with "
+                f"{whose.get(key)!r}. A run cannot change this: restore the value, or start a new run"
+            )
+
+
+# --- TensorBoard ---------------------------------------------------------------------------------------
+
+
+class TensorBoard(KVWriter):
+    """TensorBoard scalars, hiding what a stopped run wrote beyond ``timesteps``.
+
+    They are written at once; PyTorch's writer does that in a thread, where nobody hears of a full disk.
+    """
+
+    def __init__(self, folder: Path, timesteps: int) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self.path = folder / f"events.out.tfevents.{time.time_ns()}.{platform.node()}.{os.getpid()}"
+        start = SessionLog(status=SessionLog.START)
+        self._append(Event(file_version="brain.Event:2"), Event(step=timesteps + 1, session_log=start))
+
+    def write(
+        self, key_values: dict[str, Any], key_excluded: dict[str, tuple[str, ...]], step: int = 0
+    ) -> None:
+        """Write what is a number and not excluded."""
+        shown = filter_excluded_keys(key_values, key_excluded, "tensorboard")
+        scalars = [
+            Summary.Value(tag=key, simple_value=float(value))
+            for key, value in shown.items()
+            if isinstance(value, (int, float, np.number))
+        ]
+        self._append(Event(step=step, summary=Summary(value=scalars)))
+
+    def _append(self, *events: Event) -> None:
+        with open(self.path, "ab") as file:
+            for event in events:
+                event.wall_time = time.time()
+                RecordWriter(file).write(event.SerializeToString())
+
+    def close(self) -> None:
+        """Leave nothing open."""
+
+
+def make_logger(run: Run, timesteps: int) -> Logger:
+    """Make the log of a run that has come to ``timesteps``."""
+    folder = run.folder / "tensorboard"
+    return Logger(str(folder), [TensorBoard(folder, timesteps)])
+
+
+# --- Figure --------------------------------------------------------------------------------------------
+
+
+def plot_learning_curve(run: Run, end: int, evaluations: Sequence[Evaluation]) -> None:
+    """Draw metrics.csv, and what the agent after ``end`` steps and the baselines reach, as a PNG."""
+    with open(run.folder / "metrics.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    progress: list[dict[str, str]] = []
+    if (run.folder / "progress.csv").exists():
+        with open(run.folder / "progress.csv", newline="") as file:
+            progress = list(csv.DictReader(file))
+
+    def curve(column: str, scale: float = 1.0) -> tuple[list[int], list[float]]:
+        given = [row for row in rows if row[column]]
+        return (
+            [int(row["timesteps"]) for row in given],
+            [scale * float(row[column]) for row in given],
+        )
+
+    trained, *baselines = evaluations
+    figure, (top, bottom) = plt.subplots(
+        2, 1, figsize=(7, 6), sharex=True, layout="constrained", height_ratios=(3, 2)
+    )
+    top.plot(*curve("reward_per_step"), color="0.6", lw=1, label="training steps")
+    top.plot(*curve("return_per_step"), color="C0", lw=2, label="last 100 training episodes")
+    top.plot(end, trained.return_per_step, "o", color="k", clip_on=False, label="trained agent")
+    for i, baseline in enumerate(baselines, start=1):
+        top.axhline(baseline.return_per_step, color=f"C{i}", ls="--", label=baseline.agent)
+    top.set(ylabel="return per step", title=f"{run.env_id}, {run.algo.upper()}, seed {run.seed}")
+    for axes, column, scale in (
+        (top, "return_per_step", 1.0),
+        (bottom, "success_rate", 100.0),
+    ):
+        if any(row[column] for row in progress):
+            steps = [int(row["timesteps"]) for row in progress]
+            reached = [scale * float(row[column]) for row in progress]
+            axes.plot(steps, reached, "k.-", label="evaluation, without exploration")
+    top.legend()
+    bottom.plot(*curve("success_rate", 100), color="C0", lw=2)
+    if trained.success_rate is not None:
+        bottom.plot(end, 100 * trained.success_rate, "o", color="k", clip_on=False)
+    bottom.set(xlabel="environment steps", ylabel="success, %", xlim=(0, None), ylim=(-5, 105))
+    bottom.xaxis.set_major_formatter(EngFormatter())
+    for axes in (top, bottom):
+        axes.grid(alpha=0.3)
+    with whole_file(run.folder / "learning_curve.png") as path:
+        figure.savefig(path, dpi=120)
+    plt.close(figure)

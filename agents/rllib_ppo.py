@@ -84,8 +84,13 @@ def algorithm(env_id: str, config: PPOConfig, options: argparse.Namespace) -> An
     return asked.build_algo()
 
 
-def played(module: Any, env_id: str, kwargs: dict[str, Any], episodes: int) -> tuple[float, float]:
-    """Return per step and success of the deterministic policy on held-out episodes."""
+def evaluate(module: Any, env_id: str, kwargs: dict[str, Any], episodes: int) -> tuple[float, float | None]:
+    """Play held-out episodes with the deterministic policy.
+
+    Returns
+    -------
+    the mean return per step and the share of successes, None if the environment reports none
+    """
     import torch
 
     with making(env_id):
@@ -98,7 +103,8 @@ def played(module: Any, env_id: str, kwargs: dict[str, Any], episodes: int) -> t
         )
     observations, _ = env.reset(seed=HELD_OUT_SEED)
     size = env.single_action_space.shape[0]
-    returns, running, successes = np.zeros(episodes), np.ones(episodes, bool), np.zeros(episodes, bool)
+    returns, running, successes = np.zeros(episodes), np.ones(episodes, bool), np.zeros(episodes)
+    unknown = np.full(episodes, np.nan)
     while running.any():
         with torch.no_grad():
             out = module.forward_inference({"obs": torch.as_tensor(observations)})
@@ -107,20 +113,20 @@ def played(module: Any, env_id: str, kwargs: dict[str, Any], episodes: int) -> t
         returns += running * rewards
         over = running & (terminated | truncated)
         if over.any():
-            successes[over] = infos["final_info"]["is_success"][over]
+            successes[over] = infos["final_info"].get("is_success", unknown)[over]
         running &= ~over
     limit = env.spec.kwargs["max_episode_steps"]
     env.close()
-    return float(returns.mean() / limit), float(successes.mean())
+    return float(returns.mean() / limit), None if np.isnan(successes).any() else float(successes.mean())
 
 
 def learn(options: argparse.Namespace) -> int:
     """Train, and tell after every tenth iteration how the agent does."""
+    config = load_config("ppo", options.env_id)
     import ray
     import torch
 
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
-    config = load_config("ppo", options.env_id)
     assert isinstance(config, PPOConfig)
     total = options.timesteps or config.total_timesteps
     batch = options.runners * options.copies * config.n_steps
@@ -151,11 +157,12 @@ def learn(options: argparse.Namespace) -> int:
             steps, n = steps + batch, n + 1
             if n % 10 == 0 or steps >= total:
                 seconds = time.perf_counter() - started
-                earned, success = played(algo.get_module(), options.env_id, kwargs, options.episodes)
-                rows.append([str(steps), f"{seconds:.1f}", f"{earned:.4f}", f"{success:.3f}"])
+                earned, success = evaluate(algo.get_module(), options.env_id, kwargs, options.episodes)
+                rate = "" if success is None else f"{success:.3f}"
+                rows.append([str(steps), f"{seconds:.1f}", f"{earned:.4f}", rate])
                 algo.save_to_path(str(checkpoint))
                 table.write_text("\n".join(",".join(row) for row in [COLUMNS, *rows]) + "\n")
-                print(f"{steps} steps, {seconds:.0f} s: return/step {earned:.3f}, success {success:.0%}")
+                print(f"{steps} steps, {seconds:.0f} s: return/step {earned:.3f}, success {rate or '–'}")
         return 0
     except KeyboardInterrupt:
         print("\nstopped; continue with --resume")

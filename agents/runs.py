@@ -166,9 +166,8 @@ def load_policy(run: Run, observation_space: spaces.Space[Any], action_space: sp
         If there is none, or it does not fit.
     """
     if not run.agent.exists():
-        old = ": runs of springgym 0.1.0 have none" if run.model.exists() else ""
         raise ConfigError(
-            f"{run.folder} has no agent.npz{old}; if the run is your own, train.py --resume {run.folder} "
+            f"{run.folder} has no agent.npz; if the run is your own, springgym train --resume {run.folder} "
             "continues it and writes one"
         )
     return policy_in(run.agent, run.config, observation_space, action_space)

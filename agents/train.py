@@ -21,8 +21,6 @@ from pathlib import Path
 
 import torch
 from agent import save_agent
-from board import make_logger
-from checkpoint import load_checkpoint
 from config import (
     MENDABLE,
     ONLINE,
@@ -37,9 +35,8 @@ from controllers import controllers_of
 from evaluate import MOST_EPISODES, evaluate, table, task_kwargs, write_json
 from imitation import imitate
 from learner import make_training_env, new_model
-from learning_curve import plot_learning_curve
 from linear import Search
-from recorder import COLUMNS, Recorder
+from recorder import COLUMNS, Recorder, load_checkpoint, make_logger, plot_learning_curve
 from runs import HELD_OUT_SEED, Run, create_run, locked, open_run, write_config
 from stable_baselines3 import PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -237,7 +234,7 @@ def report(run: Run, timesteps: int, episodes: int) -> int:
     write_json(run.folder / "evaluation.json", evaluations)
     plot_learning_curve(run, timesteps, evaluations)
     record(str(run.folder), run.env_id, task, run.folder / "episode.gif")
-    print(f"{run.env_id}: {episodes} held-out episodes\n{table(evaluations)}")
+    print(f"{run.env_id}: {episodes} held-out episodes\n{table(evaluations, run.env_id)}")
     print(f"agent.npz, learning_curve.png and episode.gif are in {run.folder}")
     return 0
 

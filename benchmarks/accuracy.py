@@ -74,10 +74,10 @@ def run(args: argparse.Namespace) -> int:
             file.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
         print("\n".join(summary(name, result)), flush=True)
     print(table(report))
-    from benchmarks.figures import draw
+    from benchmarks.figures import draw_accuracy
 
     for name in names:
-        draw(name, report[name], args.out / f"{name}.svg")
+        draw_accuracy(name, report[name], args.out / f"{name}.svg")
     return 0
 
 

@@ -84,7 +84,7 @@ def canvas(width: float, height: float) -> Figure:
     return figure
 
 
-def draw(name: str, result: dict[str, Any], path: Path) -> None:
+def draw_accuracy(name: str, result: dict[str, Any], path: Path) -> None:
     """Draw a result of `benchmarks.work_precision.measure`, or of a study, to a file."""
     figure = canvas(7.6, 4.8)
     kinds = {"spin-down": _spin_down, "rigid gap": _rigid_gap, "crossover": _crossover}

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import argparse
 import math
+import re
 import sys
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -44,8 +45,7 @@ class Outcome(NamedTuple):
     passed: bool
 
 
-@dataclass(frozen=True)
-class Case:
+class Case(NamedTuple):
     """One hard case."""
 
     number: int
@@ -54,20 +54,21 @@ class Case:
     twin: str
     """what is wrong when it is run ``broken``"""
     run: Callable[[bool], Outcome]
-    slow: bool
+    slow: bool = False
 
 
 CASES: list[Case] = []
 """All cases, in the order of their numbers."""
 
 
-def case(
-    name: str, criterion: str, twin: str, slow: bool = False
-) -> Callable[[Callable[[bool], Outcome]], Callable[[bool], Outcome]]:
-    """Add a function of ``broken`` to `CASES`."""
+def case(slow: bool = False) -> Callable[[Callable[[bool], Outcome]], Callable[[bool], Outcome]]:
+    """Add a function of ``broken`` to `CASES`: its docstring names the case, its criterion and its twin."""
 
     def add(function: Callable[[bool], Outcome]) -> Callable[[bool], Outcome]:
-        CASES.append(Case(len(CASES) + 1, name, criterion, twin, function, slow))
+        words = re.split(
+            r"\.\s+(?:Wanted|Broken): ", " ".join(str(function.__doc__).split()).removesuffix(".")
+        )
+        CASES.append(Case(len(CASES) + 1, *words, function, slow))
         return function
 
     return add
@@ -127,12 +128,13 @@ def refused(make: Callable[[], Any], *words: str) -> bool:
 # --- Springs ------------------------------------------------------------------------------------------
 
 
-@case(
-    "step at the stability limit",
-    "0.99 of the limit: strain < 1e-3 after 20000 steps; 1.01: refused, and reported if forced",
-    "limit of a single oscillator, 2 √(m/k)",
-)
+@case()
 def stability_limit(broken: bool) -> Outcome:
+    """step at the stability limit.
+
+    Wanted: 0.99 of the limit: strain < 1e-3 after 20000 steps; 1.01: refused, and reported if forced.
+    Broken: limit of a single oscillator, 2 √(m/k).
+    """
     body = cube(damping=0.0)
     noise = np.random.default_rng(1).normal(0.0, 1e-3, (8, 3))
     scene = Scene(body, velocities=noise, gravity=NONE)
@@ -169,12 +171,13 @@ def swung_cube(stiffness: float, seconds: float = 1.0, longer: float = 0.0) -> t
     return float(np.abs(simulator.positions[0] - rigid).max()), float(simulator.measure().strain[0])
 
 
-@case(
-    "stiffness from 1e3 to 1e9, automatic step",
-    "largest strain · k/Mg < 1, gap to the rigid cube ∝ kᵖ with p = −1.00 ± 0.02",
-    "springs made 1e-6 too long",
-)
+@case()
 def stiffness_range(broken: bool) -> Outcome:
+    """stiffness from 1e3 to 1e9, automatic step.
+
+    Wanted: largest strain · k/Mg < 1, gap to the rigid cube ∝ kᵖ with p = −1.00 ± 0.02.
+    Broken: springs made 1e-6 too long.
+    """
     stiffness = 10.0 ** np.arange(3, 10)
     gaps, strains = np.transpose([swung_cube(k, longer=1e-6 * broken) for k in stiffness])
     power, load = fitted_power(stiffness, gaps), (strains * stiffness / 9.81).max()
@@ -184,13 +187,13 @@ def stiffness_range(broken: bool) -> Outcome:
     )
 
 
-@case(
-    "rope, 0.1 and 0.01 kg beads under 70 kg",
-    "stretch of every spring at rest is the weight below it over k, to 1e-6",
-    "force along u, not û: k times the length",
-    slow=True,
-)
+@case(slow=True)
 def heavy_rope(broken: bool) -> Outcome:
+    """rope, 0.1 and 0.01 kg beads under 70 kg.
+
+    Wanted: stretch of every spring at rest is the weight below it over k, to 1e-6.
+    Broken: force along u, not û: k times the length.
+    """
     worst = 0.0
     for bead in (0.1, 0.01):
         body = rope(bead_mass=bead)
@@ -226,12 +229,13 @@ def explicit(rates: np.ndarray, time: float) -> Decay:
     return Decay(*(time * rates))
 
 
-@case(
-    "damping 0, critical and 100 × critical",
-    "energy never exceeds its least so far by more than (ω h)²/4 = 1 % of the start's",
-    "damper as an explicit impulse, c h/2 times the speed",
-)
+@case()
 def damping_range(broken: bool) -> Outcome:
+    """damping 0, critical and 100 × critical.
+
+    Wanted: energy never exceeds its least so far by more than (ω h)²/4 = 1 % of the start's.
+    Broken: damper as an explicit impulse, c h/2 times the speed.
+    """
     critical = 2 * math.sqrt(1e5 * 0.125 / 2)
     worst = 0.0
     with np.errstate(all="ignore"):
@@ -246,12 +250,13 @@ def damping_range(broken: bool) -> Outcome:
     return Outcome(f"rise {worst:.1e}", worst < 0.01)
 
 
-@case(
-    "50 rev/s for 10 s, undamped",
-    "spin kept to 1e-6",
-    "a drag that takes 1e-6 of the speed each second",
-)
+@case()
 def fast_spin(broken: bool) -> Outcome:
+    """50 rev/s for 10 s, undamped.
+
+    Wanted: spin kept to 1e-6.
+    Broken: a drag that takes 1e-6 of the speed each second.
+    """
     body = cube(stiffness=1e7, damping=0.0)
     spin = 2 * math.pi * 50
     scene = Scene(body, *start(body, omega=(0.0, 0.0, spin)), gravity=NONE)
@@ -268,12 +273,14 @@ def fast_spin(broken: bool) -> Outcome:
     return Outcome(f"relative change {worst:.1e}", bool(worst < 1e-6 and moved))
 
 
-@case(
-    "sleeping top 2 % above and below the threshold",
-    "from a tilt of 1e-3 rad, over 20 s: above it stays < 0.02 rad, below it falls as far as theory ± 10 %",
-    "gravity 10 % too strong",
-)
+@case()
 def sleeping_top(broken: bool) -> Outcome:
+    """sleeping top 2 % above and below the threshold.
+
+    Wanted: from a tilt of 1e-3 rad, over 20 s: above it stays < 0.02 rad, below it falls as far as theory ±
+    10 %.
+    Broken: gravity 10 % too strong.
+    """
     body = top(damping=0.0)
     tip = body.particle("tip")
     rigid = theory.top.cone_top_inertia(12.0, 0.5, 1.0)
@@ -295,12 +302,13 @@ def sleeping_top(broken: bool) -> Outcome:
     return Outcome(f"{largest[0]:.4f} rad above; {largest[1]:.3f} of {expected:.3f} rad below", passed)
 
 
-@case(
-    "flips about the middle axis (Dzhanibekov)",
-    "20 intervals, each theory's ± 1e-3",
-    "one corner 10 % heavier than theory has it",
-)
+@case()
 def flips(broken: bool) -> Outcome:
+    """flips about the middle axis (Dzhanibekov).
+
+    Wanted: 20 intervals, each theory's ± 1e-3.
+    Broken: one corner 10 % heavier than theory has it.
+    """
     body = box((1.0, 0.7, 0.4), [0.125 * (1 + 0.1 * broken), *[0.125] * 7], 1e6, 0.0)
     omega = (0.2, 6.0, 0.2)
     interval = theory.free_body.flip_interval(
@@ -321,12 +329,13 @@ def flips(broken: bool) -> Outcome:
     return Outcome(f"{len(times) - 1} intervals, worst {worst:.1e}", len(times) == 21 and worst < 1e-3)
 
 
-@case(
-    "a million undamped steps",
-    "energy within 1e-4 and without trend (halves agree to 1e-6), P and L to 1e-11",
-    "a drag that takes 1e-9 of the speed every 10000 steps",
-)
+@case()
 def million_steps(broken: bool) -> Outcome:
+    """a million undamped steps.
+
+    Wanted: energy within 1e-4 and without trend (halves agree to 1e-6), P and L to 1e-11.
+    Broken: a drag that takes 1e-9 of the speed every 10000 steps.
+    """
     body = box((1.0, 0.7, 0.4), damping=0.0)
     began = start(body, omega=(1.0, 3.0, 2.0), velocity=(0.01, 0.02, 0.03))
     simulator = Simulator(Scene(body, *began, gravity=NONE))
@@ -351,12 +360,13 @@ def million_steps(broken: bool) -> Outcome:
     )
 
 
-@case(
-    "equation 3 with the printed sign",
-    "c < 0 is refused; the damper takes energy: < 0.9 of the start's after 500 steps",
-    "the sign of the damper turned round",
-)
+@case()
 def printed_sign(broken: bool) -> Outcome:
+    """equation 3 with the printed sign.
+
+    Wanted: c < 0 is refused; the damper takes energy: < 0.9 of the start's after 500 steps.
+    Broken: the sign of the damper turned round.
+    """
     simulator = plucked_cube(10.0)
     if broken:
         damping = -simulator.scene.body.damping
@@ -369,12 +379,13 @@ def printed_sign(broken: bool) -> Outcome:
     )
 
 
-@case(
-    "a spring of no length, a spring inside out",
-    "forces and 5000 steps finite",
-    "spring force without a guard at L = 0",
-)
+@case()
 def squeezed(broken: bool) -> Outcome:
+    """a spring of no length, a spring inside out.
+
+    Wanted: forces and 5000 steps finite.
+    Broken: spring force without a guard at L = 0.
+    """
     body = cube(damping=0.0)
     collapsed, inverted = body.positions.copy(), body.positions.copy()
     collapsed[0] = collapsed[6] + (0.0 if broken else 1e-12)  # scenes refuse 0
@@ -403,12 +414,13 @@ def contact_simulator(scene: Scene, broken: bool) -> Simulator:
     return Simulator.paper(scene) if broken else Simulator(scene)
 
 
-@case(
-    "drop at 20 m/s, speed · step > reach",
-    "no particle below the floor, and no apex above the start by more than 1 %",
-    "the paper's contact: sampled force and clamp",
-)
+@case()
 def fast_drop(broken: bool) -> Outcome:
+    """drop at 20 m/s, speed · step > reach.
+
+    Wanted: no particle below the floor, and no apex above the start by more than 1 %.
+    Broken: the paper's contact: sampled force and clamp.
+    """
     body = cube(damping=0.0)
     began = start(body, turn=(0.3, 0.5, 0.2), position=(0.0, 0.0, 21.0))
     scene = Scene(body, *began, surfaces=(floor(),), contact=Contact(reach=0.005))
@@ -427,13 +439,14 @@ def fast_drop(broken: bool) -> Outcome:
     )
 
 
-@case(
-    "start below the floor, corner of two planes",
-    "below: refused by particle; thrown into the corner at 10 m/s: H − (h²/8) Σ m |a|², which is what Verlet "
-    "keeps of a body that rings, at most 1 + 1e-3 of the start's",
-    "the paper's contact",
-)
+@case()
 def below_and_corner(broken: bool) -> Outcome:
+    """start below the floor, corner of two planes.
+
+    Wanted: below: refused by particle; thrown into the corner at 10 m/s: H − (h²/8) Σ m |a|², which is what
+    Verlet keeps of a body that rings, at most 1 + 1e-3 of the start's.
+    Broken: the paper's contact.
+    """
     body = cube(damping=0.0)
     refusal = refused(lambda: Scene(body, surfaces=(floor(),)), "particle 4")
     surfaces = (floor(), Plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)))
@@ -455,12 +468,13 @@ def below_and_corner(broken: bool) -> Outcome:
     )
 
 
-@case(
-    "100 undamped bounces",
-    "a cube, steps of a tenth of the limit: energy within (ω h)²/4 = 1 % of the start's",
-    "the paper's contact, at the paper's step",
-)
+@case()
 def hundred_bounces(broken: bool) -> Outcome:
+    """100 undamped bounces.
+
+    Wanted: a cube, steps of a tenth of the limit: energy within (ω h)²/4 = 1 % of the start's.
+    Broken: the paper's contact, at the paper's step.
+    """
     body = cube(damping=0.0)
     began = start(body, turn=(0.3, 0.5, 0.2), omega=(1.0, 2.0, 0.5), position=(0.0, 0.0, 1.8))
     scene = Scene(body, *began, surfaces=(floor(),))
@@ -484,12 +498,13 @@ def pair(damping: float) -> Body:
     return Body("pair", x, np.ones(2), np.array([(0, 1)]), 100 * one, damping * one, floppy=True)
 
 
-@case(
-    "restitution 0 … 1",
-    "rebound over impact speed as asked for, ± 1e-3",
-    "loss 2 % too large",
-)
+@case()
 def restitution(broken: bool) -> Outcome:
+    """restitution 0 … 1.
+
+    Wanted: rebound over impact speed as asked for, ± 1e-3.
+    Broken: loss 2 % too large.
+    """
     worst = 0.0
     for asked in (0.0, 0.2, 0.4, 0.6, 0.8, 0.99, 1.0):
         contact = Contact(friction=0.5, restitution=asked, strength=0.05, reach=0.02)
@@ -526,12 +541,13 @@ def drift(simulator: Simulator, seconds: float) -> float:
     return float(np.linalg.norm(simulator.measure().centre[0] - before))
 
 
-@case(
-    "slope at atan μ ± 1°",
-    "1° below: < 1e-5 m of creep in 10 s; 1° above: g (sin α − μ cos α) ± 1 %",
-    "friction 6 % too small",
-)
+@case()
 def slope(broken: bool) -> Outcome:
+    """slope at atan μ ± 1°.
+
+    Wanted: 1° below: < 1e-5 m of creep in 10 s; 1° above: g (sin α − μ cos α) ± 1 %.
+    Broken: friction 6 % too small.
+    """
     limit, friction = math.atan(0.5), 0.5 * (1 - 0.06 * broken)
     steep = limit + math.radians(1)
     below = resting_cube(limit - math.radians(1), friction)
@@ -550,12 +566,13 @@ def slope(broken: bool) -> Outcome:
     )
 
 
-@case(
-    "cube at rest for 60 s",
-    "on a floor off level by 0.1°: < 1e-6 m",
-    "friction forgotten",
-)
+@case()
 def rest(broken: bool) -> Outcome:
+    """cube at rest for 60 s.
+
+    Wanted: on a floor off level by 0.1°: < 1e-6 m.
+    Broken: friction forgotten.
+    """
     lean = math.radians(0.1)
     simulator = resting_cube(0.0, 0.5, (9.81 * math.sin(lean), 0.0, -9.81 * math.cos(lean)))
     if broken:
@@ -568,12 +585,13 @@ def rest(broken: bool) -> Outcome:
 # --- Bodies, numbers, batches -------------------------------------------------------------------------
 
 
-@case(
-    "rings of 6 to 48, automatic step",
-    "spinning at 40 rad/s for 1 s: strain < 0.01, energy within 1e-4",
-    "the step of the smallest ring for all",
-)
+@case()
 def rings(broken: bool) -> Outcome:
+    """rings of 6 to 48, automatic step.
+
+    Wanted: spinning at 40 rad/s for 1 s: strain < 0.01, energy within 1e-4.
+    Broken: the step of the smallest ring for all.
+    """
     strain, worst, shared = 0.0, 0.0, None
     with np.errstate(all="ignore"):
         for ring in (6, 12, 24, 48):
@@ -600,26 +618,26 @@ def thrown_cube(metres_away: float, dtype: DTypeLike) -> np.ndarray:
     return simulator.positions[0].astype(float) - (metres_away, 0.0, 0.0)
 
 
-@case(
-    "float32, and 1 km from the origin",
-    "float32: positions within 1e-4 m after 2000 steps; float64 1 km away: within 1e-6 m",
-    "both at once: float32 at 1 km",
-    slow=True,
-)
+@case(slow=True)
 def single_precision(broken: bool) -> Outcome:
+    """float32, and 1 km from the origin.
+
+    Wanted: float32: positions within 1e-4 m after 2000 steps; float64 1 km away: within 1e-6 m.
+    Broken: both at once: float32 at 1 km.
+    """
     exact = thrown_cube(0.0, np.float64)
     single = np.abs(thrown_cube(1e3 * broken, np.float32) - exact).max()
     far = np.abs(thrown_cube(1e3, np.float64) - exact).max()
     return Outcome(f"float32 {single:.1e} m, 1 km {far:.1e} m", bool(single < 1e-4 and far < 1e-6))
 
 
-@case(
-    "largest random and bang-bang actions, 1e5 steps of every environment",
-    "observations and rewards finite, nothing diverges, no warning",
-    "a step of 1.5 times the stability limit",
-    slow=True,
-)
+@case(slow=True)
 def wild_actions(broken: bool) -> Outcome:
+    """largest random and bang-bang actions, 1e5 steps of every environment.
+
+    Wanted: observations and rewards finite, nothing diverges, no warning.
+    Broken: a step of 1.5 times the stability limit.
+    """
     import gymnasium as gym
 
     from springgym.registration import ENVIRONMENTS, register
@@ -672,13 +690,13 @@ def moved_batch(copies: int, positions: np.ndarray, velocities: np.ndarray, thre
     return np.stack([simulator.positions, simulator.velocities], axis=1)
 
 
-@case(
-    "batch, threads and resets against single copies",
-    "no bit differs among 11 copies, on 1 and 3 threads, half of them reset",
-    "one coordinate of copy 6 moved by its last bit",
-    slow=True,
-)
+@case(slow=True)
 def batches(broken: bool) -> Outcome:
+    """batch, threads and resets against single copies.
+
+    Wanted: no bit differs among 11 copies, on 1 and 3 threads, half of them reset.
+    Broken: one coordinate of copy 6 moved by its last bit.
+    """
     positions, velocities = starts(11)
     given = positions.copy()
     if broken:
@@ -695,13 +713,13 @@ def batches(broken: bool) -> Outcome:
     return Outcome(f"{differ} numbers differ", differ == 0)
 
 
-@case(
-    "one copy of a batch diverges",
-    "the error names it; no bit of its neighbours changes",
-    "1e-15 of its speed leaks into the next copy",
-    slow=True,
-)
+@case(slow=True)
 def diverging_copy(broken: bool) -> Outcome:
+    """one copy of a batch diverges.
+
+    Wanted: the error names it; no bit of its neighbours changes.
+    Broken: 1e-15 of its speed leaks into the next copy.
+    """
     positions, velocities = starts(11)
     clean = moved_batch(11, positions, velocities)
     wild = velocities.copy()
@@ -722,13 +740,13 @@ def diverging_copy(broken: bool) -> Outcome:
     return Outcome(f"{'named' if named else 'not named'}, {differ} numbers differ", named and differ == 0)
 
 
-@case(
-    "unbalanced top against its rigid twin",
-    "gap after 1 s ∝ kᵖ over k = 1e6 … 1e8 with p = −1.00 ± 0.02",
-    "the twin of the balanced top",
-    slow=True,
-)
+@case(slow=True)
 def unbalanced(broken: bool) -> Outcome:
+    """unbalanced top against its rigid twin.
+
+    Wanted: gap after 1 s ∝ kᵖ over k = 1e6 … 1e8 with p = −1.00 ± 0.02.
+    Broken: the twin of the balanced top.
+    """
     stiffness, gaps = np.array([1e6, 1e7, 1e8]), []
     for k in stiffness:
         body = top(stiffness=k, damping=0.0, scaled={0: 2.0})
@@ -747,12 +765,13 @@ def unbalanced(broken: bool) -> Outcome:
     return Outcome(f"p = {power:.3f}, gap {gaps[0]:.0e} … {gaps[-1]:.0e} m", abs(power + 1) < 0.02)
 
 
-@case(
-    "degenerate input",
-    "each refused where it is made, by an error that names the offender",
-    "a body that is not checked",
-)
+@case()
 def degenerate(broken: bool) -> Outcome:
+    """degenerate input.
+
+    Wanted: each refused where it is made, by an error that names the offender.
+    Broken: a body that is not checked.
+    """
     make: Any = SimpleNamespace if broken else Body
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
     pairs = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]
@@ -871,15 +890,15 @@ def parted(simulator: Simulator, speed: float) -> Outcome:
     )
 
 
-@case(
-    "random impacts of two cubes at 2 m/s",
-    "128 of any orientation and spin: P and L to 1e-13 of their size, none missed, none inside the other "
-    "after, H − (h²/8) Σ m |a|² in 99 of 100 to 2e-3 with c = k Δ³/2, and to 5e-3 with the softer c of a "
-    "scene that gives none",
-    "a corner that bodies take for heavier than it is, by 1e-9",
-    slow=True,
-)
+@case(slow=True)
 def random_impacts(broken: bool) -> Outcome:
+    """random impacts of two cubes at 2 m/s.
+
+    Wanted: 128 of any orientation and spin: P and L to 1e-13 of their size, none missed, none inside the
+    other after, H − (h²/8) Σ m |a|² in 99 of 100 to 2e-3 with c = k Δ³/2, and to 5e-3 with the softer c of
+    a scene that gives none.
+    Broken: a corner that bodies take for heavier than it is, by 1e-9.
+    """
     body = cube(damping=0.0)
     reach = float(two_cubes(1).scene.meetings.reach[0])
     stiff = replace(LOSSLESS, strength=0.5 * float(body.stiffness.max()) * reach**3, reach=reach)
@@ -923,13 +942,13 @@ def impacts_of_cubes(simulator: Simulator, broken: bool) -> tuple[str, float, bo
     return words, worst, bool(hit.sum() > 100 and moved < 1e-13 and not missed and depth == 0)
 
 
-@case(
-    "crossed edges of two cubes at 10 m/s",
-    "eight ways: they part, P and L to 1e-12, energy to 5 %, no corner inside",
-    "edges do not meet",
-    slow=True,
-)
+@case(slow=True)
 def crossed_edges(broken: bool) -> Outcome:
+    """crossed edges of two cubes at 10 m/s.
+
+    Wanted: eight ways: they part, P and L to 1e-12, energy to 5 %, no corner inside.
+    Broken: edges do not meet.
+    """
     offsets = [(0.3 * math.cos(n), 0.3 * math.sin(n)) for n in range(8)]
     simulator = thrown([(EDGE_UP, EDGE_ASIDE, offset) for offset in offsets], 10.0)
     if broken:
@@ -937,13 +956,14 @@ def crossed_edges(broken: bool) -> Outcome:
     return parted(simulator, 10.0)
 
 
-@case(
-    "a corner into a corner, flush faces",
-    "at 5 m/s, and offset by up to 1e-3 m: they part, P and L to 1e-12, energy to 5 %, no corner inside",
-    "corners meet no faces",
-    slow=True,
-)
+@case(slow=True)
 def corners_and_faces(broken: bool) -> Outcome:
+    """a corner into a corner, flush faces.
+
+    Wanted: at 5 m/s, and offset by up to 1e-3 m: they part, P and L to 1e-12, energy to 5 %, no corner
+    inside.
+    Broken: corners meet no faces.
+    """
     offsets = [(0.0, 0.0), (1e-6, 0.0), (1e-4, -1e-5), (1e-3, 1e-3)]
     rows = [(turn, turn, offset) for turn in (CORNER, np.eye(3)) for offset in offsets]
     simulator = thrown(rows, 5.0)
@@ -952,13 +972,14 @@ def corners_and_faces(broken: bool) -> Outcome:
     return parted(simulator, 5.0)
 
 
-@case(
-    "a stack of three at rest for 60 s, pulled aside by a twentieth of its weight",
-    "still a stack; after 20 s: no faster than 1e-6 m/s, no farther than 1e-5 m, energy lost < 1e-5 J",
-    "bodies that do not rub",
-    slow=True,
-)
+@case(slow=True)
 def stack_at_rest(broken: bool) -> Outcome:
+    """a stack of three at rest for 60 s, pulled aside by a twentieth of its weight.
+
+    Wanted: still a stack; after 20 s: no faster than 1e-6 m/s, no farther than 1e-5 m, energy lost < 1e-5
+    J.
+    Broken: bodies that do not rub.
+    """
     body = cube(0.5, damping=100.0)
     bodies = tuple(
         Placed(body, np.add(body.positions, (0.0, 0.0, 0.2562 + 0.5085 * n)), name=f"{n}") for n in range(3)
@@ -991,14 +1012,14 @@ def stack_at_rest(broken: bool) -> Outcome:
     )
 
 
-@case(
-    "20 cubes and balls dropped into a bowl",
-    "after 6 s all lie in it: none missed or left out, no two in each other, the balance of energy within "
-    "1 % of what was lost",
-    "bodies a million times softer than they are to each other",
-    slow=True,
-)
+@case(slow=True)
 def heap(broken: bool) -> Outcome:
+    """20 cubes and balls dropped into a bowl.
+
+    Wanted: after 6 s all lie in it: none missed or left out, no two in each other, the balance of energy
+    within 1 % of what was lost.
+    Broken: bodies a million times softer than they are to each other.
+    """
     random = np.random.default_rng(6)
     stone, marble = cube(0.3, 1.0, damping=40.0), ball(0.15)
     bodies = []

@@ -239,7 +239,7 @@ def equal_error(rounds: int) -> list[Row]:
     """Simulated seconds a second at the error of the default method at its automatic step.
 
     MuJoCo steps the same springs, by each of its integrators at the longest step, to 4 %, whose error is
-    no larger: one top on one core, and as many as springgym's batch by `mujoco.rollout` on the same number of
+    no larger: one top on one core, and as many as springgym's batch by its `Rollout`, on as many
     threads.
     """
     scene = paper_top()

@@ -209,32 +209,13 @@ COPIES = 256
 """Copies of a batch whose speed is measured."""
 
 
-class RealTop(NamedTuple):
-    """A solid cone of a material, pinned at its tip, spun and tilted, by verlet at its default step."""
+def real_top(material: Material | str, duration: float = 1.0) -> dict[str, str]:
+    """Return a row of the table of real tops: a solid cone of a material by verlet at its default step.
 
-    material: str
-    mass: float
-    """[kg]"""
-    frequency: float
-    """lowest of the free solid [Hz]"""
-    step: float
-    """[s]"""
-    growth: float
-    """share by which its spin makes its largest moment of inertia grow"""
-    predicted: float
-    """share by which it precesses faster than a rigid top"""
-    gap: float
-    """the same, measured"""
-    ratio: float
-    """that of springs over that of the solid, see `springgym.bodies.elastic.Elastic`"""
-    alone: float
-    """simulated seconds in a second, of one copy"""
-    batch: float
-    """the same in a batch of `COPIES`, of all copies together"""
-
-
-def real_top(material: Material | str, duration: float = 1.0) -> RealTop:
-    """Measure the top of the scene "steel-top", of another material."""
+    The gap is the share by which it precesses faster than a rigid top, measured and predicted, and over that
+    of the solid, see `springgym.bodies.elastic.Elastic`; dI₃/I₃ the share by which spin makes its largest
+    moment grow; alone and batch are simulated seconds in a second, of one copy and of `COPIES` together.
+    """
     plan, body = load("steel-top"), solid_top(0.03, 0.04, material)
     steady = _steady(body, plan.scene, *_turning(plan.scene))
     rate, alone = _precessing(plan, body, steady, duration)
@@ -242,18 +223,18 @@ def real_top(material: Material | str, duration: float = 1.0) -> RealTop:
     steps = max(1, round(0.1 * duration / alone.step))
     solid = body.solid
     assert isinstance(solid, Elastic)
-    return RealTop(
-        material=str(solid.material),
-        mass=body.mass,
-        frequency=solid.frequency / (2 * math.pi),
-        step=alone.step,
-        growth=float(solid.stretch[2]) * steady.spin**2,
-        predicted=steady.gap,
-        gap=rate / steady.rigid - 1,
-        ratio=solid.precession_ratio or math.nan,
-        alone=1 / _cost(alone, steps),
-        batch=COPIES / _cost(batch, max(1, round(steps / COPIES**0.5))),
-    )
+    return {
+        "": str(solid.material),
+        "g": f"{1e3 * body.mass:.0f}",
+        "lowest Hz": significant(solid.frequency / (2 * math.pi), 4),
+        "step s": f"{alone.step:.2g}",
+        "dI₃/I₃": f"{float(solid.stretch[2]) * steady.spin**2:.1e}",
+        "gap": f"{rate / steady.rigid - 1:.3e}",
+        "predicted": f"{steady.gap:.3e}",
+        "of the solid's": f"{solid.precession_ratio or math.nan:.2f}",
+        "alone": significant(1 / _cost(alone, steps), 2),
+        "batch": significant(COPIES / _cost(batch, max(1, round(steps / COPIES**0.5))), 2),
+    }
 
 
 def _cost(simulator: Simulator, steps: int) -> float:
@@ -268,25 +249,12 @@ def _cost(simulator: Simulator, steps: int) -> float:
 
 
 def table_of_tops(materials: Iterable[str]) -> Iterator[str]:
-    """Return lines of a table of `RealTop`, in Markdown."""
-    heads = ("", "g", "lowest Hz", "step s", "dI₃/I₃", "gap", "predicted", "of the solid's", "alone", "batch")
-    yield f"| {' | '.join(heads)} |"
-    yield "|---" * len(heads) + "|"
-    for name in materials:
-        top = real_top(name)
-        cells = (
-            top.material,
-            f"{1e3 * top.mass:.0f}",
-            significant(top.frequency, 4),
-            f"{top.step:.2g}",
-            f"{top.growth:.1e}",
-            f"{top.gap:.3e}",
-            f"{top.predicted:.3e}",
-            f"{top.ratio:.2f}",
-            significant(top.alone, 2),
-            significant(top.batch, 2),
-        )
-        yield f"| {' | '.join(cells)} |"
+    """Return lines of a table of real tops, in Markdown."""
+    for n, row in enumerate(map(real_top, materials)):
+        if n == 0:
+            yield f"| {' | '.join(row)} |"
+            yield "|---" * len(row) + "|"
+        yield f"| {' | '.join(row.values())} |"
 
 
 # --- The command ------------------------------------------------------------------------------------

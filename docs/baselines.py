@@ -20,15 +20,27 @@ import matplotlib
 import numpy as np
 
 HERE = Path(__file__).parent
-sys.path[:0] = [str(HERE), str(HERE.parent / "agents")]
+sys.path[:0] = [str(HERE), str(HERE.parent / "agents"), str(HERE.parent / "agents" / "studies")]
 
 from config import CONFIG_OF, load_config  # noqa: E402
 from environments import ALGORITHMS, FEWEST, earned, measure, shown  # noqa: E402
+from evaluate import percent  # noqa: E402
 from generalize import table as worlds  # noqa: E402
 from learning_time import shown as times  # noqa: E402
-from rows import identity, used  # noqa: E402
+from results import (  # noqa: E402
+    PROTOCOL,
+    identity,
+    interquartile_mean,
+    interval,
+    interval_of_mean,
+    is_old,
+    probe,
+    profile,
+    refusal,
+    same_probe,
+    used,
+)
 from runs import write_rows  # noqa: E402
-from scores import interquartile_mean, interval, interval_of_mean, profile  # noqa: E402
 
 from springgym.registration import ENVIRONMENTS, VARIANTS, Row, Variant  # noqa: E402
 
@@ -37,21 +49,19 @@ CURVES = HERE / "figures" / "curves"
 PLANNER = HERE / "planner.json"
 """Rows of ``agents/plan.py``."""
 ELSEWHERE = HERE / "generalization.json"
-"""Rows of ``agents/generalize.py``."""
+"""Rows of ``agents/studies/generalize.py``."""
 OFFLINE = HERE / "offline.json"
 """Rows of agents that learned from data, which enter no table of those that play to learn."""
 TRAINED = ("linear", "ppo", "sac", "tqc", "crossq", "her")
 REFERENCES = ("classical", "planner")
 TOLD = {"model", "planning", "privileged information", "imitation", "goal relabelling", "data"}
-"""What a row must not have used, of `rows.USED`, to be one of learning from the task alone."""
+"""What a row must not have used, of `results.USED`, to be one of learning from the task alone."""
 POSSIBLE, UNDONE = 0.9, 0.7
 """Success of a reference, and share of its return that nothing learned exceeds, where there is headroom."""
 SEEDS, WIDE = 3, 5
 """Seeds of a task, and such tasks, that an algorithm has at the least if it is compared with others."""
 TIMES = HERE / "learning_time.json"
-"""What ``agents/learning_time.py`` measured."""
-SAME = 1e-6
-"""By how much a task's probe may differ from that of a row if the task is the same [reward]."""
+"""What ``agents/studies/learning_time.py`` measured."""
 CARDS = HERE.parent / "agents" / "trained"
 TASKS: tuple[Row | Variant, ...] = (*ENVIRONMENTS, *VARIANTS)
 TIERS = {
@@ -74,10 +84,8 @@ in the task. There, "model" stands for a controller that was written for the tas
 
 [Hand in rows](benchmark.md#hand-in-rows) says how you add an algorithm of your own.
 """
-CHANGED = """Tasks marked † have changed since some of their rows were made. The simulator now computes
-contact, or a control period, slightly differently. The balls of SpringBalance, SpringShove, SpringStack and
-SpringJuggle used to slide, and now roll. The older rows describe the older task. The probe, which is the mean
-reward of given actions from given starts, has changed by {most:.1e} or less.
+OLD = """Tasks marked † have old rows. {old} of all {all} rows follow an earlier version of the protocol, or
+describe their task as it was before its physics or its reward changed.
 """
 AGENTS = """## Trained agents
 
@@ -98,7 +106,8 @@ TIME = """## Time to learn
 
 This table shows how long PPO takes, with the configuration that ships, until it succeeds in 90 % of 20
 held-out episodes. It is tested every 32,768 steps. The seconds are those of one core of {cpu}, divided into
-physics, policy and learning. `python agents/learning_time.py --json docs/learning_time.json` measured them.
+physics, policy and learning. `python agents/studies/learning_time.py --json docs/learning_time.json` measured
+them.
 
 {table}
 """
@@ -129,7 +138,7 @@ episode, from 0.8 to 1.2 times the usual. The other four worlds lie outside of t
 drawn from the seed of an episode, so these sets are fixed. A cell is empty if a task cannot have a world.
 
 ```sh
-python agents/generalize.py --rows docs/generalization.json
+python agents/studies/generalize.py --rows docs/generalization.json
 ```
 
 {table}
@@ -150,9 +159,10 @@ These commands record the data of SpringTop-v0 and learn from it:
 
 ```sh
 springgym train SpringTop-v0 --timesteps 100_000 --run runs/medium
-python agents/dataset.py SpringTop-v0 random SpringTop-v0
-python agents/dataset.py SpringTop-v0 runs/medium --noise 0.3
-python agents/offline.py SpringTop-v0 --data springgym/SpringTop/medium-noisy-v0 --rows runs/offline.json
+python agents/studies/dataset.py SpringTop-v0 random SpringTop-v0
+python agents/studies/dataset.py SpringTop-v0 runs/medium --noise 0.3
+python agents/studies/offline.py SpringTop-v0 --data springgym/SpringTop/medium-noisy-v0 \\
+    --rows runs/offline.json
 python docs/baselines.py --rows runs/offline.json
 ```
 
@@ -182,14 +192,14 @@ seed, machine and commit give the same curve, to the bit.
   `SpringShove-v0` and `SpringStack-v0`.
 - Seconds are processor time of one core, so they do not depend on what else the machine does.
 {older}
-The rows are in `docs/baselines.json`; [the protocol](benchmark.md) describes them. A test compares them with
-the present tasks and configurations. If a task has changed, its rows also hold the present probe, until the
-benchmark runs again.
+The rows are in `docs/baselines.json`; [the protocol](benchmark.md) describes them. A test compares rows of
+the present protocol with the present tasks and configurations. If a task has changed, its rows also hold the
+present probe, until the benchmark runs again.
 """
-OLDER = """- {old} of {all} rows are older than the protocol. They hold neither episodes nor a learning curve,
-  and have an interval only if there are {fewest} seeds or more. {dirty} of them were made with a source
-  tree that differed from its commit. In most of them, the runs of a task shared most of their starts. The
-  benchmark refuses new rows of this kind.
+OLDER = """- {old} of {all} rows are older than the first protocol. They hold neither episodes nor a learning
+  curve, and have an interval only if there are {fewest} seeds or more. {dirty} of them were made with a
+  source tree that differed from its commit. In most of them, the runs of a task shared most of their
+  starts. The benchmark refuses new rows of this kind.
 """
 
 
@@ -215,7 +225,7 @@ def ceiling(task: str, by_cell: dict[tuple[str, str], list[dict[str, Any]]]) -> 
 
 
 def means_of(runs: Sequence[dict[str, Any]]) -> list[str]:
-    """Return what the rows of an algorithm in a task used, of `rows.USED`."""
+    """Return what the rows of an algorithm in a task used, of `results.USED`."""
     algorithm: Any = runs[0]["algorithm"]
     if "used" in runs[0]:
         return list(runs[0]["used"])
@@ -248,7 +258,7 @@ def table_of(tier: str, rows: Sequence[dict[str, Any]]) -> list[str]:
                 for name in present
                 if (task, name) in by_cell and means_of(by_cell[task, name])
             ]
-            mark = " †" if any(row["task"] == task and "present_probe" in row for row in rows) else ""
+            mark = " †" if any(row["task"] == task and is_old(row) for row in rows) else ""
             lines.append(f"| `{task}`{mark} | {' | '.join([*results, '<br>'.join(told)])} |")
     return lines
 
@@ -354,7 +364,7 @@ def table_of_data(rows: Sequence[dict[str, Any]]) -> list[str]:
     for runs in found:
         task, data = runs[0]["task"], runs[0]["data"]
         scale, unit = measure(task)
-        mark = " †" if any("present_probe" in run for run in runs) else ""
+        mark = " †" if any(map(is_old, runs)) else ""
         returns = " + ".join(f"{scale * own['mean_return']:z.2f}{unit}" for own in data)
         success = np.array([run["success_rate"] for run in runs])
         counts = np.array([run["episodes"] for run in runs])
@@ -427,13 +437,13 @@ def quartiles(scores: Sequence[np.ndarray]) -> str:
 
 
 def table_of_times(rows: Sequence[dict[str, Any]]) -> list[str]:
-    """Return tables of the time that learning takes, see ``agents/learning_time.py``."""
+    """Return tables of the time that learning takes, see ``agents/studies/learning_time.py``."""
     cpus = ", ".join(sorted({row["measured"]["cpu"] for row in rows}))
     return [TIME.format(table=times(rows), cpu=cpus)]
 
 
 def table_of_agents() -> list[str]:
-    """The agents of the repository, see ``agents/publish.py``."""
+    """The agents of the repository, see ``agents/studies/publish.py``."""
     lines = [
         "| task | trained by | return per step, 95 % interval | success | lost in the audit |",
         "|---|---|---|---|---|",
@@ -453,7 +463,7 @@ def table_of_agents() -> list[str]:
         told = f"{scale * card['mean_return']:.3f} ({low:.3f}–{high:.3f}){unit}{chosen}"
         lines.append(
             f"| `{card['task']}` | {card['algorithm']}, seed {card['seed']} | {told} | "
-            f"{100 * card['success_rate']:.0f} % | {'<br>'.join(lost)} |"
+            f"{percent(card['success_rate'])} | {'<br>'.join(lost)} |"
         )
     if any("§" in line for line in lines):
         text = "This agent was trained for an earlier version of the task: with other physics or reward."
@@ -480,9 +490,8 @@ def by_task(
 def page(rows: Sequence[dict[str, Any]]) -> str:
     """The page of these rows."""
     lines = [INTRODUCTION]
-    changes = [abs(row["present_probe"] - row["probe"]) for row in rows if "present_probe" in row]
-    if changes:
-        lines.append(CHANGED.format(most=max(changes)))
+    if old := sum(map(is_old, rows)):
+        lines.append(OLD.format(old=old, all=len(rows)))
     for tier, what in TIERS.items():
         lines += [f"## {tier.capitalize()}\n", what + "\n", *table_of(tier, rows), ""]
         variants = [
@@ -522,7 +531,7 @@ def page(rows: Sequence[dict[str, Any]]) -> str:
 
 
 def older(rows: Sequence[dict[str, Any]]) -> str:
-    """Return the paragraph on rows that are older than the protocol."""
+    """Return the paragraph on rows that are older than the first protocol."""
     old = [row for row in rows if "protocol" not in row]
     dirty = sum("dirty" in (row["commit"] or "") for row in old)
     return OLDER.format(old=len(old), all=len(rows), dirty=dirty, fewest=FEWEST) if old else ""
@@ -619,22 +628,21 @@ def read(path: Path) -> list[dict[str, Any]]:
 
 
 def refuse(path: Path, rows: Sequence[dict[str, Any]]) -> None:
-    """End the program if rows are not what the protocol asks for, see ``agents/check.py``."""
-    from check import refusal
-
+    """End the program if rows are not what the protocol asks for, see `results.refusal`."""
     if found := [f"{path}, row {n}: {why}" for n, row in enumerate(rows) if (why := refusal(row))]:
         sys.exit("\n".join(found))
 
 
 def mark(rows: Sequence[dict[str, Any]]) -> None:
-    """Give rows of a task that has changed since the present probe, and take it from all others."""
-    from benchmark import probe
+    """Give rows of a task that has changed since the present probe, and take it from all others.
 
-    present = {task: probe(task) for task in sorted({row["task"] for row in rows})}
+    Rows of an earlier protocol are old whatever their probe is, and are left as they are.
+    """
     for row in rows:
-        row.pop("present_probe", None)
-        if abs(row["probe"] - present[row["task"]]) > SAME:
-            row["present_probe"] = present[row["task"]]
+        if row.get("protocol") == PROTOCOL:
+            row.pop("present_probe", None)
+            if not same_probe(row["probe"], row["task"]):
+                row["present_probe"] = probe(row["task"])
 
 
 def main() -> None:

@@ -24,13 +24,14 @@ import numpy as np
 HERE = Path(__file__).parent
 sys.path.append(str(HERE.parent / "agents"))
 
-from scores import interval_of_mean  # noqa: E402
+from evaluate import score  # noqa: E402
+from results import interval_of_mean, is_old  # noqa: E402
 
 from benchmarks.curves import cost  # noqa: E402
 from benchmarks.errors import EPISODES, EVERY, PERIODS  # noqa: E402
 from springgym.cli import significant  # noqa: E402
 from springgym.envs.randomisation import RANDOMIZABLE  # noqa: E402
-from springgym.registration import ENVIRONMENTS, VARIANTS, Row, find  # noqa: E402
+from springgym.registration import ENVIRONMENTS, VARIANTS, Row  # noqa: E402
 
 PAGE = HERE / "environments.md"
 FEATURES = HERE / "features.md"
@@ -132,11 +133,11 @@ def baselines(row: Row, report: Report) -> list[str]:
         "|---" * (len(names) + 1) + "|",
     ]
     for task in tasks:
-        changed = any("present_probe" in own for name in names for own in found[task, name])
+        changed = any(is_old(own) for name in names for own in found[task, name])
         results = " | ".join(shown(found[task, name]) for name in names)
         lines.append(f"| `{task}`{' †' if changed else ''} | {results} |")
     if any("†" in line for line in lines):
-        lines.append("\n† The task has [changed](../baselines.md) since some of these rows were made.")
+        lines.append("\n† Some of these rows are [older](../baselines.md) than the task or the protocol.")
     lines.append("")
     lines += learning_curves(row, report)
     for own in report["learning"]:
@@ -178,10 +179,10 @@ def earned(runs: Sequence[Report]) -> str:
 def measure(task: str) -> tuple[int, str]:
     """Return by what returns per step are multiplied on the pages, and what is written behind them.
 
-    Where most is earned in one step, as by who wins a duel, the return of an episode is told.
+    The text is empty for returns per step, see `evaluate.score`.
     """
-    row, _ = find(task)  # type: ignore[misc]
-    return (row.max_episode_steps, " an episode") if row.reward_threshold <= 1 else (1, "")
+    scale, unit = score(task)
+    return scale, "" if unit == "step" else f" an {unit}"
 
 
 def learning_curves(row: Row, report: Report) -> list[str]:

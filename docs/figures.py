@@ -56,11 +56,11 @@ def classical(env_id: str) -> Agent:
 
 def accuracy(folder: Path, args: argparse.Namespace) -> None:
     """Error against cost, from what was measured."""
-    from benchmarks.figures import draw
+    from benchmarks.figures import draw_accuracy
 
     report = json.loads((FIGURES / "accuracy.json").read_text(encoding="utf-8"))
     for name, result in report.items():
-        draw(name, result, folder / f"{name}.svg")
+        draw_accuracy(name, result, folder / f"{name}.svg")
 
 
 def speed(folder: Path, args: argparse.Namespace) -> None:

@@ -44,7 +44,7 @@ SOURCE = HERE / "numbers.json"
 OTHERS = {
     "accuracy": HERE / "figures" / "accuracy.json",  # python -m benchmarks.accuracy --out docs/figures
     "baselines": HERE / "baselines.json",  # agents/benchmark.py
-    "learning": HERE / "learning_time.json",  # agents/learning_time.py
+    "learning": HERE / "learning_time.json",  # agents/studies/learning_time.py
 }
 PAGES = (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(HERE.glob("*.md")))
 ROUNDS = 5

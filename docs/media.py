@@ -26,6 +26,7 @@ from springgym.registration import ENVIRONMENTS
 from springgym.rendering import Marks, save_video
 from springgym.scenes import film, load, names
 from springgym.scenes.checks import Check, check
+from springgym.scenes.checks.basis import two_figures
 from springgym.scenes.plots import draw
 from springgym.scenes.recording import record
 from springgym.view import save_page, save_viewer
@@ -86,13 +87,12 @@ def viewer(folder: Path) -> None:
 
 
 def rows(checks: Iterable[Check]) -> list[list[str]]:
-    """Theory beside what was measured; differences in per cent, or in the unit where theory says 0."""
+    """Return theory beside what was measured."""
     told = [["", "theory", "measured", "", "off by", "allowed", ""]]
     for each in checks:
-        off, scale, sign = each.measured - each.theory, abs(each.theory), " %" if each.theory else ""
-        by, allowed = (100 * value / (scale or 100) for value in (off, each.tolerance))
-        numbers = [f"{each.theory:.5g}", f"{each.measured:.5g}", each.unit, f"{by:.1g}{sign}"]
-        told.append([each.quantity, *numbers, f"{allowed:.1g}{sign}", each.verdict])
+        numbers = [f"{each.theory:.5g}", f"{each.measured:.5g}", each.unit]
+        off, allowed = (two_figures(each, x) for x in (each.measured - each.theory, each.tolerance))
+        told.append([each.quantity, *numbers, off, allowed, each.verdict])
     return told
 
 

@@ -62,13 +62,13 @@ def _stable(packed: Packed, index: np.ndarray, given: Mapping[str, np.ndarray], 
         with np.errstate(divide="ignore"):
             more = np.divide(now["damping"], body.damping, out=np.ones(damped.shape), where=damped)
         faster = np.maximum(faster, lighter * more.max(axis=1, initial=0.0))
-    for n in np.flatnonzero(pace.step * faster > pace.largest_step):
+    for n in np.flatnonzero(pace.step * faster > stability.REFUSED * pace.largest_step):
         own = body.with_(**{name: values[n] for name, values in now.items()})
         limit = stability.largest_step(packed.scene.with_(body=own), pace.method)
-        if pace.step > limit:
+        if stability.is_unstable(pace.step, limit):
             raise ValueError(
                 f"these {', '.join(given)} make the step of {pace.step:g} s unstable in copy {index[n]}: "
-                f"{pace.method.name} allows at most {limit:.4g} s there"
+                f"{pace.method.name} allows at most {stability.REFUSED * limit:.4g} s there"
             )
 
 

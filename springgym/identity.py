@@ -1,9 +1,10 @@
-"""Identities of objects as plain data by name, with which a state of another object can be refused."""
+"""Identities and checksums, with which states of other objects, and states that were edited, are refused."""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Collection, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -11,13 +12,15 @@ from springgym.checks import shown
 
 
 def digest(value: object) -> str:
-    """Return a short digest of arrays, numbers and texts, however nested in tuples."""
+    """Return a short digest of arrays, numbers and texts, however nested in tuples, lists and mappings."""
     found = hashlib.sha256()
 
     def add(value: object) -> None:
         if isinstance(value, np.ndarray):
             found.update(f"{value.dtype} {value.shape} ".encode() + value.tobytes())
-        elif isinstance(value, tuple):
+        elif isinstance(value, Mapping):
+            add(tuple(value.items()))
+        elif isinstance(value, (tuple, list)):
             found.update(f"{type(value).__module__}.{type(value).__qualname__} {len(value)} ".encode())
             for part in value:
                 add(part)
@@ -56,6 +59,34 @@ def check_same(
             raise ValueError(
                 f"{what} is another: its {name} is {shown(given)}, here it is {shown(here)}{must}"
             )
+
+
+def sealed(state: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a state with checksums of its entries, by which `check_sealed` sees whether it was edited."""
+    return {**state, "checksums": _checksums(state)}
+
+
+def check_sealed(state: Mapping[str, Any]) -> None:
+    """Refuse a state that was edited since it was `sealed`.
+
+    Raises
+    ------
+    ValueError
+        If it was; the message names the first entry that differs.
+    """
+    given = state["checksums"]
+    for name, checksum in _checksums(state).items():
+        if not isinstance(given, Mapping) or given.get(name) != checksum:
+            raise ValueError(f"state[{name!r}] was edited; a state can only be set as it was taken")
+
+
+def _checksums(state: Mapping[str, Any]) -> dict[str, str]:
+    """Return a digest of each entry, or of its checksums; what a state is of is compared by `check_same`."""
+    return {
+        name: digest(value.get("checksums", value) if isinstance(value, Mapping) else value)
+        for name, value in state.items()
+        if name not in ("of", "checksums")
+    }
 
 
 def _equal(one: object, other: object) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import accumulate
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,10 +28,7 @@ from springgym.forces import potential_energy
 from springgym.forces.ledger import ENTRIES, WORK
 from springgym.forces.memory import stored_in_contact
 from springgym.integrators.record import Phase
-
-if TYPE_CHECKING:
-    from springgym.terms import Terms
-
+from springgym.terms import Terms
 
 class Measures(NamedTuple):
     """Measures of all copies, for a body or for all bodies together; scalars (copies,), vectors (copies, 3).

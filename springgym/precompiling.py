@@ -14,14 +14,13 @@ import sys
 import time
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
-from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
 
 import gymnasium as gym
 
-from springgym.registration import ENVIRONMENTS
+from springgym.registration import ENVIRONMENTS, spec_of
 
 KINDS = {"single": "gym.make", "batch": "gym.make_vec"}
 """One copy and many run different code."""
@@ -93,16 +92,8 @@ def _kinds(name: str, only: str | None) -> list[str]:
     ValueError
         If there is no such environment, or it has no batch and no other kind is asked for.
     """
-    module, _, env_id = name.rpartition(":")
-    try:
-        if module:
-            import_module(module)
-        spec = gym.spec(env_id)
-    except (gym.error.Error, ImportError) as error:
-        raise ValueError(f"{name}: {error}") from None
-    kinds = [kind for kind in KINDS if only in (None, kind)]
-    if spec.vector_entry_point is None and "batch" in kinds:
-        kinds.remove("batch")
+    spec = spec_of(name)
+    kinds = [kind for kind in KINDS if only in (None, kind) and (kind == "single" or spec.vector_entry_point)]
     if not kinds:
         raise ValueError(
             f"{name} is registered without a batch (vector_entry_point), so --only must be single"

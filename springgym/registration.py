@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
+from difflib import get_close_matches
+from importlib import import_module
 from typing import Any, Literal, NamedTuple
 
 import gymnasium as gym
+from gymnasium.envs.registration import EnvSpec
 
 Tier = Literal["first steps", "standard", "harder", "hard", "sparse"]
 """The difficulty of a task. Linear control solves "first steps". PPO solves "standard" with the
@@ -24,6 +27,8 @@ class Row(NamedTuple):
     reward_threshold: float
     """return of an episode at which the task counts as solved"""
     tier: Tier
+    scored_per: Literal["step", "episode"] = "step"
+    """what returns are reported per: an episode where most is earned in one step, as by who wins a duel"""
 
 
 class Variant(NamedTuple):
@@ -53,7 +58,7 @@ ENVIRONMENTS = (
     Row("SpringLabyrinth-v0", "labyrinth", "SpringLabyrinth", 600, 240.0, "standard"),
     Row("SpringTower-v0", "tower", "SpringTower", 500, 250.0, "hard"),
     Row("SpringBilliards-v0", "billiards", "SpringBilliards", 200, 130.0, "hard"),
-    Row("SpringDuel-v0", "duel", "SpringDuel", 500, 0.7, "standard"),
+    Row("SpringDuel-v0", "duel", "SpringDuel", 500, 0.7, "standard", "episode"),
 )
 
 VARIANTS = (
@@ -208,6 +213,39 @@ def find(env_id: str) -> tuple[Row, dict[str, Any]] | None:
     return None if row is None else (row, {} if variant is None else dict(variant.arguments))
 
 
+class UnknownEnvironment(gym.error.NameNotFound, ValueError):
+    """Raised for an id that no environment has."""
+
+
+def nearest_id(env_id: str) -> str | None:
+    """Return the registered id whose name, without its version, is most like that of an id, if one is."""
+    ids = {known.partition("-v")[0].lower(): known for known in gym.registry}
+    return next((ids[one] for one in get_close_matches(env_id.partition("-v")[0].lower(), ids, 1, 0.7)), None)
+
+
+def spec_of(env_id: str) -> EnvSpec:
+    """Return what is registered under an id, after importing the module of an id ``module:ID``.
+
+    Raises
+    ------
+    UnknownEnvironment
+        If there is no such environment.
+    """
+    module, _, name = env_id.rpartition(":")
+    why = f"If a module of yours registers it, write {module or 'MODULE'}:{name}"
+    try:
+        if module:
+            import_module(module)
+            why = f"The module {module} does not register it"
+    except (ImportError, ValueError) as error:
+        why = str(error)
+    if name in gym.registry:
+        return gym.registry[name]
+    if near := nearest_id(name):
+        why = f"Did you mean {env_id.removesuffix(name) + near!r}?"
+    raise UnknownEnvironment(f"Unknown environment {env_id!r}. {why}")
+
+
 PARALLEL = ("SpringDuel-v0",)
 """Environments of several agents."""
 
@@ -221,10 +259,9 @@ def register() -> None:
     for env_id in PARALLEL if hasattr(zoo, "parallel_registry") else ():
         if env_id not in zoo.parallel_registry:
             zoo.register("parallel", env_id, entry_point="springgym.envs.players:registered")
-    plain: list[tuple[str, Row, dict[str, Any]]] = [(row.id, row, {}) for row in ENVIRONMENTS]
-    found = {variant.id: find(variant.id) for variant in VARIANTS}
-    for env_id, row, arguments in [*plain, *((name, *what) for name, what in found.items() if what)]:
-        if env_id not in gym.registry:
+    for env_id in (known.id for known in (*ENVIRONMENTS, *VARIANTS)):
+        if env_id not in gym.registry and (found := find(env_id)):
+            row, arguments = found
             gym.register(
                 env_id,
                 entry_point=f"springgym.envs.{row.module}:{row.name}Env",

@@ -5,9 +5,10 @@ from __future__ import annotations
 import argparse
 import csv
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,10 +17,11 @@ from springgym.contact.totals import PairReadings
 from springgym.integrators import METHODS
 from springgym.scene import MOST_TOLD
 from springgym.scenes.checks import NOT_COVERED, Check, check, fitting
+from springgym.scenes.checks.basis import two_figures
 from springgym.scenes.plan import LEAST, Plan
 from springgym.scenes.reading import document, load
 from springgym.scenes.reading import names as scene_names
-from springgym.scenes.recording import Recording, record
+from springgym.scenes.recording import Progress, Recording, record
 from springgym.simulator import PAPER_METHOD
 
 ENERGIES = (
@@ -86,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
         from springgym.scenes.film import save_film
 
         with whole_file(args.video) as path:
-            save_film(recording, path)
+            save_film(recording, path, progress=_bar("film"))
     for path in filter(None, (args.trace, args.plot, args.video)):
         print(f"wrote {path}")
     status = _report(recording, scene.duration) if args.check else 0
@@ -121,10 +123,10 @@ def _changed(plan: Plan, args: argparse.Namespace) -> Plan:
     return plan if args.step is None else replace(plan, step=args.step)
 
 
-def _bar(name: str) -> Callable[[Iterable[int]], Iterable[int]]:
+def _bar(name: str) -> Progress:
     """Make a progress bar for what takes longer than a second while someone is looking."""
 
-    def wrap(items: Iterable[int]) -> Iterable[int]:
+    def wrap(items: Iterable[Any]) -> Iterable[Any]:
         from tqdm import tqdm
 
         return tqdm(items, desc=name, delay=1.0, leave=False, disable=not sys.stderr.isatty())
@@ -237,7 +239,7 @@ def _report(recording: Recording, whole: float) -> int:
 
 
 def table(checks: list[Check], otherwise: str = "FAILED") -> str:
-    """Return checks as lines of text; differences are relative, or absolute where theory says 0.
+    """Return checks as lines of text.
 
     What theory leaves out is told where it is more than the tolerance: then it does not cover the run. What
     else does not pass is followed by ``otherwise``.
@@ -255,18 +257,16 @@ def table(checks: list[Check], otherwise: str = "FAILED") -> str:
 
 
 def _row(result: Check, otherwise: str) -> tuple[str, ...]:
-    scale = abs(result.theory) or 1.0
-    relative = "" if result.theory else f" {result.unit}"
     seen = not np.isnan(result.measured)
     verdict = otherwise if result.verdict == "FAILED" else result.verdict
     if verdict == NOT_COVERED:
-        verdict += f", theory leaves out {result.doubt / scale:.1e}{relative}"
+        verdict += f", theory leaves out {two_figures(result, result.doubt)}"
     return (
         result.quantity,
         f"{result.theory:.6g}",
         f"{result.measured:.6g}" if seen else "not seen",
         result.unit,
-        f"{(result.measured - result.theory) / scale:+.1e}{relative}" if seen else "",
-        f"{result.tolerance / scale:.1e}{relative}",
+        two_figures(result, result.measured - result.theory, "+") if seen else "",
+        two_figures(result, result.tolerance),
         verdict,
     )

@@ -31,7 +31,6 @@ from springgym.core.blocks import (
     aligned_zeros,
     ascending,
     block_array,
-    block_layout,
     by_copies,
     chosen_copies,
     flat_numbers,
@@ -46,7 +45,7 @@ from springgym.core.ragged import share, stacked
 from springgym.dynamics import DYNAMICS, Pace
 from springgym.forces.ledger import ENTRIES
 from springgym.guard import Guard, guarded
-from springgym.identity import check_same
+from springgym.identity import check_same, check_sealed, sealed
 from springgym.integrators.clock import Clock
 from springgym.integrators.node import LOOK, START
 from springgym.integrators.record import COUNTS, Control, Phase
@@ -224,7 +223,7 @@ class Simulator:
         self._control = self._controlled(tolerance)
         self.unresolved = np.zeros(self.copies, bool)
         """which copies had bodies meet in a way that a step cannot resolve, since they were placed or
-        forgotten, see `pairs`: found where they are read; of no use to write to"""
+        forgotten, by what `pairs` counts; writing to it has no effect"""
         self._raises = checks.chosen("unresolved", unresolved, UNRESOLVED) == UNRESOLVED[0]
         rows, shape = np.zeros((self.copies, measures.SIZE)), (self.copies, particles, 3)
         each = rows[:, None] if bodies == 1 else np.zeros((self.copies, bodies, measures.SIZE))
@@ -588,7 +587,7 @@ class Simulator:
     def state(self, copies: ArrayLike | None = None) -> dict[str, Any]:
         """Return a copy of the state, for `restore` of this simulator or of an equal one.
 
-        Besides the arrays, it describes the simulator, and says which copies ("lost") are not finite.
+        Besides the arrays, it holds the `identity` of the simulator and checksums.
 
         Parameters
         ----------
@@ -609,7 +608,7 @@ class Simulator:
                 name: chosen_copies(array, index) if array.dtype.names else array[index]
                 for name, array in self._changing.items()
             }
-        return {"of": of, "lost": _lost(arrays.values(), len(index)), **arrays}
+        return sealed({"of": of, **arrays})
 
     @cached_property
     def identity(self) -> dict[str, Any]:
@@ -645,12 +644,12 @@ class Simulator:
         TypeError
             If ``state`` is not a state; nothing is changed.
         ValueError
-            If the state belongs to a different simulator (the message says what differs), holds a number that
-            is not finite although its copy was, or there are no such copies; nothing is changed.
+            If the state belongs to a different simulator (the message says what differs) or was edited, or
+            there are no such copies; nothing is changed.
         """
         index, but = self._index(copies), () if copies is None else ("copies",)
         own = self._changing
-        names = {"of", "lost", *own}
+        names = {"of", "checksums", *own}
         given = checks.instance("state", state, Mapping)
         if "of" in given:
             check_same("the simulator that the state is of", given["of"], self.identity, but)
@@ -659,20 +658,7 @@ class Simulator:
             has = "holds" if wrong in given else "lacks"
             raise ValueError(f"the state {has} {wrong!r}; it must belong to a simulator made like this one")
         count = self.copies if copies is None else copies_in(state, len(index))
-        for name, array in {"lost": np.zeros(count, bool), **own}.items():
-            given = checks.instance(f"state[{name!r}]", state[name], np.ndarray)
-            shape, dtype = _layout(array, count)
-            if given.shape != shape or given.dtype != dtype:
-                raise ValueError(
-                    f"state[{name!r}] is of shape {given.shape} and {given.dtype}; in this simulator, of "
-                    f"{count} copies, it must be {shape} and {dtype}"
-                )
-        for name in own:
-            if (wrong := _lost([state[name]], count) & ~state["lost"]).any():
-                raise ValueError(
-                    f"state[{name!r}] is not finite in copy {int(np.argmax(wrong))}; it must be finite "
-                    "except in copies that are lost"
-                )
+        check_sealed(state)
         if copies is None:
             _set(own.values(), (state[name] for name in own))
         else:
@@ -694,6 +680,7 @@ class Simulator:
         """Compute the quantities that follow from a new state, but are not part of the state."""
         if self._terms.collisions is not None:
             totals.find_changing(self._terms.collisions)
+            self._tell_unresolved(self._terms.collisions, 0, len(self._x))
 
     @guarded
     def take_over(self, other: Simulator) -> None:
@@ -876,11 +863,14 @@ class Simulator:
             reads,
             self._clock,
         )
-        if reads and steps > 0 and self._terms.collisions is not None:
-            self._tell_unresolved(self._terms.collisions, thread, first, last)
+        collisions = self._terms.collisions
+        if steps > 0 and collisions is not None:
+            if reads:
+                self._count_shown(collisions, thread, first, last)
+            self._tell_unresolved(collisions, first, last)
 
-    def _tell_unresolved(self, collisions: Collisions, thread: int, first: int, last: int) -> None:
-        """Find in which copies of blocks, that were read, bodies met in a way that a step cannot resolve."""
+    def _count_shown(self, collisions: Collisions, thread: int, first: int, last: int) -> None:
+        """Count the pairs of bodies that are in each other where copies of blocks were read."""
         start = first * self.width
         copies = slice(start, min(last * self.width, self.copies))
         shown = self._shown[copies]
@@ -888,8 +878,11 @@ class Simulator:
         found = tell_shown(place, pairs.first, pairs.second, self._outlines, self._boxes[thread], shown)
         if found:
             totals.count_shown(collisions, start, shown)
-        lanes = numbers(collisions.totals)[first:last]
-        totals.tell_unresolved(lanes, pairs.reach, self.step, self.unresolved[copies])
+
+    def _tell_unresolved(self, collisions: Collisions, first: int, last: int) -> None:
+        """Find in which copies of blocks what was counted is more than a step can resolve."""
+        lanes, copies = numbers(collisions.totals)[first:last], slice(first * self.width, last * self.width)
+        totals.tell_unresolved(lanes, collisions.pairs.reach, self.step, self.unresolved[copies])
 
     @guarded
     def counts(self) -> np.ndarray:
@@ -967,6 +960,7 @@ class Simulator:
         found = totals.read_pairs(self._terms.collisions, self.copies)
         if forget and self._terms.collisions is not None:
             totals.forget_pairs(self._terms.collisions)
+            self._tell_unresolved(self._terms.collisions, 0, len(self._x))
         return found
 
     @guarded
@@ -1149,18 +1143,19 @@ class Simulator:
         if step is None:
             return self._kind.automatic_step(self.scene, self.integrator)
         step = checks.number("step", step, low=TINY)
-        if step > self.largest_step and self.integrator.controlled:
+        if not stability.is_unstable(step, self.largest_step):
+            return step
+        most = f"at most {stability.REFUSED * self.largest_step:.4g} s"
+        if self.integrator.controlled:
             raise ValueError(
                 f"a step of {step:g} s is unstable: {self.integrator.name} chooses its own steps of at most "
-                f"that length, which must be at most {self.largest_step:.4g} s on this body. To go farther "
+                f"that length, which must be {most} on this body. To go farther "
                 "in one call, advance by more steps"
             )
-        if step > self.largest_step:
-            raise ValueError(
-                f"a step of {step:g} s is unstable: {self.integrator.name} on this body allows at most "
-                f"{self.largest_step:.4g} s. Take a smaller step, softer springs or heavier particles"
-            )
-        return step
+        raise ValueError(
+            f"a step of {step:g} s is unstable: {self.integrator.name} on this body allows {most}. Take a "
+            "smaller step, softer springs or heavier particles"
+        )
 
     def _checked_cycle(self, every: int) -> int:
         one = stability.damps_each_step(self.scene, self.integrator)
@@ -1225,36 +1220,15 @@ def copies_in(state: Mapping[str, Any], wanted: int) -> int:
     Raises
     ------
     TypeError, ValueError
-        If the state has another number of copies, or does not say how many it has.
+        If the state has another number of copies, or no times of copies.
     """
-    of = checks.instance("state", state, Mapping).get("of")
-    of = checks.instance("what the state says that it is of", of, Mapping)
-    count = checks.whole("the number of copies that the state is of", of.get("copies"), 1)
+    time = checks.instance("state", state, Mapping).get("time")
+    count = len(checks.instance("state['time']", time, np.ndarray))
     if count not in (1, wanted):
         raise ValueError(
             f"the state holds {count} copies, but copies names {wanted}; it must hold {wanted} copies, or one"
         )
     return count
-
-
-def _layout(array: np.ndarray, copies: int) -> tuple[tuple[int, ...], np.dtype[Any]]:
-    """Return the shape and type that an array of `Simulator._changing` has for a number of copies."""
-    if not array.dtype.names:
-        return (copies,), array.dtype
-    return block_layout(copies, array.shape[1:], numbers(array).dtype)
-
-
-def _lost(arrays: Iterable[np.ndarray], copies: int) -> np.ndarray:
-    """Return which copies (copies,) have a number that is not finite, in arrays of `Simulator._changing`."""
-    lost = np.zeros(copies, bool)
-    for array in arrays:
-        values = numbers(array) if array.dtype.names else array
-        with np.errstate(all="ignore"):
-            if math.isfinite(values.sum()):
-                continue
-        rows = to_copies(array, copies) if array.dtype.names else array
-        lost |= ~np.isfinite(rows).reshape(copies, -1).all(axis=1)
-    return lost
 
 
 def _set(

@@ -18,6 +18,10 @@ SAFETY = 0.7
 """Default steps are at most this share of the stability limit. Stretch and rotation may raise the frequencies
 of a body. The error of these steps is smaller than the difference between springs and a rigid body."""
 
+REFUSED = 1 - 1e-3
+"""Steps beyond this share of the stability limit are refused. At the limit itself, the fastest mode of verlet
+grows in proportion to time."""
+
 DECAY = 1.0
 """Default steps of methods that split off the dampers are at most this share of 1/λ_max(M⁻¹C). Each damper
 decays exactly, but one after the other. Up to this limit, slow motion of a rope (the worst case) loses too
@@ -91,6 +95,11 @@ def largest_step(scene: Scene, integrator: Integrator) -> float:
     if (rate := highest_decay_rate(scene)) > 0:
         limits.append(integrator.real_limit / rate)
     return min(limits)
+
+
+def is_unstable(step: float, limit: float) -> bool:
+    """Return whether a step [s] is refused where the stability limit [s] is known."""
+    return step > REFUSED * limit
 
 
 def automatic_step(scene: Scene, integrator: Integrator, period: float | None = None) -> float:

@@ -55,7 +55,6 @@ def own_ids() -> Iterator[None]:
 
 @contextmanager
 def _few_kernels() -> Iterator[None]:
-    from springgym import simulator
     from springgym.core import blocks
     from tests.collisions.stepped import all_kinds_of_terms
 
@@ -65,8 +64,7 @@ def _few_kernels() -> Iterator[None]:
         return layout(max(copies, 2), shape, dtype)
 
     with pytest.MonkeyPatch.context() as patch:
-        for module in (blocks, simulator):
-            patch.setattr(module, "block_layout", wide)
+        patch.setattr(blocks, "block_layout", wide)
         with all_kinds_of_terms():
             yield
 
@@ -107,7 +105,7 @@ LONGEST = (
 """What runs first, so that no process is left with it at the end."""
 
 
-METHODS = ("batch", "conservation", "equations", "order", "stability")
+METHODS = ("conservation", "equations", "order", "stability")
 TOGETHER = (
     ("tests/forces/test_contact.py", "tests/forces/test_node.py"),
     tuple(f"tests/integrators/test_{name}.py" for name in METHODS),

@@ -74,12 +74,12 @@ def package(tmp_path: Path) -> Path:
     return folder
 
 
-def start(package: Path, cache: Path, run: str = RUN) -> subprocess.Popen[str]:
+def start(package: Path, cache: Path, run: str = RUN, stderr: int = subprocess.PIPE) -> subprocess.Popen[str]:
     return subprocess.Popen(
         [sys.executable, "-B", "-c", run.format(folder=str(package.parent))],
         env={**os.environ, "SPRINGGYM_CACHE_DIR": str(cache)},
         stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
+        stderr=stderr,
         text=True,
     )
 
@@ -246,6 +246,24 @@ def test_a_script_tells_on_stderr(quiet: str, lines: int, package: Path, tmp_pat
     out, error = process.communicate(timeout=60)
     assert out == "8.0 0\n"
     assert error.count("springgym: compiling") == error.count("\n") == lines
+
+
+def test_a_terminal_counts_the_seconds(package: Path, tmp_path: Path) -> None:
+    """In one line that is erased; here one of a compiler that takes two seconds more."""
+    reader, writer = os.openpty()
+    slow = """import time, springgym.core.compiling as compiling
+compiling.PATIENCE = 0.0
+built = compiling.DUMPS
+compiling.DUMPS = lambda *given: time.sleep(2.5) or built(*given)
+"""
+    process = start(package, tmp_path / "cache", slow + RUN, stderr=writer)
+    assert process.communicate(timeout=60)[0] == "8.0 0\n"
+    os.close(writer)
+    shown = os.read(reader, 10_000).decode()
+    os.close(reader)
+    assert re.search(r"\rspringgym: compiling kernel 1 \(once, .*\): 2 s", shown)
+    assert shown.endswith("\r\033[K")
+    assert "\n" not in shown
 
 
 def test_a_folder_in_place_of_an_entry(cache: Path) -> None:

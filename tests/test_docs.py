@@ -85,14 +85,15 @@ def test_every_environment_has_a_row_of_the_planner() -> None:
     """Made by the planner as it is, of the task as it is by the rows of the controllers."""
     pytest.importorskip("torch")
     writer = page_writer("baselines")  # it puts agents/ on the path
-    plan = importlib.import_module("plan")
+    planner = importlib.import_module("plan_rows")
     rows = {row["task"]: row for row in writer.planned()}
     tasks = {own["task"]: own for own in writer.read(writer.ROWS) if own["algorithm"] == "zero"}
     for env_id in (row.id for row in writer.ENVIRONMENTS):
         row, own = rows[env_id], tasks[env_id]
         assert row["episodes"] >= 5
-        assert row["config"] == plan.digest(plan.planner_of(env_id)), env_id
-        assert abs(row["probe"] - own.get("present_probe", own["probe"])) <= writer.SAME, env_id
+        assert row["config"] == planner.digest(planner.planner_of(env_id)), env_id
+        if not writer.is_old(row) and not writer.is_old(own):
+            assert row["probe"] == own["probe"], env_id
         assert re.fullmatch("[0-9a-f]{40}", row["commit"]), env_id
 
 
@@ -140,26 +141,40 @@ def test_what_is_learned_from_data_stands_apart() -> None:
     assert "| 7 | 0.30 | iql | 9 | 0.10 (0.10–0.10) | 0 % (0–3) | 1 |" in second
 
 
+def test_rows_of_an_earlier_protocol_or_task_are_old_and_marked() -> None:
+    writer = page_writer("baselines")
+    row = next(row for row in writer.read(writer.ROWS) if row["task"] == "SpringDuel-v0")
+    now = row | {"protocol": writer.PROTOCOL}
+    now.pop("present_probe", None)
+    for own, old in (
+        (now, False),
+        (now | {"protocol": 1}, True),
+        (now | {"present_probe": [0.0, 0.0]}, True),
+        ({name: value for name, value in now.items() if name != "protocol"}, True),
+    ):
+        assert writer.is_old(own) == old
+        assert any("`SpringDuel-v0` †" in line for line in writer.table_of("standard", [own])) == old
+
+
 def outdated_rows() -> set[str]:
-    """Return tasks whose rows are marked as of another physics, or whose classical control acts otherwise."""
+    """Return tasks with rows of an earlier protocol, or of another physics or reward, which are marked."""
     writer = page_writer("baselines")  # it puts agents/ on the path
     benchmark = importlib.import_module("benchmark")
-    rows = [*writer.read(writer.ROWS), *writer.recorded()]
-    probes = {task: benchmark.probe(task) for task in sorted({row["task"] for row in rows})}
     outdated = set()
-    for row in rows:
+    for row in [*writer.read(writer.ROWS), *writer.recorded()]:
         cell = benchmark.Cell(row["task"], row["algorithm"], row["seed"])
         assert row["episodes"] == benchmark.EPISODES
-        marked = "present_probe" in row
-        present = row["present_probe"] if marked else row["probe"]
-        assert abs(present - probes[cell.task]) <= writer.SAME, f"{cell}: its task has changed; see --mark"
-        assert not marked or abs(row["probe"] - present) > writer.SAME, f"{cell}: its task has not changed"
         names = ("data", "env_kwargs") if "data" in row else ()
         own = tuple(f"{name}={json.dumps(row['configuration'][name])}" for name in names)
-        plan = benchmark.Plan(Path(), benchmark.EPISODES, own, None)
-        same = row["config"] == benchmark.digest(cell, plan)
+        config = benchmark.config_of(cell, benchmark.Plan(Path(), benchmark.EPISODES, own, None))
+        same = row["config"] == benchmark.digest_of(config)
         assert same or cell.algorithm == "classical", f"{cell}: its configuration has changed"
-        if marked or not same:
+        if row.get("protocol") == writer.PROTOCOL:
+            present = row.get("present_probe", row["probe"])
+            assert writer.same_probe(present, cell.task), f"{cell}: its task has changed; see --mark"
+            marked = "present_probe" in row
+            assert not marked or row["probe"] != present, f"{cell}: its task has not changed"
+        if writer.is_old(row):
             outdated.add(cell.task)
     return outdated
 

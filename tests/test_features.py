@@ -11,12 +11,10 @@ import numpy as np
 import pytest
 
 from benchmarks.speed import all_features
-from springgym.integrators import integrator
-from springgym.integrators.record import refusal
 from springgym.scene import Scene
 from springgym.simulator import PAPER_STEP, Simulator
 from springgym.surfaces import Bowl, floor
-from tests.params import slow_unless
+from tests.params import slow_but
 
 pytestmark = pytest.mark.own_kernels
 
@@ -41,21 +39,13 @@ AT_ONCE: dict[str, Pair] = {
     "a floor out of reach": (ALOFT, ALOFT.with_(surfaces=(floor(-1e3),)), RUBBING, {"friction": 0.5}),
     "on a floor": (STANDING, STANDING, RUBBING, {"friction": 0.0, "restitution": 1.0}),
 }
-"""Many features at once; each alone is left to slow runs, as each is compiled for itself."""
+"""Many features at once, as each pair of scenes is compiled for itself."""
 
 ABSENT_AND_IDLE: dict[str, Pair] = AT_ONCE | {
-    "gravity": (FEATURES["gravity"].off, PLAIN.with_(gravity=(0.0, 0.0, 0.0)), {}, {}),
-    "damping": (PLAIN, PLAIN, {"varying": ("damping",)}, {"damping": PLAIN.body.damping}),
     "wrench": (*FEATURES["wrench"][:2], {}, {}),
     "thrust": (*FEATURES["thrust"][:2], {}, {}),
-    "drive": (*FEATURES["drive"][:2], {}, {}),
-    "ledger": (*FEATURES["ledger"], {}),
-    "plane": (*FEATURES["plane out of reach"][:2], {}, {}),
     "bowl": (FLOATING, FLOATING.with_(surfaces=(Bowl((0.0, 0.0, 0.0), 10.0),)), {}, {}),
     "damping on a floor": (STANDING, STANDING, {"varying": ("damping",)}, {"damping": STANDING.body.damping}),
-    "friction": (STANDING, STANDING, {"varying": ("friction",)}, {"friction": 0.0}),
-    "restitution": (STANDING, STANDING, {"varying": ("restitution",)}, {"restitution": 1.0}),
-    "varying": (PLAIN, PLAIN, {"varying": ("masses", "stiffness", "lengths", "gravity")}, {}),
 }
 """By name: the scene without it, with it, the simulator's options, and values to set to zero."""
 
@@ -71,30 +61,13 @@ def moved(scene: Scene, method: str, values: dict[str, Any] | None = None, **opt
     return np.array([simulator.positions, simulator.velocities])
 
 
+CASES = [*((name, "verlet") for name in (*AT_ONCE, "bowl")), ("without surfaces", "rk4")]
 TWICE = [("wrench", "pefrl"), ("thrust", "pefrl"), ("damping on a floor", "verlet")]
 """Rounded twice in place of once: splitting methods kick in two halves about what actuators do; and what
 surfaces are foreseen to give is added before dampers act, and taken back."""
 
 
-def case(name: str, method: str) -> Any:
-    """Parameters of a test, left to slow runs where other cases are compiled for the same."""
-    return pytest.param(name, method, marks=slow_unless((name, method) == ("without surfaces", "verlet")))
-
-
-CASES = [
-    case(name, method)
-    for name, method in [
-        *((name, "verlet") for name in ABSENT_AND_IDLE),
-        *((name, "rk4") for name in ("without surfaces", "ledger")),
-        *((name, "pefrl") for name in ("gravity", "damping")),
-    ]
-    if refusal(integrator(method), ABSENT_AND_IDLE[name][1], ABSENT_AND_IDLE[name][2].get("varying", ()))
-    is None
-    and (name, method) not in TWICE
-]
-
-
-@pytest.mark.parametrize(("name", "method"), CASES)
+@pytest.mark.parametrize(("name", "method"), slow_but(CASES, ("without surfaces", "verlet")))
 def test_idle_is_absent_to_the_bit(name: str, method: str) -> None:
     off, on, options, values = ABSENT_AND_IDLE[name]
     without, idle = moved(off, method), moved(on, method, values, **options)
@@ -102,7 +75,7 @@ def test_idle_is_absent_to_the_bit(name: str, method: str) -> None:
     assert np.abs(without[0] - off.positions).max() > 0.01
 
 
-@pytest.mark.parametrize(("name", "method"), [case(*each) for each in TWICE])
+@pytest.mark.parametrize(("name", "method"), TWICE)
 @pytest.mark.slow
 def test_idle_is_absent_but_for_rounding(name: str, method: str) -> None:
     off, on, options, values = ABSENT_AND_IDLE[name]

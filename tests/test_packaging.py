@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
 import tarfile
+import tomllib
 import zipfile
+from contextlib import suppress
+from importlib.metadata import PackageNotFoundError, requires
 from pathlib import Path
 
 import pytest
@@ -101,3 +105,47 @@ def test_a_wheel_trains(clone: Path, tmp_path: Path) -> None:
     assert json.loads((run / "versions.json").read_text())["git_revision"] is None
     springgym("watch", "SpringTop-v0", "--out", "top.gif", "--set", "max_episode_steps=20")
     assert (folder / "top.gif").read_bytes().startswith(b"GIF8")
+
+
+def needed(packages: list[str], found: set[str]) -> set[str]:
+    """The names of packages and of all that they depend on, without extras."""
+    for wanted in packages:
+        name = re.split(r"[^\w.-]", wanted)[0].lower().replace("_", "-")
+        if "extra ==" not in wanted and name not in found:
+            found.add(name)
+            with suppress(PackageNotFoundError):  # which other systems or versions of Python need
+                needed(requires(name) or [], found)
+    return found
+
+
+ALONE = """
+import sys
+from importlib.metadata import packages_distributions
+import numpy as np
+needed = set(sys.argv[1].split(","))
+names = packages_distributions().items()
+own = {name for name, of in names for each in of if each.lower().replace("_", "-") in needed}
+others = dict(names).keys() - own
+class Absent:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in others:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+sys.meta_path.insert(0, Absent())
+import springgym
+from springgym.cli import main
+agent = springgym.load_agent("SpringTop-v0")
+env = agent.make()
+assert agent.policy(env)(np.zeros(env.observation_space.shape)).shape == env.action_space.shape
+assert main(["simulate", "--list"]) == 0
+assert main(["view", "top"]) == 2
+"""
+
+
+def test_the_package_alone_loads_agents_and_lists_scenes() -> None:
+    """Nothing else can be imported than what it depends on; the view says what to install."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    names = ",".join(needed(project["dependencies"], {"springgym"}))
+    done = subprocess.run([sys.executable, "-c", ALONE, names], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "\nrattleback " in done.stdout
+    assert "view]" in done.stderr

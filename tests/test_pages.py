@@ -1,4 +1,4 @@
-"""Readme and site: their code runs, and their commands are understood.
+"""Readme and site: their code runs, their commands are understood, and what they name is there.
 
 A page's ``python`` blocks run in order, in one namespace and an empty folder. A ``text`` block right after
 one is what it prints. A ``yaml`` block that starts with ``# NAME.yaml`` is saved under that name first.
@@ -16,9 +16,11 @@ import re
 import shlex
 import tomllib
 from collections.abc import Callable, Iterator
+from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import gymnasium as gym
 import pytest
 
 from springgym import cli
@@ -172,16 +174,46 @@ def test_commands_of_a_page_are_understood(page: Path) -> None:
         program = Path(words[0]).name
         name = words[1] if len(words) > 1 else ""
         script = ROOT / (f"agents/{name}.py" if name in cli.SCRIPTS else name)
+        if measures := name == "-m" and words[2].startswith("benchmarks."):
+            script = (ROOT / words[2].replace(".", "/")).with_suffix(".py")
+            assert script.exists(), line
         if program == "springgym" and name not in cli.SCRIPTS:
             arguments = cli._parser(words[1]).parse_args(words[1:])
             if scene := getattr(arguments, "scene", None):
                 assert scene in names() or scene.endswith((".yaml", ".yml")), line
-        elif program == "springgym" or (program.startswith("python") and name.endswith(".py")):
+        elif program == "springgym" or measures or (program.startswith("python") and name.endswith(".py")):
             for option in (word for word in words[2:] if word.startswith("--")):
                 assert f'"{option}"' in declarations(script), line
         elif program.startswith("pip") or words[1:3] == ["-m", "pip"]:
             for named in re.findall(r"\[([\w,]+)\]", line):
                 assert set(named.split(",")) <= extras(), line
+
+
+# --- Names --------------------------------------------------------------------------------------------
+
+
+def resolve(name: str) -> None:
+    """Import the longest part of a dotted name that is a module, and follow the rest."""
+    parts = name.split(".")
+    for count in range(len(parts), 0, -1):
+        try:
+            thing = import_module(".".join(parts[:count]))
+        except ModuleNotFoundError:
+            continue
+        for part in parts[count:]:
+            thing = getattr(thing, part)
+        return
+
+
+@pytest.mark.parametrize("page", cases(PAGES))
+def test_names_of_a_page_are_there(page: Path) -> None:
+    text = FENCE.sub("", page.read_text(encoding="utf-8"))
+    for name in set(re.findall(r"`(springgym(?:\.\w+)+)", text)):
+        resolve(name)
+    for env_id in set(re.findall(r"\bSpring\w+-v\d+\b", page.read_text(encoding="utf-8"))):
+        assert env_id in gym.registry, env_id
+    for path in set(re.findall(r"`((?:springgym|docs|tests|agents|benchmarks|configs)/[\w/.-]+)`", text)):
+        assert (ROOT / path).exists() or path.startswith("docs/_build"), path
 
 
 POSTER = re.compile(

@@ -83,7 +83,7 @@ def test_levels_are_those_of_the_compiler() -> None:
 @pytest.mark.parametrize(
     ("given", "says"),
     [
-        (["SpringTp-v0"], "Did you mean"),
+        (["SpringTp-v0"], "Unknown environment 'SpringTp-v0'. Did you mean 'SpringTop-v0'?"),
         (["SpringTop-v0", "--jobs", "0"], "--jobs is 0; it must be at least 1"),
         (["SpringTop-v0", "--to", "FILE/folder"], "Not a directory"),
         (["SpringTop-v0", "--to", "FILE"], "cannot write compiled code to "),

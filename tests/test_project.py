@@ -130,18 +130,8 @@ def test_pages_say_that_springgym_is_on_pypi_once_it_is(page: str, to_release: P
     ("path", "old", "new", "says"),
     [
         ("pyproject.toml", "[project.urls]", "[tool.urls]", "pyproject.toml has no addresses"),
-        (
-            "springgym/__init__.py",
-            "1.2.3",
-            "1.2.4",
-            "v1.2.3, but springgym/__init__.py has version 1.2.4",
-        ),
-        (
-            "CHANGELOG.md",
-            "2031-02-03",
-            "not released yet",
-            "has no heading '## 1.2.3 (YYYY-MM-DD)'",
-        ),
+        ("springgym/__init__.py", "1.2.3", "1.2.4", "v1.2.3, but springgym/__init__.py has version 1.2.4"),
+        ("CHANGELOG.md", "2031-02-03", "not released yet", "has no heading '## 1.2.3 (YYYY-MM-DD)'"),
         ("CHANGELOG.md", "## 1.2.3", "## Unreleased", "has no heading '## 1.2.3 (YYYY-MM-DD)'"),
         ("CHANGELOG.md", "### Added\n- A [top](docs/top.md).\n", "", "CHANGELOG.md has no entries for 1.2.3"),
         ("CITATION.cff", "1.2.3", "1.2.2", "CITATION.cff has another version, date"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 
 from springgym import stability
 from springgym.bodies import Body, cube, rope
@@ -49,6 +50,30 @@ def test_it_is_a_share_of_the_stability_limit_and_a_whole_part_of_the_period() -
     expected = stability.SAFETY * stability.largest_step(scene, VERLET)
     assert stability.automatic_step(scene, VERLET) == expected
     assert stability.automatic_step(scene, VERLET, 0.01) == 0.01 / math.ceil(0.01 / expected)
+
+
+def test_the_longest_steps_that_are_taken_are_stable_and_the_limit_is_refused() -> None:
+    """At the limit itself, a mode would grow with time: 4 times in 2e5 steps."""
+    body = cube(damping=0.0)
+    scene = Scene(body, velocities=np.random.default_rng(1).normal(0.0, 1e-6, (8, 3)), gravity=None)
+    limit = stability.largest_step(scene, VERLET)
+    for step in (limit, (1 - 1e-4) * limit):
+        with pytest.raises(ValueError, match="unstable"):
+            Simulator(scene, step=step)
+    simulator = Simulator(scene, step=(1 - 1.01e-3) * limit, varying=("stiffness",))
+    with pytest.raises(ValueError, match="unstable in copy 0"):
+        simulator.vary([0], stiffness=body.stiffness * (1 + 2e-3))
+
+    def largest_strain() -> float:
+        found = []
+        for _ in range(100):
+            simulator.advance(7)
+            found.append(simulator.measure().strain[0])
+        return max(found)
+
+    early = largest_strain()
+    simulator.advance(200_000)
+    assert largest_strain() < 1.2 * early
 
 
 def test_strong_dampers_lose_what_they_should() -> None:

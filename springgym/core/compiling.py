@@ -35,6 +35,7 @@ from __future__ import annotations
 import gc
 import hashlib
 import importlib.util
+import itertools
 import json
 import logging
 import os
@@ -42,6 +43,7 @@ import pickle
 import sys
 import sysconfig
 import threading
+import time
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
@@ -648,14 +650,30 @@ PATIENCE = 2.0
 _TOLD = threading.Lock()
 """Held once somebody was told."""
 
+_KERNELS = itertools.count(1)
+"""Counts the kernels that this process compiles."""
 
-def _tell_of_compiling() -> None:
-    """Log, once a process, that compiling takes a while: to stderr unless logging is configured."""
-    if _TOLD.acquire(blocking=False):
-        LOGGER.warning(
-            "springgym: compiling. This takes seconds to a minute, once; later runs start at once. "
-            "The command `springgym compile` compiles in advance"
-        )
+
+def _tell_of_compiling(over: threading.Event, kernel: int) -> None:
+    """Say that a kernel is being compiled, until it is ``over``.
+
+    On a terminal, a line counts the seconds, and is then erased. Elsewhere, or if logging is configured, a
+    line is logged once a process.
+    """
+    logs = LOGGER.hasHandlers() or not LOGGER.isEnabledFor(logging.WARNING)
+    if logs or sys.stderr is None or not sys.stderr.isatty():
+        if _TOLD.acquire(blocking=False):
+            LOGGER.warning(
+                "springgym: compiling kernels. This takes seconds to a minute, once; later runs start at "
+                "once. The command `springgym compile` compiles in advance"
+            )
+        return
+    began = time.perf_counter() - PATIENCE
+    while not over.wait(1.0):
+        seconds = time.perf_counter() - began
+        sys.stderr.write(f"\rspringgym: compiling kernel {kernel} (once, up to a minute): {seconds:.0f} s")
+        sys.stderr.flush()
+    sys.stderr.write("\r\033[K")
 
 
 class DigestKeyedCache:
@@ -677,6 +695,7 @@ class DigestKeyedCache:
         if found is None:
             LOGGER.info("compile %s.%s", self._function.__module__, self._function.__qualname__)
             self._waiting = threading.Timer(PATIENCE, _tell_of_compiling)
+            self._waiting.args = (self._waiting.finished, next(_KERNELS))
             self._waiting.daemon = True
             self._waiting.start()
         return found

@@ -19,12 +19,13 @@ from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers import TimeLimit
 from numpy.typing import ArrayLike, DTypeLike
 
-from springgym.checks import chosen, flag, indices, instance, shown, whole
+from springgym.checks import chosen, indices, shown, whole
 from springgym.envs.episodes import NOT_BEGUN, Begun, Episodes
 from springgym.envs.options import arguments, refuse_unknown
 from springgym.envs.task import Task
 from springgym.envs.tolerance import SAFETY, Choice, chosen_for
 from springgym.guard import Guard, guarded
+from springgym.identity import check_sealed, sealed
 from springgym.rendering import Renderer
 
 
@@ -198,23 +199,24 @@ class _OneCopy(_Common):
         if self.render_mode == "human":
             self._draw()
 
-    def _state(self, generator: np.random.Generator, seed: int | None) -> dict[str, Any]:
+    def _state(self, generator: np.random.Generator, seed: int | None, **more: Any) -> dict[str, Any]:
         """Return the full state, with clock and random generator."""
-        return {
-            "episodes": self.episodes.state(),
-            "rng": generator.bit_generator.state,
-            "seed": seed,
-            "ready": not self.episodes.unready,
-        }
+        return sealed(
+            {
+                "episodes": self.episodes.state(),
+                "rng": generator.bit_generator.state,
+                "seed": seed,
+                "ready": not self.episodes.unready,
+                **more,
+            }
+        )
 
     def _set_state(self, state: Mapping[str, Any]) -> None:
         """Check all of a state of the right keys, then set it."""
-        generator = _generator("state['rng']", state["rng"])
-        seed = _seed_of("state['seed']", state["seed"])
-        ready = flag("state['ready']", state["ready"])
+        check_sealed(state)
         self.episodes.restore(state["episodes"])
-        self._np_random, self._np_random_seed = generator, seed
-        self.episodes.unready = "" if ready else NOT_BEGUN
+        self._np_random, self._np_random_seed = _restored(state["rng"]), state["seed"]
+        self.episodes.unready = "" if state["ready"] else NOT_BEGUN
         if self._canvas is not None:
             self._restart(self._canvas, 0)
 
@@ -351,7 +353,7 @@ class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
         Raises
         ------
         ValueError
-            If the state is damaged, or belongs to an environment that differs in more than its time limit;
+            If the state was edited, or belongs to an environment that differs in more than its time limit;
             the message says how. Nothing changes then.
         """
         _check_keys(state, OF_ONE)
@@ -574,13 +576,15 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
             If there are no such copies.
         """
         own = self._some(copies)
-        return {
-            "episodes": self.episodes.state(None if copies is None else own),
-            "rng": [self.np_random[n].bit_generator.state for n in own],
-            "seed": [self.np_random_seed[n] for n in own],
-            "ready": not self.episodes.unready,
-            "ended": self._ended[own],
-        }
+        return sealed(
+            {
+                "episodes": self.episodes.state(None if copies is None else own),
+                "rng": [self.np_random[n].bit_generator.state for n in own],
+                "seed": [self.np_random_seed[n] for n in own],
+                "ready": not self.episodes.unready,
+                "ended": self._ended[own],
+            }
+        )
 
     @guarded
     def set_state(self, state: Mapping[str, Any], copies: ArrayLike | None = None) -> None:
@@ -599,34 +603,31 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         Raises
         ------
         TypeError, ValueError
-            If the state is damaged, or belongs to an environment that differs in more than its time limit and
+            If the state was edited, or belongs to an environment that differs in more than its time limit and
             number of copies; the message says how. If there are no such copies. If no episode has begun in
             the state, or in copies here that are not set. Nothing changes then.
         """
         own = self._some(copies)
-        if copies is not None and isinstance(state, Mapping) and set(state) == set(OF_ONE):
-            state = {**state, "rng": [state["rng"]], "seed": [state["seed"]], "ended": np.zeros(1, bool)}
-        _check_keys(state, (*OF_ONE, "ended"))
+        single = isinstance(state, Mapping) and set(state) == set(OF_ONE)
+        if single and copies is None:
+            raise ValueError(
+                "the state is that of a single environment; name copies, those that are to continue it"
+            )
+        _check_keys(state, OF_ONE if single else (*OF_ONE, "ended"))
         where = None if copies is None else own
         count = self.episodes.count_in(state["episodes"], where)
-        for name, kind in (("rng", list), ("seed", list), ("ended", np.ndarray)):
-            if len(instance(f"state[{name!r}]", state[name], kind)) != count:
-                raise ValueError(f"state[{name!r}] holds {len(state[name])} copies; it must hold {count}")
-        checked = [_generator(f"state['rng'][{n}]", its) for n, its in enumerate(state["rng"])]
-        given = [_seed_of(f"state['seed'][{n}]", seed) for n, seed in enumerate(state["seed"])]
-        ready, ended = flag("state['ready']", state["ready"]), state["ended"]
-        if ended.dtype != bool or ended.ndim != 1:
-            raise ValueError(f"state['ended'] is {ended.dtype} of shape {ended.shape}; it must be a mask")
+        check_sealed(state)
+        if single:
+            state = {**state, "rng": [state["rng"]], "seed": [state["seed"]], "ended": False}
         if copies is not None:
-            self._check_begun(ready, own)
+            self._check_begun(state["ready"], own)
+        self.episodes.restore(state["episodes"], where)
         generators, seeds = list(self.np_random), list(self.np_random_seed)
         for n, copy in enumerate(own):
-            generators[copy] = checked[n] if count == len(own) else _restored(state["rng"][0])
-            seeds[copy] = given[n % count]
-        self.episodes.restore(state["episodes"], where)
+            generators[copy], seeds[copy] = _restored(state["rng"][n % count]), state["seed"][n % count]
         self._generators, self._seeds = generators, seeds
-        self._ended[own] = ended
-        self.episodes.unready = "" if ready else NOT_BEGUN
+        self._ended[own] = state["ended"]
+        self.episodes.unready = "" if state["ready"] else NOT_BEGUN
         self._show_new(own)
 
     def _some(self, copies: ArrayLike | None) -> np.ndarray:
@@ -748,29 +749,8 @@ def _check_keys(state: object, keys: Sequence[str]) -> None:
         )
 
 
-OF_ONE = ("episodes", "rng", "seed", "ready")
+OF_ONE = ("episodes", "rng", "seed", "ready", "checksums")
 """The keys in the state of a single environment; the state of a batch has "ended", too."""
-
-LAST = {"MT19937": ("pos", 624), "Philox": ("buffer_pos", 4)}
-"""For random generators with a buffer: the name of their counter, and the size of the buffer."""
-
-
-def _generator(name: str, state: Any) -> np.random.Generator:
-    """Make a generator in the state that another one had; errors call it ``name``."""
-    try:
-        kind = state["bit_generator"]
-        if not issubclass(getattr(np.random, kind), np.random.BitGenerator):
-            raise TypeError
-        restored = _restored(state)
-        right = _same(restored.bit_generator.state, state) and state.get("has_uint32", 0) in (0, 1)
-        if kind in LAST:
-            count, last = LAST[kind]
-            right &= 0 <= (state["state"] | state)[count] <= last
-    except Exception:  # of many kinds, as there are many ways to mangle one
-        right = False
-    if not right:
-        raise ValueError(f"{name} is {shown(state)}; it must be the state of a random generator of NumPy")
-    return restored
 
 
 def _restored(state: Mapping[str, Any]) -> np.random.Generator:
@@ -778,20 +758,6 @@ def _restored(state: Mapping[str, Any]) -> np.random.Generator:
     bits = getattr(np.random, state["bit_generator"])(0)
     bits.state = state
     return np.random.Generator(bits)
-
-
-def _same(one: Any, other: Any) -> bool:
-    """Return whether two states of random generators are the same."""
-    if isinstance(one, Mapping):
-        return one.keys() == other.keys() and all(_same(one[name], other[name]) for name in one)
-    return bool(np.array_equal(one, other))
-
-
-def _seed_of(name: str, seed: object) -> int:
-    """Check the seed that a generator began with, −1 if it was not seeded, and return it."""
-    if type(seed) is not int or seed < -1:
-        raise ValueError(f"{name} is {shown(seed)}; it must be a whole number, at least −1")
-    return seed
 
 
 # --- Of info, and of the spec -------------------------------------------------------------------------

@@ -26,7 +26,7 @@ from springgym.envs.observation import Situation
 from springgym.envs.options import mapping
 from springgym.envs.randomisation import NOMINAL, RANDOMIZABLE
 from springgym.envs.task import FAILED, MET, Task
-from springgym.identity import check_same
+from springgym.identity import check_same, check_sealed, sealed
 from springgym.measures import Measures
 from springgym.rendering import Marks
 from springgym.scene import Scene, squared_lengths
@@ -241,10 +241,10 @@ class Episodes:
         ranges = f" with randomize={self.ranges}" if self.ranges else ""
         if step is not None:
             step = checks.number("step", step, TINY)
-            if self.ranges and step > (limit := kind.largest_step(scene, method)):
+            if self.ranges and stability.is_unstable(step, limit := kind.largest_step(scene, method)):
                 raise ValueError(
                     f"a step of {step:g} s is unstable: {method.name} on this body{ranges} allows at most "
-                    f"{limit:.4g} s. Take a smaller step, or narrower ranges"
+                    f"{stability.REFUSED * limit:.4g} s. Take a smaller step, or narrower ranges"
                 )
             if period / step > MOST_STEPS:
                 raise ValueError(
@@ -474,8 +474,8 @@ class Episodes:
 
     def _views_told(self) -> dict[str, Any]:
         """Return the arrays of `told`, as views but for those of pairs."""
-        views: dict[str, Any] = {
-            "is_success": self._succeeded,
+        views: dict[str, Any] = {"is_success": self._succeeded} if self.task.has_aim else {}
+        views |= {
             "diverged": self.diverged,
             "energy": self.measures.energy,
             "energy_drift": self._drift,
@@ -601,7 +601,7 @@ class Episodes:
         """Return a copy of the state of some copies (k,) or all, with the identity of the environment."""
         own = slice(None) if copies is None else copies
         arrays = {name: getattr(self, name)[own].copy() for name in STATE}
-        return {"of": dict(self._of), **arrays, "simulator": self.simulator.state(copies)}
+        return sealed({"of": dict(self._of), **arrays, "simulator": self.simulator.state(copies)})
 
     def restore(self, state: Mapping[str, Any], copies: np.ndarray | None = None) -> None:
         """Set a state that `state` returned, to the bit. The copies are `unready` afterwards, as by `begin`.
@@ -616,10 +616,10 @@ class Episodes:
         Raises
         ------
         TypeError, ValueError
-            If the state belongs to something else, or is damaged. Nothing changes then.
+            If the state belongs to something else, or was edited. Nothing changes then.
         """
-        count = self.count_in(state, copies)
-        given = {name: self._checked(name, state[name], count) for name in STATE}
+        self.count_in(state, copies)
+        check_sealed(state)
         was, self.unready = self.unready, BROKEN_OFF
         try:
             self.simulator.restore(state["simulator"], copies)
@@ -627,8 +627,8 @@ class Episodes:
             self.unready = was
             raise
         copies = np.arange(self.copies) if copies is None else copies
-        for name, values in given.items():
-            getattr(self, name)[copies] = values
+        for name in STATE:
+            getattr(self, name)[copies] = state[name]
         if self.ranges:
             drawn = [self._drawn(copy) for copy in copies.tolist()]
             self._note(copies, drawn)
@@ -644,37 +644,10 @@ class Episodes:
         TypeError, ValueError
             If the state has neither one nor k copies, or belongs to something else.
         """
-        if not isinstance(state, Mapping) or set(state) != {"of", "simulator", *STATE}:
+        if not isinstance(state, Mapping) or set(state) != {"of", "simulator", "checksums", *STATE}:
             raise ValueError("state is not the state of an environment of springgym")
         check_same("the environment that the state is of", state["of"], self._of)
         return self.copies if copies is None else copies_in(state["simulator"], len(copies))
-
-    def _checked(self, name: str, given: object, copies: int) -> np.ndarray:
-        """Check one array of a state of so many copies and return it."""
-        what, own = f"state[{name!r}]", getattr(self, name)
-        values, shape = np.asarray(given), (copies, *own.shape[1:])
-        if values.shape != shape or values.dtype != own.dtype:
-            raise ValueError(
-                f"{what} is {values.dtype} of shape {values.shape}; it must be {own.dtype} of shape {shape}"
-            )
-        if name in ("elapsed", "held"):
-            checks.whole_array(what, values, shape)
-        elif name == "action":
-            checks.array(what, values, shape, low=-1.0, high=1.0)
-        elif name == "time":
-            checks.array(what, values, shape, low=0.0)
-        elif name in ("goal", "memory", "balance", "factors"):
-            checks.array(what, values, shape)
-        if name == "goal" and (pointed := self._columns.pointed) is not None:  # it is a particle
-            last = len(self.simulator.scene.masses) - 1
-            particles = checks.array(f"{what}[:, {pointed}]", values[:, pointed], (None,), low=0, high=last)
-            if (wrong := particles % 1 != 0).any():
-                raise ValueError(f"{what}[:, {pointed}] is {particles[wrong][0]}; it must be a particle")
-        if name == "factors":
-            for column, (factor, (low, high)) in zip(values.T, self.ranges.items(), strict=True):
-                begun = column[column != 1]  # it is 1 before the first episode
-                checks.array(f"{what} of {factor!r}", begun, (None,), low=low, high=high)
-        return values
 
     def _named(self, out: np.ndarray) -> np.ndarray:
         """Return a view of outcomes (n, columns) as records (n,) with the names of `Task.outcome`."""

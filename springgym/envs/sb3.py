@@ -32,6 +32,7 @@ except ImportError as error:
 
 from springgym.envs.base import SpringVectorEnv, Stateful, _check_keys, _own, get_state, set_state
 from springgym.envs.starts import spawned
+from springgym.identity import check_sealed, sealed
 
 __all__ = ["Monitor", "SB3VecEnv", "StaggeredMonitor", "make_sb3"]
 
@@ -208,7 +209,8 @@ class Monitor(Stateful, VecMonitor):
 
     def get_state(self) -> dict[str, Any]:
         """Return the state of the vector environment, and the counts of the monitor."""
-        return {"env": get_state(self.venv)} | {name: getattr(self, name).copy() for name in self.counted}
+        counts = {name: getattr(self, name).copy() for name in self.counted}
+        return sealed({"env": get_state(self.venv), **counts})
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Set a state, to the bit. The same actions then have the same results.
@@ -218,14 +220,8 @@ class Monitor(Stateful, VecMonitor):
         ValueError
             If the state is not one of this environment. Nothing is changed then.
         """
-        _check_keys(state, ("env", *self.counted))
-        for name in self.counted:
-            given, own = np.asarray(state[name]), getattr(self, name)
-            if given.shape != own.shape or given.dtype != own.dtype:
-                raise ValueError(
-                    f"state[{name!r}] is {given.dtype} of shape {given.shape}; it must be {own.dtype} of "
-                    f"shape {own.shape}"
-                )
+        _check_keys(state, ("env", "checksums", *self.counted))
+        check_sealed(state)
         set_state(self.venv, state["env"])
         for name in self.counted:
             getattr(self, name)[:] = state[name]

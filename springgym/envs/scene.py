@@ -208,7 +208,8 @@ class SceneTask(Task):
         of ``s.goal`` is smaller than its limit. The aim is met if all are reached. With both, ``goals=True``
         tells goals apart in observations, see `springgym.envs.base.SpringEnv`.
     hold
-        Number of consecutive steps in which the aim must be met for ``info["is_success"]``.
+        Number of consecutive steps in which the aim must be met for ``info["is_success"]``. Without an aim,
+        ``info`` does not have this entry.
     wins
         Whether an episode can end by success. If so, a step in which ``failed`` and ``succeeded`` are both
         true is a success. Otherwise it is a failure, however long the aim was met before.

@@ -234,9 +234,7 @@ class SpringShove(Task):
         return Marks(
             lines=[(TARGET[n], TARGET[n - 1]) for n in range(4)],
             arrows=[
-                Arrow(
-                    m.centre[PUSHER] + (0.0, 0.0, 1.2 * RADIUS), (0.3 * s.action[0], 0.3 * s.action[1], 0.0)
-                ),
+                Arrow(m.centre[PUSHER] + (0.0, 0.0, 1.2 * RADIUS), np.append(0.3 * s.action, 0.0)),
                 Arrow(top, ahead, GREEN),
                 Arrow((0.0, 0.0, 0.0), (0.15, 0.0, 0.0), GREEN),
             ],

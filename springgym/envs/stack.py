@@ -205,9 +205,7 @@ class SpringStack(Task):
         return Marks(
             lines=[(corners[n], corners[n - 1]) for n in range(4)],
             arrows=[
-                Arrow(
-                    m.centre[PUSHER] + (0.0, 0.0, 1.2 * RADIUS), (0.3 * s.action[0], 0.3 * s.action[1], 0.0)
-                ),
+                Arrow(m.centre[PUSHER] + (0.0, 0.0, 1.2 * RADIUS), np.append(0.3 * s.action, 0.0)),
                 Arrow(m.centre[BOX] + 0.14 * m.axis[BOX], 0.15 * m.side[BOX], GREEN),
             ],
             key=((GREEN, "stack this box on the other, aligned"), (RED, "push on the ball")),

@@ -93,7 +93,7 @@ class Task:
     wins: ClassVar[bool] = False
     """whether an episode can end by success, as a won duel does; otherwise a failure is never a success"""
     has_aim: ClassVar[bool] = True
-    """whether there is an aim: without one, "met" is always 0"""
+    """whether there is an aim: without one, "met" is always 0, and ``info`` has no ``is_success``"""
     evaluate: ClassVar[Callable[..., None]]
     compact: ClassVar[Callable[..., None]]
     move: ClassVar[Callable[..., None] | None] = None

@@ -14,11 +14,12 @@ import gymnasium as gym
 
 from springgym.checks import shown
 from springgym.envs.agent import Algorithm, Network, Policy, load_policy
+from springgym.registration import nearest_id, spec_of
 from springgym.scripts import AGENTS
 from springgym.strict_yaml import YamlError, build, read_yaml
 
 PUBLISHED = AGENTS / "trained"
-"""A folder for each published agent, named as its environment; ``agents/publish.py`` writes it."""
+"""A folder for each published agent, named as its environment; ``agents/studies/publish.py`` writes it."""
 
 
 class Agent(NamedTuple):
@@ -96,25 +97,26 @@ def published(env_id: str, within: Path = PUBLISHED) -> Path:
 
     Raises
     ------
-    YamlError
+    ValueError
         If there is no such agent, or one of its files was changed.
     """
     cards = {path.parent.name: path for path in sorted(within.glob("*/card.json"))}
     if env_id not in cards:
+        if nearest_id(env_id):
+            spec_of(env_id)  # which says what is meant if there is no such id
         raise YamlError(
             f"{shown(env_id)} is neither a run folder nor a published agent; published "
             f"agents are {', '.join(cards) or 'none'}"
         )
+    folder = cards[env_id].parent
     try:
         sums = json.loads(cards[env_id].read_text(encoding="utf-8"))["sha256"]
-        for name, told in sums.items():
-            if checksum(cards[env_id].with_name(name)) != told:
-                raise YamlError(f"{cards[env_id].with_name(name)}: the file differs from the published one")
-    except YamlError:
-        raise
+        changed = [name for name, told in sums.items() if checksum(folder / name) != told]
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise YamlError(f"{cards[env_id]}: the file is not the card of an agent: {error!r}") from error
-    return cards[env_id].parent
+    if changed:
+        raise YamlError(f"{folder / changed[0]}: the file differs from the published one")
+    return folder
 
 
 def checksum(path: Path) -> str:

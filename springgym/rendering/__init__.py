@@ -9,13 +9,4 @@ from springgym.rendering.look import Arrow, Look, Marks, Scenery, two_tone
 from springgym.rendering.renderer import Renderer
 from springgym.rendering.video import save_video
 
-__all__ = [
-    "Arrow",
-    "Camera",
-    "Look",
-    "Marks",
-    "Renderer",
-    "Scenery",
-    "save_video",
-    "two_tone",
-]
+__all__ = ["Arrow", "Camera", "Look", "Marks", "Renderer", "Scenery", "save_video", "two_tone"]

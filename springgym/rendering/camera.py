@@ -57,12 +57,7 @@ class Camera:
 
     @classmethod
     def framing(
-        cls,
-        center: ArrayLike,
-        size: float,
-        azimuth: float = -1.0,
-        elevation: float = 0.3,
-        fov: float = 0.5,
+        cls, center: ArrayLike, size: float, azimuth: float = -1.0, elevation: float = 0.3, fov: float = 0.5
     ) -> Camera:
         """Return a camera that just fits a sphere into the height of a picture.
 
@@ -88,11 +83,7 @@ class Camera:
         fov = number("fov", fov, TINY, np.pi)
         middle = array("center", center, (3,))
         distance = 0.5 * size / np.sin(0.5 * fov)
-        away = (
-            np.cos(elevation) * np.cos(azimuth),
-            np.cos(elevation) * np.sin(azimuth),
-            np.sin(elevation),
-        )
+        away = (np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation))
         return cls(tuple(middle + distance * np.array(away)), tuple(middle), fov)
 
     def keeping(self, points: ArrayLike, size: tuple[int, int], margin: float = 0.03) -> Camera:

@@ -158,12 +158,7 @@ class Canvas:
         length = np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)[:, None]
         side = along[:, ::-1] * [-1.0, 1.0] / length * half[:, None]
         corners = np.stack(
-            [
-                segments[:, 0] + side,
-                segments[:, 1] + side,
-                segments[:, 1] - side,
-                segments[:, 0] - side,
-            ],
+            [segments[:, 0] + side, segments[:, 1] + side, segments[:, 1] - side, segments[:, 0] - side],
             axis=1,
         )
         tangent = along / length
@@ -191,13 +186,7 @@ class Canvas:
         self.polygon(np.concatenate([ends + side, (ends - side)[::-1]]), color)
 
     def bar(
-        self,
-        ends: Array,
-        depth: Array,
-        radius: float,
-        color: ArrayLike,
-        caps: bool = True,
-        alpha: int = 255,
+        self, ends: Array, depth: Array, radius: float, color: ArrayLike, caps: bool = True, alpha: int = 255
     ) -> None:
         """Draw a round bar between pixels (2, 2) at depths (2,), radius in m: lit, or flat if translucent."""
         half = np.maximum(radius * self.pixels_per_meter(depth), 0.5 * OVERSAMPLE)

@@ -102,14 +102,14 @@ def _fading_paths(canvas: Canvas, paths: list[Array], fade: Callable[[Array], Ar
     canvas.strokes(canvas.image(ends)[0], 1.1, _GRID, fade(ends.mean(axis=1)))
 
 
-def _grid_spacing(extent: float) -> float:
-    """Return 1, 2 or 5 times a power of ten, at most a sixth of ``extent``, m."""
-    power = 10.0 ** np.floor(np.log10(extent / 6.0))
-    return float(max(k * power for k in (1.0, 2.0, 5.0) if k * power <= extent / 6.0))
+def round_down(value: float) -> float:
+    """Return the largest of 1, 2 or 5 times a power of ten that is not above."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(max(k * power for k in (1.0, 2.0, 5.0) if k * power <= value))
 
 
 def _paint_grid(canvas: Canvas, plane: _Plane) -> None:
-    spacing = _grid_spacing(canvas.extent)
+    spacing = round_down(canvas.extent / 6.0)
     first, second = tangents(plane.normal)
     center = plane.point + sum(
         spacing * np.round((plane.foot - plane.point) @ axis / spacing) * axis for axis in (first, second)

@@ -11,21 +11,14 @@ from numpy.typing import ArrayLike, NDArray
 from springgym.rendering.camera import Camera
 from springgym.rendering.canvas import Array, Canvas, import_pygame
 from springgym.rendering.ground import paint_background, paint_disk, paint_ring, paint_shadows
-from springgym.rendering.look import GREEN, INK, ORANGE, Look, Marks, Scenery
+from springgym.rendering.look import GREEN, INK, ORANGE, Color, Look, Marks, Scenery
 from springgym.rendering.occlusion import Occluders
-from springgym.rendering.solids import (
-    THROUGH,
-    arrow,
-    body,
-    dashes,
-    opacities,
-    paint_all,
-    rail,
-    strain_colors,
-)
+from springgym.rendering.solids import THROUGH, arrow, body, dashes, opacities, paint_all, rail, strain_colors
 
 CHORDS = 4
 """Straight pieces that the trace is drawn with from one moment to the next."""
+BRIGHT: Color = (250, 251, 253)
+AROUND = ((-1, 0), (1, 0), (0, -1), (0, 1))
 
 
 class Renderer:
@@ -75,10 +68,7 @@ class Renderer:
         self._clock: Any = None
 
     def draw(
-        self,
-        positions: ArrayLike,
-        marks: Marks | None = None,
-        strain: ArrayLike | None = None,
+        self, positions: ArrayLike, marks: Marks | None = None, strain: ArrayLike | None = None
     ) -> NDArray[np.uint8] | None:
         """Draw one picture.
 
@@ -200,26 +190,27 @@ class Renderer:
         height = self.size[1]
         unit = max(height // 32, 11)  # then an em is 11 pixels or more: pygame's font has 0.69 of its size
         font = pygame.font.Font(None, round(1.5 * unit))
+
+        def write(line: str, **place: tuple[int, int]) -> None:
+            """Write dark on a bright rim, which is read before whatever lies behind."""
+            for aside, color in [*((way, BRIGHT) for way in AROUND), ((0, 0), INK)]:
+                word = font.render(line, True, color)
+                picture.blit(word, word.get_rect(**place).move(aside))
+
         for row, line in enumerate(marks.text):
-            picture.blit(font.render(line, True, INK), (unit, round(unit * (1.0 + 1.4 * row))))
+            write(line, topleft=(unit, round(unit * (1.0 + 1.4 * row))))
         bottom = height - (4 if legend else 1) * unit
         for row, (color, line) in enumerate(reversed(marks.key)):
             middle = (round(1.35 * unit), round(bottom - 1.4 * unit * row - 0.4 * unit))
             pygame.draw.circle(picture, color, middle, round(0.4 * unit))
-            word = font.render(line, True, INK)
-            picture.blit(word, word.get_rect(midleft=(2 * unit, middle[1])))
+            write(line, midleft=(2 * unit, middle[1]))
         if legend:
             scale = self.look.strain_scale
             steps = np.linspace(-scale, scale, 11 * unit)
             bar = np.repeat(strain_colors(steps, scale)[:, None], unit // 2, axis=1)
             box = picture.blit(pygame.surfarray.make_surface(bar), (unit, height - 3 * unit // 2))
-            for place, label in (
-                ("midleft", f"-{scale:g}"),
-                ("center", "strain"),
-                ("midright", f"+{scale:g}"),
-            ):
-                word = font.render(label, True, INK)
-                picture.blit(word, word.get_rect(**{place: getattr(box.move(0, -unit), place)}))
+            for place, label in ("midleft", f"-{scale:g}"), ("center", "strain"), ("midright", f"+{scale:g}"):
+                write(label, **{place: getattr(box.move(0, -unit), place)})
 
     def _show(self, picture: Any) -> NDArray[np.uint8] | None:
         pygame = import_pygame()

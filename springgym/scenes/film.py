@@ -21,7 +21,7 @@ from springgym.rendering import Camera, Look, Marks, Renderer, Scenery, save_vid
 from springgym.rendering.look import AMBER, BLUE, GREEN, INK, IVORY, ORANGE, STEEL, TEAL, Color, together
 from springgym.scene import Scene
 from springgym.scenes.plan import SPEEDS
-from springgym.scenes.recording import Recording
+from springgym.scenes.recording import Progress, Recording
 from springgym.surfaces import Plane
 
 SIZE = (640, 640)
@@ -54,7 +54,9 @@ CALM = 0.5
 """Seconds over which the camera's way is smoothed."""
 
 
-def save_film(recording: Recording, path: str | PathLike[str], speed: float | None = None) -> None:
+def save_film(
+    recording: Recording, path: str | PathLike[str], speed: float | None = None, progress: Progress = iter
+) -> None:
     """Write the film of a recording as .mp4 or .gif.
 
     The scene's view gives the speed of the film. Without it, the film is in real time or, if the body turns
@@ -64,6 +66,8 @@ def save_film(recording: Recording, path: str | PathLike[str], speed: float | No
     ----------
     speed
         Seconds of the motion per second of the film, instead of that speed.
+    progress
+        A function that wraps the iterator over pictures, to show progress.
 
     Raises
     ------
@@ -73,10 +77,12 @@ def save_film(recording: Recording, path: str | PathLike[str], speed: float | No
         Without the packages of the extra ``render``.
     """
     fps = GIF_FPS if str(path).lower().endswith(".gif") else FPS
-    save_video(frames(recording, fps, speed), path, fps)
+    save_video(frames(recording, fps, speed, progress), path, fps)
 
 
-def frames(recording: Recording, fps: float = FPS, speed: float | None = None) -> Iterator[np.ndarray]:
+def frames(
+    recording: Recording, fps: float = FPS, speed: float | None = None, progress: Progress = iter
+) -> Iterator[np.ndarray]:
     """Yield pictures (height, width, 3) of a recording, ``fps`` per second of the film, see `save_film`."""
     plan, x = recording.plan, recording.positions
     pace = speed or plan.view.speed or visible_speed(turning(plan.scene, recording.bodies), fps)
@@ -87,7 +93,7 @@ def frames(recording: Recording, fps: float = FPS, speed: float | None = None) -
     renderer = Renderer(drawn, camera(recording), scenery(recording), SIZE)
     along = way(recording)
     still, note = renderer.camera, () if pace == 1 else (told(pace),)
-    for t in np.arange(0.0, recording.times[-1] + 1e-9, pace / fps):
+    for t in progress(np.arange(0.0, recording.times[-1] + 1e-9, pace / fps)):
         n = min(int(np.searchsorted(recording.times, t - 1e-9)), len(x) - 1)
         if along is not None:
             renderer.camera = still.moved(along[n])
@@ -317,7 +323,7 @@ def _rolling(body: Body, size: float, color: Color) -> dict[str, Any]:
             axes[:, 0] = along / np.linalg.norm(along)
         semi = np.maximum(np.sqrt(np.maximum(squares, 0.0)), THIN * feature.extent)
         profile = PILL if capsule else (COIN if squares[0] < FLAT * squares[2] else BALL)
-        points, faces, sector = _globe(*profile)
+        points, faces, sector = globe(*profile)
         axes[:, 1 if capped or capsule else 0] *= np.sign(np.linalg.det(axes))
         # a flat one is a coin: its first axis is that of the globe
         skin = centre + (points[:, [2, 0, 1]] * semi) @ axes.T + np.sign(points[:, 2:]) * half
@@ -335,7 +341,7 @@ def _rolling(body: Body, size: float, color: Color) -> dict[str, Any]:
     }
 
 
-def _globe(sines: np.ndarray, heights: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def globe(sines: np.ndarray, heights: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return points (V, 3) of a body of revolution, its triangles (T, 3), and the octant (T,) of each.
 
     Octants are numbered from 0 to 7. Its rings have the radii ``sines`` and lie at ``heights``, between the

@@ -23,8 +23,9 @@ import numpy as np
 from springgym.bodies.elastic import Elastic
 from springgym.extras import missing
 from springgym.rendering import Camera
+from springgym.rendering.ground import round_down
 from springgym.scenes import film
-from springgym.scenes.plan import Plot
+from springgym.scenes.graphs import graphs, scaled
 from springgym.scenes.recording import Recording, rigid_twin
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
     from matplotlib.gridspec import SubplotSpec
 
 TRACE, CENTRE, OTHER = "#e45e2c", "#343c4c", "#8b98a9"
-KINETIC, GRAVITY, SPRINGS, CONTACT, LOST = "#2b5c96", "#22966a", "#d39b2a", "#3e929e", "#be323c"
+SPRINGS = "#d39b2a"
 TURNING = ("#b58bd6", "#8048a0", "#4a1f66")
 OF_BODIES = ("#2b5c96", "#e45e2c", "#22966a", "#8048a0", "#d39b2a", "#3e929e", "#be323c", "#8b98a9")
 DASHES = (0, (4, 3))
@@ -57,7 +58,6 @@ STYLE: dict[Any, Any] = {
 DPI = 130
 FINER = 1.5
 """Pixels of a body's picture to a pixel of the figure."""
-PREFIXES = (("k", 1e-3), ("", 1.0), ("m", 1e3), ("µ", 1e6), ("n", 1e9))
 
 
 def draw(recording: Recording) -> Figure:
@@ -169,9 +169,7 @@ def _ruler(axes: Axes, camera: Camera, pixels: tuple[int, int], recording: Recor
     """Draw a length as it is seen in the middle of the picture."""
     distance = camera.distance
     a_metre = camera.pixels_per_radian(pixels[1]) / distance
-    most = 0.25 * pixels[0] / a_metre
-    power = 10.0 ** np.floor(np.log10(most))
-    length = max(k * power for k in (1.0, 2.0, 5.0) if k * power <= most)
+    length = round_down(0.25 * pixels[0] / a_metre)
     left, low = 0.04 * pixels[0], 0.965 * pixels[1]
     axes.plot([left, left + length * a_metre], [low, low], color=CENTRE, linewidth=2, solid_capstyle="butt")
     axes.text(left, low - 0.012 * pixels[1], _metres(length), fontsize=SMALL, color=CENTRE, va="bottom")
@@ -190,15 +188,6 @@ def _panel(figure: Figure, place: SubplotSpec, title: str, across: str, up: str,
     if across in ("", "t [s]"):
         axes.margins(x=0)  # of what is drawn in time
     return axes
-
-
-def _scaled(unit: str, *values: np.ndarray) -> tuple[str, float]:
-    """Return a unit with the prefix that suits values, and the factor that goes with it."""
-    largest = max(float(np.abs(v).max()) for v in values)
-    if (unit.startswith("m") and largest >= 0.02) or 0.05 <= largest < 3000 or not largest:
-        return unit, 1.0
-    prefix, factor = next((p for p in PREFIXES if largest * p[1] >= 1.0), PREFIXES[-1])
-    return prefix + unit, factor
 
 
 def _named(axes: Axes, x: float, y: float, text: str, color: str, **options: Any) -> None:
@@ -231,35 +220,17 @@ def _legend(axes: Axes, below: bool = False) -> None:
     )
 
 
-def _energies(recording: Recording, figure: Figure, place: SubplotSpec, change: bool = False) -> None:
-    """Plot the energies and the losses over time or, if ``change``, how they differ from the start.
-
-    Those of gravity and of the springs count from their least.
-    """
-    m, t = recording.measures, recording.times
-    lost = m.damping_loss + m.contact_loss + m.friction_loss
-    shown = {
-        "kinetic": (m.kinetic, KINETIC),
-        "gravity": (m.gravity - m.gravity.min(), GRAVITY),
-        "springs": (m.elastic - m.elastic.min(), SPRINGS),
-        "contact": (m.contact, CONTACT),
-        "lost": (lost, LOST),
-    }
-    everything = np.sum([values for values, _ in shown.values()], axis=0)
-    scale = everything.max()
-    if change:
-        shown = {name: (values - values[0], color) for name, (values, color) in shown.items()}
-        everything = everything - everything[0]
-        scale = max(np.abs(values).max() for values, _ in shown.values())
-    unit, factor = _scaled("J", np.array([scale]))
-    axes = _panel(figure, place, "energy moved" if change else "energy", "t [s]", f"[{unit}]")
-    for name, (values, color) in shown.items():
-        if np.abs(values).max() > 3e-3 * scale:
-            axes.plot(t, factor * values, color=color, label=name)
-    axes.plot(t, factor * everything, "k", linestyle=DASHES, linewidth=1, label="sum")
-    if not change:
-        axes.set_ylim(0, 1.06 * factor * scale or 1.0)
-    _legend(axes, below=change)
+def _energies(recording: Recording, figure: Figure, place: SubplotSpec, below: bool = False) -> None:
+    """Plot the energies and the losses over time; the legend may be ``below``."""
+    title, curves = next(iter(graphs(recording.measures, recording.plan.scene).items()))
+    name, unit = title.split(" [")
+    axes = _panel(figure, place, name, "t [s]", f"[{unit}")
+    for part, (values, color) in curves.items():
+        style: dict[str, Any] = {"linestyle": DASHES, "linewidth": 1} if part == "sum" else {}
+        axes.plot(recording.times, values, color=np.divide(color, 255), label=part, **style)
+    if name == "energy":
+        axes.set_ylim(0, 1.06 * float(curves["sum"].values.max()) or 1.0)
+    _legend(axes, below)
 
 
 def _path(recording: Recording) -> np.ndarray:
@@ -300,7 +271,7 @@ def top(recording: Recording, figure: Figure) -> None:
     tilt.plot(recording.times, _tilt(recording), color=TRACE)
     if twin is not None:
         tilt.plot(twin.times, _tilt(twin), color="k", linestyle=DASHES, linewidth=0.8)
-    _energies(recording, figure, grid[1, 2], change=True)
+    _energies(recording, figure, grid[1, 2], below=True)
 
 
 def _tilt(recording: Recording) -> np.ndarray:
@@ -344,7 +315,7 @@ def rope(recording: Recording, figure: Figure) -> None:
         _stretched(recording, _panel(figure, grid[:, 0], "the rope, x stretched", "x [m]", "z [m]"))
     else:
         _picture(recording, figure, grid[:, 0], (4.4, 5.2), film.poses(recording, 0.05, 9), "the rope")
-    unit, factor = _scaled("m", lengths - rest)
+    unit, factor = scaled("m", lengths - rest)
     long = _panel(
         figure, grid[0, 1], f"length of the rope, less the {rest:g} m without load", "", f"[{unit}]"
     )
@@ -392,10 +363,10 @@ def slide(recording: Recording, figure: Figure) -> None:
     speed = np.linalg.norm(np.gradient(m.centre, t, axis=0), axis=1)
     grid = figure.add_gridspec(3, 2, width_ratios=(1, 1.05))
     _picture(recording, figure, grid[:, 0], (5.0, 5.2), film.poses(recording, 1.1, 8), "")
-    unit, factor = _scaled("m", way)
+    unit, factor = scaled("m", way)
     far = _panel(figure, grid[0, 1], "how far the centre of mass is from its start", "", f"[{unit}]")
     far.plot(t, factor * way, color=CENTRE)
-    unit, factor = _scaled("m/s", speed)
+    unit, factor = scaled("m/s", speed)
     fast = _panel(figure, grid[1, 1], "how fast it is", "", f"[{unit}]")
     fast.plot(t, factor * speed, color=CENTRE)
     for axes in (far, fast):
@@ -460,7 +431,7 @@ def ringing(recording: Recording, figure: Figure) -> None:
     longer = longer - np.linalg.norm(body.positions[far] - body.positions[first])
     grid = figure.add_gridspec(2, 2, width_ratios=(1, 1.4))
     _picture(recording, figure, grid[:, 0], (4.4, 5.2), [0], "")
-    unit, factor = _scaled("m", longer)
+    unit, factor = scaled("m", longer)
     swings = _panel(figure, grid[0, 1], "how much longer it is across", "", f"[{unit}]")
     swings.plot(t, factor * longer, color=TRACE, linewidth=0.7, label="springs")
     if isinstance(body.solid, Elastic):
@@ -486,13 +457,6 @@ def _turning(recording: Recording) -> np.ndarray:
     return np.einsum("tki,ti->tk", triad, m.angular_velocity)
 
 
-PLOTS: dict[Plot, Callable[[Recording, Figure], None]] = {
-    "top": top,
-    "pendulum": pendulum,
-    "rope": rope,
-    "drop": drop,
-    "slide": slide,
-    "rotation": rotation,
-    "bodies": bodies,
-    "ringing": ringing,
+PLOTS: dict[str, Callable[[Recording, Figure], None]] = {
+    plot.__name__: plot for plot in (top, pendulum, rope, drop, slide, rotation, bodies, ringing)
 }

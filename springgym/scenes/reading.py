@@ -138,7 +138,7 @@ def read(path: Path, changes: Changes | None = None) -> Plan:
         pull = (0.0, 0.0, -gravity) if isinstance(gravity, float) else gravity
         met, paper = (Contact(), PaperContact())
         if contact is not None:
-            met, paper = build(_met, tree, ("contact",))
+            met, paper = build(_met, tree, ("contact",), skip=Contact.__dataclass_fields__, file=tree)
         world: dict[str, Any] = {"gravity": pull, "surfaces": _surfaces(tree), "contact": met}
         begun = _bodies(tree, world, body, bodies, pinned, start)
         meet = _collisions(tree)
@@ -428,20 +428,10 @@ def _surfaces(tree: Tree) -> tuple[Surface, ...]:
     return tuple(made)
 
 
-def _met(
-    friction: float = 0.0,
-    restitution: float = 1.0,
-    strength: float | None = None,
-    reach: float | None = None,
-    rolling_resistance: float = 0.0,
-    torsional_resistance: float = 0.0,
-    paper_damping: float = 0.0,
-) -> tuple[Contact, PaperContact]:
+def _met(file: Tree, paper_damping: float = 0.0) -> tuple[Contact, PaperContact]:
     """Return the contact by default and by the paper's method, whose c_N is ``paper_damping`` [kg/s]."""
-    return (
-        Contact(friction, restitution, strength, reach, rolling_resistance, torsional_resistance),
-        PaperContact(friction, paper_damping, strength, reach),
-    )
+    met: Contact = build(Contact, file, ("contact",), skip=("paper_damping",))
+    return met, PaperContact(met.friction, paper_damping, met.strength, met.reach)
 
 
 def _collisions(tree: Tree) -> Collisions:

@@ -16,6 +16,9 @@ from springgym.measures import SIZE, Measures, view
 from springgym.scenes.plan import Plan
 from springgym.simulator import SimulationDivergedError, Simulator
 
+Progress = Callable[[Iterable[Any]], Iterable[Any]]
+"""A function that wraps an iterator, to show progress."""
+
 MOST_STEPS = 10_000_000
 """Most steps from one recorded state to the next: some seconds without progress or reaction to Ctrl-C."""
 
@@ -81,7 +84,7 @@ def record(
     *,
     dynamics: str = "springs",
     contacts: bool = False,
-    progress: Callable[[Iterable[int]], Iterable[int]] = iter,
+    progress: Progress = iter,
 ) -> Recording:
     """Simulate a plan.
 

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from springgym.extras import missing
+from springgym.registration import nearest_id
 from springgym.scenes import load, names
 from springgym.scenes.film import told
 from springgym.scenes.recording import Recording, record
@@ -117,8 +118,10 @@ def _subject(args: argparse.Namespace) -> Subject:
 
 
 def _is_environment(what: str) -> bool:
-    """Tell whether a name ends as the id of an environment does, and is not that of a file."""
-    return re.search(r"-v[0-9]+$", what) is not None and not isfile(what)
+    """Return whether a name is like the id of an environment, and not that of a scene or a file."""
+    if what in names() or isfile(what):
+        return False
+    return re.search(r"-v[0-9]+$", what) is not None or nearest_id(what) is not None
 
 
 def scenes(first: str) -> Subject:

@@ -11,9 +11,12 @@ import springgym.registration
 from springgym import measures
 from springgym.envs.agent import Policy, alone
 from springgym.envs.trained import Agent, load_agent
+from springgym.identity import sealed
+from springgym.registration import spec_of
 from springgym.scenes import film
+from springgym.scenes.graphs import graphs
 from springgym.scenes.recording import contacts_of
-from springgym.view.motion import Motion, graphs, lacking, touches
+from springgym.view.motion import Motion, lacking, touches
 from springgym.view.page import Changes, Subject
 
 INTERVAL = 5e-3
@@ -49,6 +52,8 @@ def find_agent(agent: str | None, env_id: str) -> Agent:
         If there is no such agent.
     """
     springgym.registration.register()
+    if agent in (None, "zero", "random"):
+        spec_of(env_id)
     if agent in (None, "zero"):
         return Agent("no action", env_id, {}, _zero)
     if agent == "random":
@@ -72,6 +77,9 @@ def _random(env: gym.Env) -> Policy:
     env.action_space.seed(0)
     return lambda observations: np.stack([env.action_space.sample() for _ in observations])
 
+
+SUCCESS = {True: "success · ", False: "no success · ", None: ""}
+"""Part of the summary of an episode, by whether it succeeded; None if its task has no aim."""
 
 ACTUATORS = ("terms.wrench.", "terms.thrust.", "terms.drive.")
 """How the names of what an action sets begin, in the state of a simulator."""
@@ -110,7 +118,7 @@ def played(agent: Agent, seed: int) -> Motion:
         total, over = total + float(reward), terminated or truncated
         after = simulator.state()
         acting = {name: values for name, values in after.items() if name.startswith(ACTUATORS)}
-        simulator.restore(before | acting)
+        simulator.restore(sealed(before | acting))
         taken = 0
         for n in range(1, parts):  # the same period again, to see what is between
             until = every * round(n * cycles / parts)
@@ -148,6 +156,6 @@ def played(agent: Agent, seed: int) -> Motion:
         note=lacking(task.scene),
         summary=(
             f"{steps} steps of {task.period:g} s · return {total:.4g}, {total / steps:.3f} a step · "
-            f"{'success' if info['is_success'] else 'no success'} · largest strain {m.strain.max():.1e}"
+            f"{SUCCESS[info.get('is_success')]}largest strain {m.strain.max():.1e}"
         ),
     )

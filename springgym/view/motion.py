@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from springgym.contacts import Contacts
-from springgym.measures import Measures
 from springgym.rendering import Camera, Look, Marks, Scenery
-from springgym.rendering.look import AMBER, BLUE, GREEN, INK, ORANGE, RED, SLATE, TEAL, Color
+from springgym.rendering.look import GREEN, INK, SLATE, TEAL, Color
 from springgym.scene import Scene
 from springgym.scenes import film
+from springgym.scenes.graphs import Curve, graphs, turns
 from springgym.scenes.recording import Recording, rigid_twin
 from springgym.surfaces import scales
 
@@ -41,18 +41,6 @@ class Touches(NamedTuple):
     """(T, K, 3) force on the first body, as long as it is drawn [m]"""
     mutual: np.ndarray
     """(T, K) mask: True where two bodies touch, and the second feels the opposite"""
-
-
-class Curve(NamedTuple):
-    """A quantity over time, as a graph draws it."""
-
-    values: np.ndarray
-    """(T,)"""
-    color: Color
-
-    def at(self, n: int, share: float) -> float:
-        """Return the value a share of the way from time ``n`` to the next, see `Motion.at`."""
-        return float(self.values[n] + share * (self.values[n + 1] - self.values[n]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,52 +154,6 @@ def of_recording(recording: Recording, *, twin: bool = True) -> Motion:
     )
 
 
-def graphs(m: Measures, scene: Scene) -> dict[str, dict[str, Curve]]:
-    """Return energies, and what else is worth a graph, from measures of shape (T,) and (T, 3).
-
-    The energies of gravity and of the springs count from their least.
-    """
-    lost = m.damping_loss + m.contact_loss + m.friction_loss
-    parts = {
-        "kinetic": Curve(m.kinetic, BLUE),
-        "gravity": Curve(m.gravity - m.gravity.min(), GREEN),
-        "springs": Curve(m.elastic - m.elastic.min(), AMBER),
-        "contact": Curve(m.contact, SLATE),
-        "lost": Curve(lost - lost[0], RED),
-    }
-    total = np.sum([curve.values for curve in parts.values()], axis=0)
-    name, scale = "energy", float(np.abs(total).max())
-    moved = max(float(np.ptp(curve.values)) for curve in parts.values())
-    if moved < 0.25 * scale:  # beside what stays, what moves would be flat
-        name, scale = "energy moved", moved
-        parts = {part: Curve(curve.values - curve.values[0], curve.color) for part, curve in parts.items()}
-        total = total - total[0]
-    shown = {part: curve for part, curve in parts.items() if np.abs(curve.values).max() > 3e-3 * scale}
-    factor, unit = (1e3, "mJ") if scale < 0.02 else (1e-3, "kJ") if scale > 2e4 else (1.0, "J")
-    drawn = {
-        f"{name} [{unit}]": {
-            part: Curve(factor * curve.values, curve.color)
-            for part, curve in (shown | {"sum": Curve(total, INK)}).items()
-        }
-    }
-    drawn["height [m]"] = {"height": Curve(m.centre[:, 2], SLATE)}
-    if any(len(placed.body.springs) for placed in scene.bodies):
-        drawn["strain [%]"] = {"strain": Curve(100 * m.strain, RED)}
-    if not _turns(scene):
-        return drawn
-    tilt = np.degrees(np.arctan2(np.hypot(m.axis[:, 0], m.axis[:, 1]), m.axis[:, 2]))
-    spin = np.einsum("ti,ti->t", m.angular_velocity, m.axis)
-    return drawn | {
-        "tilt [°]": {"tilt": Curve(tilt, ORANGE)},
-        "spin [rad/s]": {"spin": Curve(spin, TEAL)},
-    }
-
-
-def _turns(scene: Scene) -> bool:
-    """Tell whether it is one body, which holds its shape, so that tilt and spin mean something."""
-    return len(scene.bodies) == 1 and not scene.body.floppy and len(scene.body.springs) > 0
-
-
 def _arrows(recording: Recording) -> dict[str, Arrows]:
     """Return arrows of the weight, of what holds against it, of angular velocity and angular momentum.
 
@@ -230,7 +172,7 @@ def _arrows(recording: Recording) -> dict[str, Arrows]:
         if len(scene.bodies) == 1 and (scene.pinned or scene.surfaces):
             push = np.where((longer > 0.02)[:, None], push, 0.0)
             drawn["support"] = Arrows(_supported_at(recording), length * push, GREEN)
-    if _turns(scene):
+    if turns(scene):
         about = x[:, scene.pivot] if scene.pivot >= 0 else m.centre
         for name, vectors, color in (
             ("angular velocity", m.angular_velocity, TEAL),

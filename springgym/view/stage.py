@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -11,7 +12,7 @@ from numpy.typing import ArrayLike
 from springgym.rendering import Camera, Marks, srgb
 from springgym.rendering.look import GRAPHITE, GREEN, ORANGE, RED, STEEL, Arrow, Color, Point
 from springgym.rendering.solids import arrow_path, circle, strain_colors
-from springgym.scenes.film import round_up, strain_scale
+from springgym.scenes.film import BALL, globe, round_up, strain_scale
 from springgym.view.motion import Motion
 
 FOV = 0.5
@@ -86,18 +87,14 @@ class Stage:
         size = motion.extent
         self._ground = self._scene.add_frame("/ground", show_axes=False)
         self._world = self._scene.add_frame("/world", show_axes=False)
-        self._scale = strain_scale(self._strain)
+        self.strain_scale = strain_scale(self._strain)
+        """the strain of the full colour"""
         self._add_scenery(motion)
         self._add_body(motion, size)
         self._nodes: dict[str, Any] = {}
         self._marked: dict[str, Any] = {}
         self._eye = np.asarray(self.camera(motion).eye)
         self.draw(0.0)
-
-    @property
-    def strain_scale(self) -> float:
-        """Return the strain of the full colour."""
-        return self._scale
 
     def show(self, **shown: bool) -> None:
         """Show or hide the ticks of a page by name; with ``follow``, move along with the body."""
@@ -258,11 +255,11 @@ class Stage:
         radii = np.asarray(look.radii)
         self._round = np.flatnonzero(radii > 0)
         if len(self._round):
-            ball, faces = _ball()
+            ball, faces, _ = globe(*BALL)
             count = len(self._round)
             self._balls = self._scene.add_batched_meshes_simple(
                 "/world/body/balls",
-                ball,
+                ball.astype(np.float32),
                 faces,
                 np.tile((1.0, 0.0, 0.0, 0.0), (count, 1)),
                 x[self._round],
@@ -321,7 +318,7 @@ class Stage:
         if shown:
             pairs = np.asarray(motion.look.springs)
             strain = self._strain[n] + share * (self._strain[n + 1] - self._strain[n])
-            colors = strain_colors(strain, self._scale)
+            colors = strain_colors(strain, self.strain_scale)
             self._lines("/world/springs", x[pairs], np.repeat(colors[:, None], 2, axis=1), 4.0)
         self._hide("/world/springs", not shown)
 
@@ -362,19 +359,9 @@ class Stage:
             points = np.concatenate([points[there], points[there & mutual]])
             vectors = np.concatenate([vectors[there], -vectors[there & mutual]])
         name = "/world/contacts/points"
-        node = self._nodes.get(name)
-        if node is not None and node.points.shape == points.shape:
-            node.points = points.astype(np.float32)
-        elif len(points):
-            self._nodes[name] = self._scene.add_point_cloud(
-                name,
-                points.astype(np.float32),
-                RED,
-                point_size=0.012 * motion.extent,
-                point_shape="circle",
-                precision="float32",
-                point_shading="flat",
-            )
+        if len(points):
+            look = {"point_size": 0.012 * motion.extent, "point_shape": "circle", "point_shading": "flat"}
+            self._put(name, self._scene.add_point_cloud, points, colors=RED, precision="float32", **look)
         self._hide(name, not len(points))
         seen = np.linalg.norm(vectors, axis=1) > SHORTEST * motion.extent
         if seen.any():
@@ -383,32 +370,25 @@ class Stage:
 
     def _arrows(self, name: str, starts: np.ndarray, along: np.ndarray, color: Any, size: float) -> None:
         """Draw arrows from points (n, 3) by vectors (n, 3) [m]."""
-        points = np.stack([starts, starts + along], axis=1).astype(np.float32)
-        node = self._nodes.get(name)
-        if node is not None and node.points.shape == points.shape:
-            node.points = points
-        else:
-            self._nodes[name] = self._scene.add_arrows(
-                name,
-                points,
-                toned(color, LIT),
-                shaft_radius=0.014 * size,
-                head_radius=0.04 * size,
-                head_length=0.1 * size,
-            )
+        points, shaft, head = np.stack([starts, starts + along], axis=1), 0.014 * size, 0.04 * size
+        sizes = {"shaft_radius": shaft, "head_radius": head, "head_length": 0.1 * size}
+        self._put(name, self._scene.add_arrows, points, colors=toned(color, LIT), **sizes)
 
     def _lines(self, name: str, points: np.ndarray, colors: np.ndarray, thickness: float) -> None:
         if colors.ndim == 1:
             colors = np.broadcast_to(colors, points.shape)
-        colors = toned(colors)
-        points = points.astype(np.float32)
-        node = self._nodes.get(name)
-        if node is not None and node.points.shape == points.shape:
-            node.points, node.colors = points, colors
-        else:
-            self._nodes[name] = self._scene.add_line_segments(
-                name, points, colors, thickness=thickness, thickness_units="screen"
-            )
+        look = {"thickness": thickness, "thickness_units": "screen"}
+        if node := self._put(name, self._scene.add_line_segments, points, colors=toned(colors), **look):
+            node.colors = toned(colors)
+
+    def _put(self, name: str, add: Callable[..., Any], points: np.ndarray, **look: Any) -> Any:
+        """Move a node to points, and return it, or add one if there is none of so many points."""
+        points, node = points.astype(np.float32), self._nodes.get(name)
+        if node is None or node.points.shape != points.shape:
+            self._nodes[name] = add(name, points, **look)
+            return None
+        node.points = points
+        return node
 
     def _hide(self, name: str, hidden: bool) -> None:
         node = self._nodes.get(name)
@@ -523,16 +503,6 @@ def _tube(sides: int = 14) -> tuple[np.ndarray, np.ndarray]:
     m = (n + 1) % sides
     faces = np.concatenate([np.stack([n, m, m + sides], 1), np.stack([n, m + sides, n + sides], 1)])
     return vertices.astype(np.float32), faces
-
-
-def _ball(rows: int = 12, columns: int = 18) -> tuple[np.ndarray, np.ndarray]:
-    """Return the mesh of a sphere of radius 1."""
-    polar, around = np.meshgrid(
-        np.linspace(0.0, np.pi, rows + 1), np.linspace(0.0, 2 * np.pi, columns + 1), indexing="ij"
-    )
-    flat = np.sin(polar)
-    vertices = np.stack([flat * np.cos(around), flat * np.sin(around), np.cos(polar)], axis=-1)
-    return vertices.reshape(-1, 3).astype(np.float32), _cells(rows + 1, columns + 1)
 
 
 def _cells(rows: int, columns: int) -> np.ndarray:

@@ -5,4 +5,4 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 AGENTS = HERE.parent.parent / "agents"
-sys.path[:0] = [str(AGENTS), str(HERE)]
+sys.path[:0] = [str(AGENTS), str(AGENTS / "studies"), str(HERE)]

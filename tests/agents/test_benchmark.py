@@ -7,11 +7,10 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import benchmark
 import pytest
-import rows as form
+import results
 import runs
 import train
 from conftest import AGENTS, HERE
@@ -57,9 +56,9 @@ def table(folder):
 def test_rows(done):
     found = table(done)
     assert set(found) == {("zero", 0), ("linear", 0), ("ppo", 0)}
-    assert all(list(row) == list(form.FORM) for row in found.values())
+    assert all(list(row) == list(results.FORM) for row in found.values())
     assert all(
-        isinstance(value, form.FORM[name]) for row in found.values() for name, value in row.items()
+        isinstance(value, results.FORM[name]) for row in found.values() for name, value in row.items()
     )  # as JSON has them
     zero, linear, ppo = (found[name, 0] for name in ("zero", "linear", "ppo"))
     assert zero["steps"] == zero["seconds"] == 0
@@ -183,13 +182,13 @@ def test_a_changed_task_is_another_run(done, configs, tmp_path, capsys):
     """The probe of a row differs from that of the task: its agent was trained on something else."""
     folder = tmp_path / "runs"
     shutil.copytree(done, folder)
-    content = (folder / "baselines.json").read_text().replace('"probe": 0.', '"probe": 1.')
+    content = (folder / "baselines.json").read_text().replace('"probe": [0.', '"probe": [1.')
     (folder / "baselines.json").write_text(content)
-    (folder / "Toy-v0-linear-0" / "probe.txt").write_text("0.5\n")
+    (folder / "Toy-v0-linear-0" / "probe.json").write_text("[0.5, 40.0]\n")
     assert benchmark.main(command(folder, configs, "--seeds", "1", algorithms=["linear"])) == 0
     assert "1 runs, 1 of them to do" in capsys.readouterr().out
     assert (folder / "Toy-v0-linear-0.old-1").is_dir()
-    assert table(folder)["linear", 0]["probe"] < 1
+    assert table(folder)["linear", 0]["probe"] == results.probe(TOY)
 
 
 @pytest.mark.parametrize(
@@ -210,7 +209,7 @@ def test_contradicting_arguments(options, says, capsys):
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        (["--tasks", "Absent-v0"], "no entry for 'Absent-v0'"),
+        (["--tasks", "Absent-v0"], "Unknown environment 'Absent-v0'"),
         (["--set", "lr=1"], "unknown key 'lr'"),
         (["--configs", "absent"], "absent/ppo.yaml: cannot read it"),
     ],
@@ -225,7 +224,7 @@ def test_what_is_wrong_is_told_before_anything_runs(options, says, tmp_path, cap
 def test_a_damaged_table(tmp_path, configs, capsys):
     (tmp_path / "baselines.json").write_text("[{}]")
     assert benchmark.main(command(tmp_path, configs)) == 2
-    assert "does not hold the rows of a benchmark" in capsys.readouterr().err
+    assert "does not hold rows of results" in capsys.readouterr().err
 
 
 @pytest.mark.slow
@@ -294,39 +293,36 @@ def without_seconds(folder):
     return found
 
 
-def test_digests_are_the_same_on_another_node():
-    """Ray sends the functions of a script as copies, with what they use of its names."""
-    cloudpickle = pytest.importorskip("cloudpickle")
-    here = benchmark.load_config("ppo", "SpringTop-v0", [])
-    cloudpickle.register_pickle_by_value(benchmark)
-    try:
-        there = cloudpickle.loads(cloudpickle.dumps(benchmark.digest_of))
-    finally:
-        cloudpickle.unregister_pickle_by_value(benchmark)
-    assert there(here) == benchmark.digest_of(here)
+@pytest.mark.parametrize("protocol", [1, None])
+def test_rows_of_an_older_protocol_are_made_again(protocol, done, configs):
+    (row,) = (row for row in json.loads((done / "baselines.json").read_text()) if row["algorithm"] == "zero")
+    cell, plan = results.Cell(TOY, "zero", 0), benchmark.Plan(done, 20, (), configs)
+    assert benchmark.is_current(row, cell, plan)
+    assert not benchmark.is_current(row | {"protocol": protocol}, cell, plan)
+    assert not benchmark.is_current(row | {"probe": [0.5, 40.0]}, cell, plan)
 
 
-def test_digests_know_of_controllers(monkeypatch):
-    """A row of classical control is of what the controller does: another gain makes it anew."""
-    plan = benchmark.Plan(Path(), 100, (), None)
-
-    def told(task="SpringTop-v0"):
-        return benchmark.digest(benchmark.Cell(task, "classical", 0), plan)
-
-    before = told()
-    assert before == told("SpringTopSparse-v0") != told("SpringTopImpulseHard-v0")
+def test_a_probe_knows_of_controllers_and_of_whole_episodes(monkeypatch):
+    """Classical control plays whole episodes in it, so another gain shows."""
+    before = results.probe.__wrapped__("SpringTop-v0")
+    assert before == results.probe.__wrapped__("SpringTop-v0")
+    assert results.same_probe(before, "SpringTop-v0")
+    assert before[3] == 500
     steer = benchmark.controllers_of("SpringTop-v0")["torque"]
     changed = {"torque": lambda task, seen: 1.01 * steer(task, seen)}
     monkeypatch.setattr("controllers.CLASSICAL", {"SpringTop-v0": changed})
-    assert told() != before
+    after = results.probe.__wrapped__("SpringTop-v0")
+    assert after[:2] == before[:2]
+    assert after[2] != before[2]
+    for wrong in (after, before[:2], 0.5):
+        assert not results.same_probe(wrong, "SpringTop-v0")
 
 
 def test_digests_know_of_defaults():
     """What is said and is so by default changes none: nor does a field that is new."""
 
-    def told(*overrides):
-        plan = benchmark.Plan(Path(), 100, overrides, None)
-        return benchmark.digest(benchmark.Cell("SpringTop-v0", "ppo", 0), plan)
+    def digest(*overrides):
+        return results.digest_of(benchmark.load_config("ppo", "SpringTop-v0", overrides))
 
-    assert told() == told("anneal=false") == told("env_kwargs={}")
-    assert len({told(), told("anneal=true"), told("learning_rate=1e-4"), told("env_kwargs.hard=true")}) == 4
+    assert digest() == digest("anneal=false") == digest("env_kwargs={}")
+    assert len({digest(), digest("anneal=true"), digest("gamma=0.9"), digest("env_kwargs.hard=true")}) == 4

@@ -77,7 +77,7 @@ def test_command_line(classical, tmp_path, capsys):
     ("arguments", "says"),
     [
         (["zero"], "error: name the environment with --env, or give a run folder"),
-        (["SpringTop"], "'SpringTop' is no run folder, environment id or baseline; name the environment"),
+        (["SpringTop"], "Unknown environment 'SpringTop'. Did you mean 'SpringTop-v0'?"),
         (["zero", "runs/absent"], "'runs/absent' is no run folder, environment id or baseline; name the"),
         (
             ["clasical", "--env", "Toy-v0"],
@@ -94,3 +94,23 @@ def test_command_line(classical, tmp_path, capsys):
 def test_errors(arguments, says, capsys):
     assert evaluate.main(arguments) == 2
     assert says in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("task", "unit", "score"),
+    [
+        ("SpringDuel-v0", "episode", "0.500 ± 0.500"),
+        ("SpringDuelStrong-v0", "episode", "0.500 ± 0.500"),
+        ("SpringTop-v0", "step", "0.001 ± 0.001"),
+        ("Toy-v0", "step", "0.001 ± 0.001"),
+    ],
+)
+@pytest.mark.parametrize(
+    ("successes", "told"), [(None, "–"), ([False, False], "0 %"), ([True, False], "50 %")]
+)
+def test_a_table_is_in_what_its_task_is_scored_by(task, unit, score, successes, told):
+    """A duel is won or lost in one step, so its score is of an episode; no success is a dash."""
+    found = evaluate.Evaluation("zero", 0, [0.002, 0.0], [500, 500], successes, {})
+    header, line = evaluate.table([found], task).splitlines()
+    assert header.split() == ["agent", f"return/{unit}", "success", "steps"]
+    assert line.split() == ["zero", *score.split(), *told.split(), "500"]

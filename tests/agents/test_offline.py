@@ -3,13 +3,13 @@
 import json
 
 import benchmark
-import check
 import config
 import dataset
 import evaluate
 import numpy as np
 import offline
 import pytest
+import results
 import runs
 
 TASK, OTHER = "SpringRope-v0", "SpringTop-v0"
@@ -55,12 +55,10 @@ def test_a_run_is_evaluated_and_checked_like_others(data, tmp_path, capsys):
     (tmp_path / "rows.json").write_text(json.dumps([row | {"commit": COMMIT}]))
     asked = ["--check", str(tmp_path / "rows.json"), "--agents", str(tmp_path)]
     assert benchmark.main(asked) == 0
-    assert "1 rows, 0 refused, 0 consistent but not played again" in capsys.readouterr().out
-    others = row | {"commit": COMMIT, "data": [own | {"id": "springgym/SpringRope/classical-v0"}]}
-    assert "its configuration asks for the data" in check.refusal(others)
+    assert "1 rows, 0 refused, 0 not played again" in capsys.readouterr().out
     unnamed = {key: value for key, value in row.items() if key != "data"}
     for wrong in (unnamed, row | {"used": []}):
-        assert "data says what it learned from" in check.refusal(wrong)
+        assert "'data' only with data" in results.refusal(wrong)
 
 
 @pytest.mark.slow
@@ -86,7 +84,7 @@ def test_transitions_are_those_of_the_episodes(data):
         np.testing.assert_allclose(found.rewards[part], episode.rewards, rtol=1e-6)
         np.testing.assert_array_equal(found.terminated[part], episode.terminations)
         at += len(episode)
-    assert at == len(found.rewards) == found.told[0]["transitions"]
+    assert at == len(found.rewards) == found.sources[0]["transitions"]
 
 
 def settings(**changes):
@@ -138,7 +136,7 @@ def test_a_folder_or_file_that_holds_something_else(data, tmp_path, capsys):
     asked = [TASK, "--data", RANDOM, "--run", str(tmp_path)]
     (tmp_path / "rows.json").write_text("[{}]")
     assert offline.main([*asked, "--rows", str(tmp_path / "rows.json")]) == 2
-    assert "does not hold rows of offline learning" in capsys.readouterr().err
+    assert "does not hold rows of results" in capsys.readouterr().err
     (tmp_path / "config.yaml").write_text("")
     assert offline.main(asked) == 2
     assert "holds a run already" in capsys.readouterr().err
@@ -166,24 +164,3 @@ def test_without_its_packages_it_says_how_to_get_them(package, name, monkeypatch
     told = capsys.readouterr().err
     assert f"offline.py needs {name}: pip install" in told
     assert "[offline]" in told
-
-
-OWN = {"id": "a", "agent": "b", "episodes": 2, "transitions": 3, "mean_return": 0.1, "digest": "0"}
-
-
-@pytest.mark.parametrize(
-    ("data", "says"),
-    [
-        ([OWN], ""),
-        ([], "data must be a list"),
-        (3, "data must be a list"),
-        ([OWN | {"more": 1}], "an entry of data must hold"),
-        ([OWN | {"id": 1}], "data: id is 1"),
-        ([OWN | {"episodes": 9}], "no such episodes"),
-        ([OWN | {"mean_return": 2}], "no such episodes"),
-        ([OWN, OWN], "names a data set twice"),
-    ],
-)
-def test_what_a_row_says_of_its_data(data, says):
-    found = check.data_form(data)
-    assert says in found if says else found == ""

@@ -157,16 +157,18 @@ def test_one_without_a_time_limit_is_refused(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("env_id", "says"),
     [
-        ("SpringTpo-v0", r"no entry for 'SpringTpo-v0': .* Did you mean: `SpringTop`"),
+        ("SpringTpo-v0", r"Unknown environment 'SpringTpo-v0'\. Did you mean 'SpringTop-v0'\?$"),
         (
             "Absent-v0",
-            r"Environment `Absent` doesn't exist.*\(if a module of yours .* write MODULE:Absent-v0\)$",
+            r"Unknown environment 'Absent-v0'\. If a module of yours registers it, write MODULE:Absent-v0$",
         ),
-        ("absent:Own-v0", r"no entry for 'absent:Own-v0': No module named 'absent'"),
+        ("absent:Own-v0", r"Unknown environment 'absent:Own-v0'\. No module named 'absent'$"),
+        ("toy_env:Toyy-v0", r"Unknown environment 'toy_env:Toyy-v0'\. Did you mean 'toy_env:Toy-v0'\?$"),
+        ("math:Own-v0", r"Unknown environment 'math:Own-v0'\. The module math does not register it$"),
     ],
 )
 def test_an_id_that_is_mistyped_is_named(env_id, says):
-    with pytest.raises(config.ConfigError, match=says):
+    with pytest.raises(config.UnknownEnvironment, match=says):
         config.load_config("ppo", env_id)
 
 

@@ -6,7 +6,9 @@ from dataclasses import replace
 import gymnasium as gym
 import numpy as np
 import plan
+import plan_rows
 import pytest
+import results
 
 import springgym
 
@@ -122,27 +124,28 @@ def test_episodes_at_once_are_those_one_by_one():
 
 def test_intervals_of_success():
     """Of 5 in 5 and 0 in 10 (Wilson, 95 %)."""
-    assert plan.wilson(5, 5) == pytest.approx((0.5655, 1.0), abs=1e-4)
-    assert plan.wilson(0, 10) == pytest.approx((0.0, 0.2775), abs=1e-4)
+    assert results.wilson(5, 5) == pytest.approx((0.5655, 1.0), abs=1e-4)
+    assert results.wilson(0, 10) == pytest.approx((0.0, 0.2775), abs=1e-4)
 
 
 def test_every_environment_has_its_turn():
     from springgym.registration import ENVIRONMENTS
 
-    assert sorted(plan.CHEAPEST_FIRST) == sorted(row.id for row in ENVIRONMENTS)
-    assert set(plan.SETTINGS) <= set(plan.CHEAPEST_FIRST)
-    for task in plan.CHEAPEST_FIRST:
+    assert sorted(plan_rows.CHEAPEST_FIRST) == sorted(row.id for row in ENVIRONMENTS)
+    assert set(plan.SETTINGS) <= set(plan_rows.CHEAPEST_FIRST)
+    for task in plan_rows.CHEAPEST_FIRST:
         plan.planner_of(task)  # its settings are known
     assert plan.planner_of("SpringTopSparse-v0") == plan.planner_of(TASK)
 
 
 def test_rows_are_made_once_and_go_on(tmp_path, capsys, monkeypatch):
     """A row is skipped while nothing has changed; a stopped one goes on after the episodes that were kept."""
-    monkeypatch.setattr(plan, "AT_ONCE", 1)
-    monkeypatch.setattr(plan, "probe", lambda task: 0.5)
+    monkeypatch.setattr(plan_rows, "AT_ONCE", 1)
+    monkeypatch.setattr(plan_rows, "probe", lambda task: [0.5])
+    monkeypatch.setattr(plan_rows, "same_probe", lambda probe, task: probe == [0.5])
     path, counted = tmp_path / "rows.json", []
 
-    def play(envs, model, seeds, planner):
+    def play(task, planner, seeds):
         if len(counted) == 1 and not stopped:
             stopped.append(True)
             raise KeyboardInterrupt
@@ -150,33 +153,52 @@ def test_rows_are_made_once_and_go_on(tmp_path, capsys, monkeypatch):
         return [{"seed": s, "return": 0.25, "success": True, "steps": 10, "seconds": 0.5} for s in seeds]
 
     stopped = []
-    monkeypatch.setattr(plan, "play", play)
-    asked = ["--tasks", TASK, "--episodes", "2", "--rows", str(path), *SMALL]
-    assert plan.main(asked) == plan.INTERRUPTED
+    monkeypatch.setattr(plan_rows, "play_episodes", play)
+    asked = [str(path), "--tasks", TASK, "--episodes", "2"]
+    assert plan_rows.main(asked) == plan_rows.INTERRUPTED
     assert not path.exists()
-    assert plan.main(asked) == plan.main(asked) == 0
+    assert plan_rows.main(asked) == plan_rows.main(asked) == 0
     assert counted == [plan.HELD_OUT_SEED, plan.HELD_OUT_SEED + 1]
     (row,) = json.loads(path.read_text())
     assert (row["task"], row["algorithm"], row["episodes"]) == (TASK, "planner", 2)
     assert (row["mean_return"], row["success_rate"], row["seconds"]) == (0.25, 1.0, 1.0)
     assert row["real_time_factor"] == pytest.approx(1.0 / (20 * 0.02))
-    assert row["planner"]["samples"] == 8
-    assert plan.main([*asked, "--samples", "9"]) == 0
-    assert len(counted) == 4
+    assert row["planner"]["samples"] == 64
+    for old in ({"config": "0"}, {"protocol": 1}, {"probe": [0.6]}):
+        path.write_text(json.dumps([row | old]))
+        path.with_suffix(".parts.json").unlink()
+        assert plan_rows.main(asked) == 0
+        assert (counted[-2:], json.loads(path.read_text())) == (counted[:2], [row])
+    assert len(counted) == 8
     assert "s of one core a simulated second" in capsys.readouterr().out
     path.write_text("[{}]")
-    assert plan.main(asked) == 2
-    assert "does not hold rows of tasks" in capsys.readouterr().err
+    assert plan_rows.main(asked) == 2
+    assert "does not hold rows of results" in capsys.readouterr().err
+
+
+def test_episodes_of_a_task_are_played_ten_at_a_time(monkeypatch, capsys):
+    """What an environment reports no success of has a dash."""
+    counted = []
+
+    def play(task, planner, seeds):
+        counted.append((planner.samples, planner.elites, list(seeds)))
+        return [{"return": 0.25, "success": None, "steps": 10, "seconds": 0.5} for _ in seeds]
+
+    monkeypatch.setattr(plan, "play_episodes", play)
+    assert plan.main(["--tasks", TASK, "--episodes", "12", "--seed", "3", "--samples", "4"]) == 0
+    assert counted == [(4, 4, [*range(3, 13)]), (4, 4, [13, 14])]
+    said = capsys.readouterr().out
+    assert f"{TASK}: return 0.250 (0.250–0.250) per step, success – of 12 episodes, 2.50 s" in said
 
 
 @pytest.mark.parametrize("text", ["0", "-1", "nan", "inf", "far", "1e9"])
 def test_lengths_of_time_are_checked(text, capsys):
     with pytest.raises(SystemExit):
-        plan.main(["--horizon", text])
+        plan.main(["--tasks", TASK, "--horizon", text])
     assert "must be a number from 0.001 to 1000" in capsys.readouterr().err
 
 
 def test_the_digest_tells_planners_apart():
     planner = plan.Planner()
-    assert plan.digest(planner) == plan.digest(plan.Planner())
-    assert plan.digest(planner) != plan.digest(replace(planner, colour=0.5))
+    assert plan_rows.digest(planner) == plan_rows.digest(plan.Planner())
+    assert plan_rows.digest(planner) != plan_rows.digest(replace(planner, colour=0.5))

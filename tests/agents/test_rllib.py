@@ -13,7 +13,7 @@ import torch
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["Absent-v0"], "no entry for 'Absent-v0'"),
+        (["Absent-v0"], "Unknown environment 'Absent-v0'"),
         (["SpringTop-v0", "--copies", "3"], "= 384 is not a multiple of 1024"),
         (["SpringTop-v0", "--resume"], "has no checkpoint"),
     ],

@@ -50,7 +50,7 @@ def test_table():
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["Absent-v0"], "no entry for 'Absent-v0'"),
+        (["Absent-v0"], "Unknown environment 'Absent-v0'"),
         (["SpringRope-v0"], "has no rigid twin"),
         (["SpringTop-v0", "--set", "lr=1"], "unknown key 'lr'"),
     ],

@@ -74,6 +74,6 @@ def test_what_is_searched_is_there(algo):
 
 def test_errors(command, capsys):
     assert tune.main(["Absent-v0"]) == 2
-    assert "no entry for 'Absent-v0'" in capsys.readouterr().err
+    assert "Unknown environment 'Absent-v0'" in capsys.readouterr().err
     assert tune.main([*command(), "lr=1"]) == 2
     assert "unknown key 'lr'" in capsys.readouterr().err

@@ -145,7 +145,7 @@ def test_agent_must_be_known(capsys):
     assert watch.main(["zero", "--env", "CartPole-v1", "--out", "toy.gif"]) == 2
     assert "CartPole-v1 has no continuous actions" in capsys.readouterr().err
     assert watch.main(["zero", "--env", "SpringTop-v9", "--out", "toy.gif"]) == 2
-    assert "no entry for 'SpringTop-v9': Environment version" in capsys.readouterr().err
+    assert "Unknown environment 'SpringTop-v9'. Did you mean 'SpringTop-v0'?" in capsys.readouterr().err
     with pytest.raises(SystemExit):
         watch.main(["zero", "--env", "Toy-v0", "--out", "toy.avi"])
     assert "--out toy.avi: the name must end in .gif, .mp4 or .html" in capsys.readouterr().err

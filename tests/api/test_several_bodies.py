@@ -106,17 +106,11 @@ def test_two_tops_in_one_scene_are_two_scenes_of_one(method: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", integrators.METHODS)
-def test_two_tops_in_float32_are_two_scenes_of_one(method: str) -> None:
-    backward = integrators.integrator(method).negative_substeps
-    scene = tops(TOP.with_(damping=0.0) if backward else TOP)
-    assert_each_as_alone(scene, integrator=method, step=2e-4, copies=5, dtype=np.float32)
+def test_two_tops_in_float32_are_two_scenes_of_one() -> None:
+    assert_each_as_alone(tops(TOP), step=2e-4, copies=5, dtype=np.float32)
 
 
-@pytest.mark.parametrize(
-    "method",
-    [pytest.param(name, marks=() if name == "suzuki" else pytest.mark.slow) for name in rigid.METHODS],
-)
+@pytest.mark.parametrize("method", rigid.METHODS)
 @pytest.mark.slow
 def test_two_rigid_tops_in_one_scene_are_two_scenes_of_one(method: str) -> None:
     assert_each_as_alone(tops(TOP), dynamics="rigid", integrator=method, step=1e-3)

@@ -56,7 +56,7 @@ def test_names_do_not_lie_on_each_other(heights):
 def test_figures_of_the_repository(name, tmp_path, monkeypatch):
     drawn = []
     monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: drawn.append(figure))
-    figures.draw(name, REPORT[name], tmp_path / "figure.svg")
+    figures.draw_accuracy(name, REPORT[name], tmp_path / "figure.svg")
     check(drawn[0])
 
 

@@ -85,15 +85,19 @@ def test_too_fast_is_an_error() -> None:
 
 
 def test_counted_in_place_of_an_error() -> None:
-    """Who asks for it is told by numbers alone; whoever does not check, too; and can forget."""
+    """Who asks for it is told by numbers alone, as is whoever neither checks nor reads; and can forget."""
     simulator = two_balls(30.0, unresolved="count")
     simulator.advance(100)
     assert simulator.unresolved.tolist() == [True]
+    state = simulator.state()
     simulator.pairs(forget=True)
+    assert simulator.unresolved.tolist() == [False]
     simulator.advance(1)
     assert simulator.unresolved.tolist() == [False]
+    simulator.restore(state)
+    assert simulator.unresolved.tolist() == [True]
     unchecked = two_balls(30.0)
-    unchecked.advance(100, check=False, read=True)
+    unchecked.advance(100, check=False)
     assert unchecked.unresolved.tolist() == [True]
 
 

@@ -32,7 +32,7 @@ TWINLESS = [*FLOPPY, *COLLIDING]
 """They have no rigid twin, or one whose kernel takes a minute to compile: a slow test plays it."""
 
 DUEL = "SpringDuel-v0"
-"""Its bowl takes a kernel of its own."""
+"""Its bowl takes a kernel of its own: slow runs play it."""
 
 QUICK = ("SpringTop-v0", "SpringTumble-v0")
 """Of these, on a pin and among surfaces, what takes kernels of its own is tested always."""
@@ -83,14 +83,13 @@ case_of_each_kind = _parametrized(
 """Run a test on the first case of each of `KINDS`, and on the first kind's other observation and action."""
 
 
-def each_with(name: str, values: Iterable[Any]) -> pytest.MarkDecorator:
+def each_with(name: str, values: Iterable[Any], usual: tuple[str, ...] = KINDS) -> pytest.MarkDecorator:
     """Run a test once on each environment, with the values of another parameter in turn.
 
-    Always on `KINDS`, on the others in slow runs.
+    Always on the ``usual`` ones, on the others in slow runs.
     """
-    ids = sorted(IDS, key=lambda env_id: KINDS.index(env_id) if env_id in KINDS else len(KINDS))
-    pairs = zip(ids, cycle(values), strict=False)
-    params = [pytest.param(*pair, marks=slow_unless(pair[0] in KINDS)) for pair in pairs]
+    pairs = zip([*KINDS, *(env_id for env_id in IDS if env_id not in KINDS)], cycle(values), strict=False)
+    params = [pytest.param(*pair, marks=slow_unless(pair[0] in usual)) for pair in pairs]
     return pytest.mark.parametrize(("env_id", name), params)
 
 

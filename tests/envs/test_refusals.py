@@ -189,7 +189,7 @@ def options(env_id: str) -> list[str]:
     return [part.split('"')[1] for part in given.split(",")]
 
 
-@each_with("copies", [None, 3])
+@each_with("copies", [None, 3], usual=QUICK)
 def test_every_option_and_seed_of_a_reset(env_id: str, copies: int | None) -> None:
     """What is refused changes nothing, nor consumes random numbers; what is taken starts soundly."""
     factor = "masses" if env_id in QUICK else "actuator"  # the latter is compiled with nothing new

@@ -182,6 +182,16 @@ def test_success_of_ones_own() -> None:
     assert reported == [n >= first + 2 for n in range(30)]
 
 
+@pytest.mark.parametrize("aim", [False, True])
+def test_without_an_aim_there_is_no_success(aim: bool) -> None:
+    options = {"succeeded": lambda m, s: m.centre[:, 2] > 0.02} if aim else {}
+    for env in (make(**options), make(num_envs=2, **options)):
+        _, begun = env.reset(seed=0)
+        *_, info = env.step(env.action_space.sample())
+        assert ("is_success" in info, "is_success" in begun) == (aim, aim)
+        assert "diverged" in info
+
+
 @pytest.mark.parametrize("wins", [False, True])
 @pytest.mark.parametrize("copies", [None, 2])
 def test_an_end_is_lost_unless_it_is_said_to_win(copies: int | None, wins: bool) -> None:

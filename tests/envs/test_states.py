@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import math
 import pickle
 import threading
 from collections.abc import Callable
@@ -137,32 +136,32 @@ def mangled(state: dict[str, Any]) -> dict[str, Any]:
             "episodes": {k: v for k, v in state["episodes"].items() if k != key}
         }
         spoilt[f"odd {key}"] = state | {"episodes": state["episodes"] | {key: np.zeros((2, 2), np.float32)}}
-    for key, values in state["episodes"]["simulator"].items():
-        if key == "x":
-            lost = values.copy()
-            lost["lanes"][:] = np.nan
-            inner = state["episodes"]["simulator"] | {key: lost}
-            spoilt["nowhere"] = state | {"episodes": state["episodes"] | {"simulator": inner}}
-    rngs: list[Any] = [None, 3, [], {}, {"bit_generator": "system"}, state["rng"] | {"state": 1}]
-    rngs += [state["rng"] | {"has_uint32": value} for value in (-1, 2**40, "no", 0.5)]
-    inside = state["rng"]["state"]
-    rngs += [state["rng"] | {"state": inside | {"state": value}} for value in (2**200, -1, 1.5, "1", None)]
-    for kind, count in (("MT19937", "pos"), ("Philox", "buffer_pos")):
-        its = getattr(np.random, kind)(0).state
-        for place in (-1, 10**6):
-            within = its["state"] | {count: place} if count in its["state"] else its["state"]
-            rngs.append(its | {"state": within} | ({} if count in its["state"] else {count: place}))
+    inside = state["rng"]["state"] | {"state": 1}
+    rngs: list[Any] = [None, 3, [], {}, state["rng"] | {"state": inside}, np.random.MT19937(0).state]
     spoilt |= {f"rng {n}": state | {"rng": rng} for n, rng in enumerate(rngs)}
-    spoilt |= {f"seed {seed}": state | {"seed": seed} for seed in (None, "1", -2, 1.5, True)}
-    spoilt |= {f"ready {ready}": state | {"ready": ready} for ready in (None, "no", 1, np.zeros(3))}
+    spoilt |= {f"seed {seed}": state | {"seed": seed} for seed in (None, "1", -2, -1, 1.5, True)}
+    spoilt |= {f"ready {ready}": state | {"ready": ready} for ready in (None, "no", 1, False, np.zeros(3))}
+    spoilt |= {f"checksums {n}": state | {"checksums": wrong} for n, wrong in enumerate((None, {}, 3))}
     return spoilt
 
 
-def with_value(state: dict[str, Any], name: str, value: Any) -> dict[str, Any]:
-    """Return a state in which the last entry of one array of the episodes is another value."""
-    array = state["episodes"][name].copy()
-    array[..., -1] = value
-    return state | {"episodes": state["episodes"] | {name: array}}
+def edited(env: Any) -> dict[str, Any]:
+    """Return states in each of which one array that is not empty differs by the smallest number."""
+
+    def changed(state: dict[str, Any]) -> dict[str, dict[str, Any]]:
+        found = {}
+        for name, array in state.items():
+            if isinstance(array, np.ndarray) and array.size:
+                other = array.copy()
+                flat = other.view(np.uint8).reshape(-1)
+                flat[0] ^= 1
+                found[name] = state | {name: other}
+        return found
+
+    state = frozen(env)
+    episodes = state["episodes"]
+    within = {name: episodes | {"simulator": its} for name, its in changed(episodes["simulator"]).items()}
+    return {name: state | {"episodes": its} for name, its in (changed(episodes) | within).items()}
 
 
 def check_refused(env: Any, states: dict[str, Any]) -> None:
@@ -185,7 +184,7 @@ def check_refused(env: Any, states: dict[str, Any]) -> None:
 def test_what_is_no_state_is_told(state: Any, says: str) -> None:
     env = make(IDS[0])
     env.reset(seed=5)
-    with pytest.raises(ValueError, match=f"{says} it must hold episodes, rng, seed, ready"):
+    with pytest.raises(ValueError, match=f"{says} it must hold episodes, rng, seed, ready, che"):
         springgym.set_state(env, state)
 
 
@@ -194,15 +193,6 @@ def test_states_of_others_are_refused_and_change_nothing() -> None:
     env.reset(seed=5)
     lives(env, actions(env, 3))
     check_refused(env, variants())
-
-
-@pytest.mark.slow
-def test_states_of_another_precision_are_refused() -> None:
-    single = make(IDS[0], dtype="float32")
-    single.reset(seed=0)
-    env = make(IDS[0])
-    env.reset(seed=0)
-    check_refused(env, {"dtype": frozen(single)})
 
 
 def test_mangled_states_are_refused_and_change_nothing() -> None:
@@ -216,38 +206,25 @@ def test_mangled_states_are_refused_and_change_nothing() -> None:
         envs,
         {
             "two rngs": state | {"rng": state["rng"][:2]},
-            "two ends": state | {"ended": state["ended"][:2]},
-            "two seeds": state | {"seed": state["seed"][:2]},
-            "no list": state | {"rng": 3},
             "one rng mangled": state | {"rng": [*state["rng"][:2], {}]},
-            "ends of another kind": state | {"ended": np.zeros(3)},
-            "ends of another shape": state | {"ended": np.zeros((3, 1), bool)},
+            "other ends": state | {"ended": ~state["ended"]},
         },
     )
 
 
-@pytest.mark.parametrize(
-    ("env_id", "name", "values"),
-    [
-        ("SpringTumble-v0", "goal", (math.nan, math.inf, -1.0, 1.5, 1e9)),  # a particle, that is looked up
-        ("SpringGyroscope-v0", "goal", (math.nan, -math.inf)),
-        (IDS[0], "factors", (math.nan, 0.0, -1.0, 0.79, 1.3)),
-        (IDS[0], "action", (math.nan, 1.1)),
-        (IDS[0], "elapsed", (-1,)),
-        (IDS[0], "held", (-1,)),
-        (IDS[0], "balance", (math.nan,)),
-    ],
-)
-def test_values_that_no_state_has_are_refused(env_id: str, name: str, values: tuple[float, ...]) -> None:
-    """Before anything is changed, be it the particles, which are looked at last."""
-    env = make(env_id, **({"randomize": {"actuator": (0.8, 1.2)}} if name == "factors" else {})).unwrapped
-    state = copy.deepcopy(env.get_state())
-    elsewhere = state["episodes"]["simulator"] | {"time": np.ones(1)}
-    state["episodes"] |= {"simulator": elsewhere}
-    wrong = {str(value): with_value(state, name, value) for value in values}
-    check_refused(env, wrong)
-    env.set_state(state)
-    assert env.episodes.simulator.time[0] == 1
+@pytest.mark.parametrize("env_id", ["SpringTumble-v0", "SpringGyroscope-v0"])
+def test_an_edited_state_is_refused_by_name_and_changes_nothing(env_id: str) -> None:
+    """Positions follow from those at the last node: the next step would undo an edit."""
+    env = make(env_id, randomize={"masses": (0.8, 1.2)})
+    env.reset(seed=5)
+    lives(env, actions(env, 3))
+    states = edited(env)
+    assert {"x", "v", "time", "goal", "factors", "elapsed", "terms.particles.mass"} <= states.keys()
+    before = frozen(env)
+    for name, state in states.items():
+        with pytest.raises(ValueError, match=rf"state\['{name}'\] was edited"):
+            springgym.set_state(env, state)
+        same(frozen(env), before, name)
 
 
 # --- Calls that break off -----------------------------------------------------------------------------
@@ -472,16 +449,7 @@ def test_copies_that_no_state_can_be_set_into_are_refused() -> None:
     wrong: list[tuple[Any, Any, type[Exception], str]] = [
         (state, [], ValueError, "copies is .*must name a copy"),
         (state, np.zeros(4, bool), ValueError, "must name a copy"),
-        (state, [1, 1], ValueError, "names 1 twice"),
         (state, [4], ValueError, r"copies\[0\] is 4; it must be a whole number from 0 to 3"),
-        (state, [-1], ValueError, r"copies\[0\] is -1"),
-        (state, 2, ValueError, r"of shape \(\)"),
-        (state, True, ValueError, r"of shape \(\)"),
-        (state, [1.0], TypeError, "whole numbers"),
-        (state, ["1"], TypeError, "whole numbers"),
-        (state, [True, 2], TypeError, "numbers and bools"),
-        (state, [True, False], ValueError, "is a mask of shape"),
-        (state, [[0, 1]], ValueError, "of shape"),
         (
             two,
             [0, 1, 2],
@@ -490,16 +458,10 @@ def test_copies_that_no_state_can_be_set_into_are_refused() -> None:
         ),
         (two, [3], ValueError, "the state holds 2 copies, but copies names 1"),
         (before, [3], ValueError, "the state holds 4 copies"),
-        (state | {"ready": False}, [3], ValueError, r"state\['ready'\] is False; .*must have begun"),
-        (
-            two | {"rng": two["rng"][:1]},
-            [0, 1],
-            ValueError,
-            r"'rng'\] holds 1 copies; it must hold 2",
-        ),
-        (two | {"ended": np.zeros((2, 1), bool)}, [0, 1], ValueError, "it must be a mask"),
-        (two | {"seed": [1, -2]}, [0, 1], ValueError, r"state\['seed'\]\[1\] is -2"),
-        (state, None, ValueError, "it must hold episodes, rng, seed, ready, ended"),
+        (two | {"rng": two["rng"][:1]}, [0, 1], ValueError, r"state\['rng'\] was edited"),
+        (two | {"ended": np.ones(2, bool)}, [0, 1], ValueError, r"state\['ended'\] was edited"),
+        (two | {"seed": [1, -1]}, [0, 1], ValueError, r"state\['seed'\] was edited"),
+        (state, None, ValueError, "the state is that of a single environment; name copies"),
         ({}, [0], ValueError, "it holds nothing"),
         (None, [0], ValueError, "it is None"),
         (state | {"episodes": 3}, [0], ValueError, "state is not the state of an environment"),
@@ -526,15 +488,6 @@ def test_mangled_states_are_set_into_no_copies() -> None:
         with pytest.raises((ValueError, TypeError), match="state"):
             springgym.set_state(envs, given, [1, 2])
         same(frozen(envs), before, name)
-    two = springgym.get_state(envs, [0, 1])
-    episodes = two["episodes"]
-    one = springgym.get_state(envs, [0])["episodes"]
-    for name in episodes:
-        if name not in ("of", "factors"):  # of which there are none
-            mixed = two | {"episodes": episodes | {name: one[name]}}
-            with pytest.raises(ValueError, match="state"):
-                springgym.set_state(envs, mixed, [1, 2])
-            same(frozen(envs), before, name)
 
 
 def test_copies_of_a_batch_in_which_no_episode_has_begun() -> None:

@@ -11,14 +11,9 @@ from springgym.core.blocks import flat_numbers, put
 from springgym.integrators import METHODS, integrator
 from tests.integrators.problems import simulator, tetrahedron
 
-pytestmark = pytest.mark.own_kernels
+pytestmark = [pytest.mark.own_kernels, pytest.mark.slow]
 
 COPIES, STEPS = 11, 200
-QUICK = ("verlet",)
-"""A batch compiles for seconds."""
-each_method = pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in METHODS]
-)
 
 
 def batch(name: str, copies: Any, threads: int = 1, spoilt: int | None = None, **options: Any) -> tuple:
@@ -40,8 +35,9 @@ def batch(name: str, copies: Any, threads: int = 1, spoilt: int | None = None, *
     return made.positions, made.velocities, energies, counts
 
 
-@each_method
+@pytest.mark.parametrize("name", METHODS)
 def test_batch_equals_single(name: str) -> None:
+    """Also if one of its copies diverges. Every run tests verlet so, `tests/envs/test_contract.py`."""
     options: dict[str, Any] = {"tolerance": (1e-10, 1e-10)} if integrator(name).controlled else {}
     together = batch(name, range(COPIES), **options)
     threaded = batch(name, range(COPIES), threads=2, **options)
@@ -56,12 +52,8 @@ def test_batch_equals_single(name: str) -> None:
     assert np.ptp(energies[:, 0]) > 0.1
     if integrator(name).controlled:
         assert np.ptp(counts, axis=0).max() > 5  # the copies did not march in step
-
-
-@each_method
-def test_diverging_copy_leaves_others_alone(name: str) -> None:
-    whole, spoilt = batch(name, range(COPIES)), batch(name, range(COPIES), spoilt=3)
+    spoilt = batch(name, range(COPIES), spoilt=3, **options)
     others = np.arange(COPIES) != 3
     assert np.isnan(spoilt[0][3]).any()
-    for ours, theirs in zip(whole, spoilt, strict=True):
+    for ours, theirs in zip(together, spoilt, strict=True):
         np.testing.assert_array_equal(ours[others], theirs[others])

@@ -126,10 +126,7 @@ def seen(shape, mark, y, camera=FRONT, strain=None):
     for shown in (False, True):
         traced = replace(look, trace=len(positions), trace_length=11)
         renderer = Renderer(
-            traced if mark == "trace" else look,
-            camera,
-            given if shown and mark == "vertical" else None,
-            SIZE,
+            traced if mark == "trace" else look, camera, given if shown and mark == "vertical" else None, SIZE
         )
         path = given if mark == "trace" and shown else [(9.0, 9.0, 9.0)]
         for point in path:

@@ -26,6 +26,7 @@ from springgym.rendering.look import INK
 from springgym.scene import MOST_TOLD, Placed, Scene
 from springgym.scenes import load, names, plots
 from springgym.scenes.checks import CHECKS, Check
+from springgym.scenes.checks.basis import within
 from springgym.scenes.film import (
     camera,
     frames,
@@ -43,6 +44,7 @@ from springgym.scenes.plots import PLOTS, draw
 from springgym.scenes.recording import record
 from tests.params import slow_but
 from tests.scenes.conftest import marked, recorded
+from tests.test_docs import page_writer
 
 SHORT = ["simulate", "cube-pendulum", "--duration", "0.1"]
 
@@ -139,7 +141,7 @@ def test_check_that_is_not_covered_is_no_pass(capsys, monkeypatch):
         assert main(["simulate", "cube-pendulum", "--check"]) == status
         out = capsys.readouterr().out
         assert ("1 of 2 checks not covered" in out) == (status == 3)
-        assert ("not covered, theory leaves out 2.5e-01" in out) == (doubtful in checks)
+        assert ("not covered, theory leaves out 25 %" in out) == (doubtful in checks)
 
 
 @pytest.mark.parametrize("name", marked(["cube-pendulum", "top", "steady-top", "cube-drop", "rope-hanging"]))
@@ -185,7 +187,7 @@ def test_an_output_that_cannot_be_written_is_one_line():
 
 @pytest.mark.parametrize("option", ["--trace", "--plot", "--video"])
 def test_a_file_that_cannot_be_written_leaves_the_old_one(capsys, monkeypatch, tmp_path, option):
-    def fails(*arguments):
+    def fails(*arguments, **options):
         Path(arguments[-1]).write_text("half")
         raise OSError(errno.ENOSPC, "No space left on device")
 
@@ -334,16 +336,19 @@ def test_help_imports_no_command():
 
 
 def test_table_shows_relative_and_absolute_differences():
-    lines = simulating.table(
-        [
-            Check("a period", 2.0, 2.02, 0.04, "s"),
-            Check("a drift", 0.0, 3e-5, 1e-5, "m"),
-            Check("b", 1, float("nan"), 1, ""),
-        ]
-    ).splitlines()
-    assert lines[1].split() == ["a", "period", "2", "2.02", "s", "+1.0e-02", "2.0e-02", "ok"]
-    assert lines[2].split() == ["a", "drift", "0", "3e-05", "m", "+3.0e-05", "m", "1.0e-05", "m", "FAILED"]
-    assert lines[3].split() == ["b", "1", "not", "seen", "1.0e+00", "FAILED"]
+    checks = [
+        Check("a period", 2.0, 2.02, 0.04, "s"),
+        Check("a drift", 0.0, 3e-5, 1e-5, "m"),
+        Check("b", 1, float("nan"), 1, ""),
+        *(within(0.015, "c", theory, theory, "m") for theory in (0.7, 1.0, 3.1)),
+    ]
+    lines = simulating.table(checks).splitlines()
+    assert lines[1].split() == ["a", "period", "2", "2.02", "s", "+1", "%", "2", "%", "ok"]
+    assert lines[2].split() == ["a", "drift", "0", "3e-05", "m", "+3e-05", "m", "1e-05", "m", "FAILED"]
+    assert lines[3].split() == ["b", "1", "not", "seen", "100", "%", "FAILED"]
+    assert all(line.split()[-3:] == ["1.5", "%", "ok"] for line in lines[4:])
+    on_the_site = page_writer("media").rows(checks)
+    assert [row[5] for row in on_the_site[1:]] == ["2 %", "1e-05 m", "100 %", *["1.5 %"] * 3]
 
 
 # --- Plots and films --------------------------------------------------------------------------------
@@ -539,10 +544,12 @@ def test_the_light_end_of_an_uneven_ball_is_dark():
 
 
 @pytest.mark.slow
-def test_film_is_written_in_real_time(tmp_path):
+def test_film_is_written_in_real_time(tmp_path, monkeypatch):
     imageio = pytest.importorskip("imageio.v3")
-    path = tmp_path / "film.gif"
+    path, shown = tmp_path / "film.gif", {}
+    monkeypatch.setattr(simulating, "_bar", lambda name: lambda items: shown.setdefault(name, list(items)))
     assert main(["simulate", "cube-pendulum", "--duration", "0.5", "--video", str(path)]) == 0
+    assert {name: len(items) for name, items in shown.items()} == {"cube-pendulum": 51, "film": 13}
     film = imageio.imread(path, index=None)
     assert len(film) == 13  # 25 frames a second
     assert film[0].shape == (640, 640, 3)

@@ -85,6 +85,15 @@ class Check(NamedTuple):
         return self.covered and bool(abs(self.measured - self.theory) <= self.tolerance)
 
 
+def two_figures(result: Check, difference: float, sign: str = "") -> str:
+    """Write a difference of a check in two significant digits: in % of theory, or in its unit if that is 0.
+
+    ``sign`` is "+" to write the sign of positive numbers, too.
+    """
+    share = 100 * difference / abs(result.theory) if result.theory else difference
+    return f"{float(f'{share:.2g}'):{sign}g} {'%' if result.theory else result.unit}".rstrip()
+
+
 def within(
     share: float, quantity: str, theory: float, measured: float, unit: str, doubt: float = 0.0
 ) -> Check:

@@ -6,7 +6,9 @@ Each function raises `ValueError` if it is not, saying by what.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +19,8 @@ from springgym.bodies.network import vibrations
 from springgym.bodies.precession import axial_moments, heavy_top
 from springgym.bodies.rotations import axes
 from springgym.rigid.shape import check_rigid
+from springgym.scene import Scene
+from springgym.scenes.checks.basis import Need
 from springgym.scenes.plan import Plan
 from springgym.surfaces import Bowl, Contact, Pipe, Plane, scales
 
@@ -25,11 +29,102 @@ TURNS_OVER = math.radians(45)
 that than to the axis about which it spins."""
 
 
-def gravity(plan: Plan) -> None:
-    if plan.scene.gravity is None or not any(plan.scene.gravity):
-        raise ValueError("there is no gravity")
-    if any(plan.scene.gravity[:2]) or plan.scene.gravity[2] > 0:
-        raise ValueError("gravity does not pull straight down")
+def _need(holds: Callable[[Scene], object], refusal: str, *before: Need) -> Need:
+    """Return a requirement: what it needs ``before``, and that something holds of the scene."""
+
+    def check(plan: Plan) -> None:
+        for need in before:
+            need(plan)
+        if not holds(plan.scene):
+            raise ValueError(refusal)
+
+    return check
+
+
+def _contacts(scene: Scene) -> list[Contact]:
+    """Return the contacts of a scene, of surfaces and of bodies, but for those of the paper's method."""
+    every = scene.contact, *(met.contact for met in scene.meetings)
+    return [one for one in every if isinstance(one, Contact)]
+
+
+def _first(scene: Scene) -> Any:
+    """Return the first surface."""
+    return scene.surfaces[0]
+
+
+gravity = _need(
+    lambda scene: not any(scene.gravity[:2]) and scene.gravity[2] < 0,
+    "gravity does not pull straight down",
+    _need(lambda scene: any(scene.gravity or ()), "there is no gravity"),
+)
+surface = _need(lambda scene: scene.surfaces, "it has no surface")
+plane = _need(lambda scene: isinstance(_first(scene), Plane), "its first surface is not a plane", surface)
+level = _need(lambda scene: _first(scene).normal == (0, 0, 1), "its first surface is not level", plane)
+ground = _need(lambda scene: _first(scene).offset == 0, "its floor is not at height 0", level)
+slope = _need(
+    lambda scene: abs(_first(scene).normal[2]) < 1, "its first surface is level, and not a slope", plane
+)
+bowl = _need(lambda scene: isinstance(_first(scene), Bowl), "it has no bowl", surface)
+level_pipe = _need(
+    lambda scene: isinstance(_first(scene), Pipe) and abs(_first(scene).axis[2]) <= 1e-9,
+    "it has no level pipe",
+    surface,
+)
+restitution = _need(
+    lambda scene: isinstance(scene.contact, Contact), "the paper's contact has no restitution"
+)
+constant_friction = _need(
+    lambda scene: all(one.stribeck is None for one in _contacts(scene)),
+    "its friction falls as the slip grows, which theory leaves out",
+)
+coulomb = _need(
+    lambda scene: not any(one.resists for one in _contacts(scene)),
+    "its rolling or spinning is resisted, which theory leaves out",
+    constant_friction,
+)
+friction = _need(lambda scene: scene.contact.friction > 0, "there is no friction", coulomb)
+ice = _need(lambda scene: not scene.contact.friction > 0, "there is friction")
+smooth = _need(
+    lambda scene: isinstance(scene.contact, Contact) and scene.contact.restitution >= 1,
+    "its contact loses energy, which theory leaves out",
+    ice,
+)
+moves = _need(lambda scene: scene.velocities.any(), "it starts at rest")
+pinned = _need(lambda scene: scene.pinned, "nothing is pinned")
+free = _need(
+    lambda scene: not (scene.pinned or scene.surfaces),
+    "it does not move freely: it is pinned or has a surface",
+)
+pair = _need(
+    lambda scene: len(scene.body.springs) == 1 and np.array_equal(scene.masses, scene.masses[:1].repeat(2)),
+    "it concerns two equal masses on a spring",
+)
+collide = _need(lambda scene: scene.meetings, "no bodies collide")
+apart = _need(
+    lambda scene: not (scene.surfaces or scene.pins or any(scene.gravity or ())),
+    "the bodies are not free: there is gravity, a surface or a pin",
+    collide,
+)
+balls = _need(
+    lambda scene: all(len(placed.body.masses) == 1 for placed in scene.bodies),
+    "it concerns balls, and a body has several particles",
+    apart,
+)
+row = _need(
+    lambda scene: all(met.contact.restitution >= 1 for met in scene.meetings),
+    "the balls lose energy to restitution",
+    balls,
+    _need(
+        lambda scene: len({placed.body.mass for placed in scene.bodies}) == 1,
+        "the balls have different masses",
+    ),
+)
+one_held = _need(
+    lambda scene: len(scene.bodies) == 2 and sum(bool(placed.pinned) for placed in scene.bodies) == 1,
+    "it concerns two bodies, one of them pinned",
+    collide,
+)
+smooth_bowl = _need(lambda scene: not scene.pins, "a particle is pinned", bowl, gravity, ice)
 
 
 def particle(plan: Plan) -> None:
@@ -37,85 +132,39 @@ def particle(plan: Plan) -> None:
         raise ValueError(f"it concerns a single particle, and this body has {count}")
 
 
-def surface(plan: Plan) -> None:
-    if not plan.scene.surfaces:
-        raise ValueError("it has no surface")
+def trace(plan: Plan) -> None:
+    if plan.trace is None:
+        raise ValueError("it has no trace to compare with its rigid twin's")
 
 
-def plane(plan: Plan) -> None:
-    surface(plan)
-    if not isinstance(plan.scene.surfaces[0], Plane):
-        raise ValueError("its first surface is not a plane")
+def solid(plan: Plan) -> None:
+    if not isinstance(plan.scene.body.solid, Elastic):
+        raise ValueError(f"body {plan.scene.body.name!r} is not made of a material")
 
 
-def level(plan: Plan) -> None:
-    plane(plan)
-    if plan.scene.surfaces[0].normal != (0.0, 0.0, 1.0):  # type: ignore[attr-defined]
-        raise ValueError("its first surface is not level")
+def cable(plan: Plan) -> None:
+    if not isinstance(plan.scene.body.solid, Cable):
+        raise ValueError(f"body {plan.scene.body.name!r} is not a rope made of a material")
 
 
-def ground(plan: Plan) -> None:
+def two(plan: Plan) -> None:
+    balls(plan)
+    if len(plan.scene.bodies) != 2:
+        raise ValueError(f"it concerns two balls, and there are {len(plan.scene.bodies)}")
+
+
+def dominoes(plan: Plan) -> None:
+    collide(plan)
     level(plan)
-    if plan.scene.surfaces[0].offset != 0:  # type: ignore[attr-defined]
-        raise ValueError("its floor is not at height 0")
+    gravity(plan)
+    if len(plan.scene.bodies) < 12:
+        raise ValueError(f"it concerns a row of 12 bodies or more, and there are {len(plan.scene.bodies)}")
 
 
 def dropped(plan: Plan) -> None:
     _, reach = scales(plan.scene.contact, plan.scene.body)
     if plan.scene.positions[0, 2] <= reach or plan.scene.velocities[0, 2] != 0:
         raise ValueError("it is not dropped: it starts within the floor's reach, or moves up or down")
-
-
-def slope(plan: Plan) -> None:
-    plane(plan)
-    if not abs(plan.scene.surfaces[0].normal[2]) < 1:  # type: ignore[attr-defined]
-        raise ValueError("its first surface is level, and not a slope")
-
-
-def bowl(plan: Plan) -> None:
-    surface(plan)
-    if not isinstance(plan.scene.surfaces[0], Bowl):
-        raise ValueError("it has no bowl")
-
-
-def level_pipe(plan: Plan) -> None:
-    surface(plan)
-    pipe = plan.scene.surfaces[0]
-    if not isinstance(pipe, Pipe) or abs(pipe.axis[2]) > 1e-9:
-        raise ValueError("it has no level pipe")
-
-
-def restitution(plan: Plan) -> None:
-    if not isinstance(plan.scene.contact, Contact):
-        raise ValueError("the paper's contact has no restitution")
-
-
-def _contacts(plan: Plan) -> list[Contact]:
-    """Return the contacts of a scene, of surfaces and of bodies, but for those of the paper's method."""
-    every = plan.scene.contact, *(met.contact for met in plan.scene.meetings)
-    return [one for one in every if isinstance(one, Contact)]
-
-
-def coulomb(plan: Plan) -> None:
-    if any(one.resists for one in _contacts(plan)):
-        raise ValueError("its rolling or spinning is resisted, which theory leaves out")
-
-
-def friction(plan: Plan) -> None:
-    coulomb(plan)
-    if not plan.scene.contact.friction > 0:
-        raise ValueError("there is no friction")
-
-
-def ice(plan: Plan) -> None:
-    if plan.scene.contact.friction > 0:
-        raise ValueError("there is friction")
-
-
-def smooth(plan: Plan) -> None:
-    ice(plan)
-    if not isinstance(plan.scene.contact, Contact) or plan.scene.contact.restitution < 1:
-        raise ValueError("its contact loses energy, which theory leaves out")
 
 
 def falls(plan: Plan) -> None:
@@ -137,21 +186,6 @@ def on_tip(plan: Plan) -> None:
         raise ValueError(f"the tip of body {body.name!r} is not on its axis")
 
 
-def moves(plan: Plan) -> None:
-    if not plan.scene.velocities.any():
-        raise ValueError("it starts at rest")
-
-
-def pinned(plan: Plan) -> None:
-    if not plan.scene.pinned:
-        raise ValueError("nothing is pinned")
-
-
-def free(plan: Plan) -> None:
-    if plan.scene.pinned or plan.scene.surfaces:
-        raise ValueError("it does not move freely: it is pinned or has a surface")
-
-
 def top(plan: Plan) -> None:
     heavy_top(plan.scene.body, plan.scene.pinned, plan.scene.gravity or (0.0, 0.0, 0.0))
 
@@ -164,17 +198,6 @@ def _chain(body: Body) -> bool:
 def rope(plan: Plan) -> None:
     if not _chain(plan.scene.body) or plan.scene.pinned != (0,):
         raise ValueError("it concerns a rope: a chain of springs, pinned at its first particle")
-
-
-def pair(plan: Plan) -> None:
-    body = plan.scene.body
-    if len(body.masses) != 2 or len(body.springs) != 1 or body.masses[0] != body.masses[1]:
-        raise ValueError("it concerns two equal masses on a spring")
-
-
-def trace(plan: Plan) -> None:
-    if plan.trace is None:
-        raise ValueError("it has no trace to compare with its rigid twin's")
 
 
 def rigid_body(plan: Plan) -> None:
@@ -211,11 +234,6 @@ def flips(plan: Plan) -> None:
         )
 
 
-def solid(plan: Plan) -> None:
-    if not isinstance(plan.scene.body.solid, Elastic):
-        raise ValueError(f"body {plan.scene.body.name!r} is not made of a material")
-
-
 def symmetric(plan: Plan) -> None:
     axial_moments(plan.scene.body, plan.scene.body.centre)
 
@@ -235,48 +253,6 @@ def struck(plan: Plan) -> None:
         )
 
 
-def cable(plan: Plan) -> None:
-    if not isinstance(plan.scene.body.solid, Cable):
-        raise ValueError(f"body {plan.scene.body.name!r} is not a rope made of a material")
-
-
-def collide(plan: Plan) -> None:
-    if not plan.scene.meetings:
-        raise ValueError("no bodies collide")
-
-
-def apart(plan: Plan) -> None:
-    collide(plan)
-    if plan.scene.surfaces or plan.scene.pins or any(plan.scene.gravity or (0.0,)):
-        raise ValueError("the bodies are not free: there is gravity, a surface or a pin")
-
-
-def balls(plan: Plan) -> None:
-    apart(plan)
-    if any(len(placed.body.masses) != 1 for placed in plan.scene.bodies):
-        raise ValueError("it concerns balls, and a body has several particles")
-
-
-def two(plan: Plan) -> None:
-    balls(plan)
-    if len(plan.scene.bodies) != 2:
-        raise ValueError(f"it concerns two balls, and there are {len(plan.scene.bodies)}")
-
-
-def row(plan: Plan) -> None:
-    balls(plan)
-    if len({placed.body.mass for placed in plan.scene.bodies}) > 1:
-        raise ValueError("the balls have different masses")
-    if any(met.contact.restitution < 1 for met in plan.scene.meetings):
-        raise ValueError("the balls lose energy to restitution")
-
-
-def one_held(plan: Plan) -> None:
-    collide(plan)
-    if len(plan.scene.bodies) != 2 or sum(bool(placed.pinned) for placed in plan.scene.bodies) != 1:
-        raise ValueError("it concerns two bodies, one of them pinned")
-
-
 def slab(plan: Plan) -> None:
     one_held(plan)
     gravity(plan)
@@ -293,19 +269,3 @@ def draped(plan: Plan) -> None:
     cord = next(placed.body for placed in plan.scene.bodies if not placed.pinned)
     if not _chain(cord):
         raise ValueError(f"body {cord.name!r} is not a rope, that is, a chain of springs")
-
-
-def dominoes(plan: Plan) -> None:
-    collide(plan)
-    level(plan)
-    gravity(plan)
-    if len(plan.scene.bodies) < 12:
-        raise ValueError(f"it concerns a row of 12 bodies or more, and there are {len(plan.scene.bodies)}")
-
-
-def smooth_bowl(plan: Plan) -> None:
-    bowl(plan)
-    gravity(plan)
-    ice(plan)
-    if plan.scene.pins:
-        raise ValueError("a particle is pinned")

@@ -1,8 +1,8 @@
 """Record episodes of agents as Minari data sets, for offline learning.
 
-    python agents/dataset.py SpringTop-v0 random classical SpringTop-v0
-    python agents/dataset.py SpringTop-v0 planner --episodes 10 --set observation=frame
-    python agents/dataset.py SpringTop-v0 runs/medium --noise 0.3
+    python agents/studies/dataset.py SpringTop-v0 random classical SpringTop-v0
+    python agents/studies/dataset.py SpringTop-v0 planner --episodes 10 --set observation=frame
+    python agents/studies/dataset.py SpringTop-v0 runs/medium --noise 0.3
 
 An agent is what ``agents/evaluate.py`` takes, or ``planner``, which is ``agents/plan.py``. Each becomes a
 data set ``springgym/TASK/AGENT-v0`` in Minari's folder, which the variable ``MINARI_DATASETS_PATH`` names.
@@ -25,6 +25,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import _path  # noqa: F401  (first)
 import gymnasium as gym
 import numpy as np
 from config import MENDABLE, ConfigError, add_overrides, making, number, parse_assignments, whole
@@ -38,7 +39,7 @@ from runs import load_policy, time_limit
 import springgym  # noqa: F401  (registers the environments)
 from springgym.cli import guarded
 from springgym.extras import missing
-from springgym.registration import find
+from springgym.registration import find, spec_of
 
 FIRST_SEED = 2_000_000
 """Seed of the first episode: neither agents learn from these seeds nor are they evaluated on them."""
@@ -181,6 +182,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
 
     def run() -> int:
+        spec_of(options.env_id)
         if find_spec("minari") is None:
             raise ConfigError(missing("dataset.py", "Minari", "minari"))
         kwargs = parse_assignments(options.overrides)

@@ -1,11 +1,11 @@
 """Train an agent from Minari data sets alone. It plays nothing while it learns.
 
-    python agents/offline.py SpringTop-v0 --data springgym/SpringTop/random-v0
-    python agents/offline.py SpringTop-v0 --data springgym/SpringTop/random-v0 \\
+    python agents/studies/offline.py SpringTop-v0 --data springgym/SpringTop/random-v0
+    python agents/studies/offline.py SpringTop-v0 --data springgym/SpringTop/random-v0 \\
         springgym/SpringTop/published-v0 --seed 1 --steps 20_000 --rows runs/offline.json
 
-``agents/dataset.py`` records such data sets. The agent observes what their agents observed. It learns by
-implicit Q-learning (Kostrikov et al. 2021, arXiv:2110.06169) with the losses of TorchRL and the
+``agents/studies/dataset.py`` records such data sets. The agent observes what their agents observed. It learns
+by implicit Q-learning (Kostrikov et al. 2021, arXiv:2110.06169) with the losses of TorchRL and the
 hyperparameters of configs/iql.yaml. The run folder holds config.yaml and agent.npz, which
 ``springgym evaluate`` and ``springgym watch`` accept. At the end, the agent plays the 100 held-out episodes
 of the benchmark. ``--rows`` adds the row of this run to a file.
@@ -24,14 +24,14 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import _path  # noqa: F401  (first)
 import numpy as np
 import torch
 from agent import ACTIVATIONS
-from benchmark import EPISODES, Cell, digest_of, row_of
 from config import MENDABLE, ConfigError, IQLConfig, add_overrides, load_config, whole
 from evaluate import evaluate, table, task_kwargs
 from gymnasium import spaces
-from rows import folder_name, identity
+from results import EPISODES, Cell, add_row, folder_name, read_rows, row_of
 from runs import (
     HELD_OUT_SEED,
     SELECTION_SEED,
@@ -40,7 +40,6 @@ from runs import (
     locked,
     time_limit,
     versions,
-    write_rows,
 )
 from torch import nn
 from tqdm import trange
@@ -49,6 +48,7 @@ import springgym  # noqa: F401  (registers the environments)
 from springgym.cli import guarded, whole_file
 from springgym.envs.agent import LAYERS, STATISTICS
 from springgym.extras import missing
+from springgym.registration import spec_of
 
 LOG_STD = (-5.0, 2.0)
 """Bounds of the logarithm of the policy's standard deviation, as in the paper."""
@@ -67,8 +67,8 @@ class Data(NamedTuple):
     """observations after the actions"""
     terminated: np.ndarray
     env_kwargs: dict[str, Any]
-    told: list[dict[str, Any]]
-    """what a row says of each data set, see `rows.DATA`"""
+    sources: list[dict[str, Any]]
+    """what a row says of each data set"""
 
 
 def read_data(names: Sequence[str], env_id: str) -> Data:
@@ -85,7 +85,7 @@ def read_data(names: Sequence[str], env_id: str) -> Data:
     if len(set(names)) < len(names):
         raise ConfigError("--data names a data set twice")
     columns: list[list[np.ndarray]] = [[], [], [], [], []]
-    told, kwargs = [], None
+    sources, kwargs = [], None
     for name in names:
         if name not in there:
             known = ", ".join(there) or "none"
@@ -120,7 +120,7 @@ def read_data(names: Sequence[str], env_id: str) -> Data:
                 column.append(np.asarray(values, np.float32))
                 letters.update(column[-1].tobytes())
             returns.append(float(np.sum(episode.rewards)) / time_limit(spec))
-        told.append(
+        sources.append(
             {
                 "id": name,
                 "agent": str(data.storage.metadata.get("algorithm_name", "")),
@@ -132,7 +132,7 @@ def read_data(names: Sequence[str], env_id: str) -> Data:
         )
     assert kwargs is not None
     seen, acted, rewards, following, terminated = map(np.concatenate, columns)
-    return Data(seen, acted, rewards, following, terminated, kwargs, told)
+    return Data(seen, acted, rewards, following, terminated, kwargs, sources)
 
 
 def layers(inputs: int, outputs: int, config: IQLConfig) -> nn.Sequential:
@@ -253,38 +253,15 @@ def train(run: Run, data: Data) -> dict[str, Any]:
     with whole_file(run.agent) as temporary:
         np.savez(temporary, **arrays)  # type: ignore[arg-type]
     found = evaluate(str(run.folder), run.env_id, task_kwargs(config), EPISODES)
-    print(f"{run.env_id}: {EPISODES} held-out episodes\n{table([found])}")
+    print(f"{run.env_id}: {EPISODES} held-out episodes\n{table([found], run.env_id)}")
     steps, success = config.total_timesteps, found.success_rate
     # to judge the agent on the way would take episodes, so its curve has one point
     points = [[steps, seconds, round(found.return_per_step, 4), success and round(success, 4)]]
     cell = Cell(run.env_id, run.algo, run.seed)
-    row = row_of(cell, config, digest_of(config), steps, seconds, points, found)
+    row = row_of(cell, config, steps, seconds, points, found)
     installed: Any = versions()["packages"]
     row["packages"] |= {name: installed[name] for name in ("torchrl", "minari")}
-    return row | {"data": data.told}
-
-
-def add_row(path: Path, row: dict[str, Any]) -> None:
-    """Add a row to a file; it replaces the row of the same run."""
-    rows = read_rows(path)
-    rows[identity(row)] = row
-    write_rows(path, (rows[run] for run in sorted(rows)))
-
-
-def read_rows(path: Path) -> dict[tuple[Any, ...], dict[str, Any]]:
-    """Read the rows of a file by the `identity` of their runs; a file that is absent has none.
-
-    Raises
-    ------
-    ConfigError
-        If it holds something else.
-    """
-    if not path.exists():
-        return {}
-    try:
-        return {identity(row): row for row in json.loads(path.read_text(encoding="utf-8"))}
-    except (ValueError, KeyError, TypeError) as error:
-        raise ConfigError(f"{path}: the file does not hold rows of offline learning: {error!r}") from error
+    return row | {"data": data.sources}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -303,6 +280,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
 
     def run() -> int:
+        spec_of(options.env_id)
         for package, name in (("minari", "Minari"), ("torchrl", "TorchRL")):
             if find_spec(package) is None:
                 raise ConfigError(missing("offline.py", name, "offline"))

@@ -1,7 +1,7 @@
 """Measure how long PPO takes to learn each task, and the shares of physics, policy and learning.
 
-    python agents/learning_time.py                  # every task of configs/ppo.yaml
-    python agents/learning_time.py SpringTop-v0 --seed 1 --json docs/learning_time.json
+    python agents/studies/learning_time.py                  # every task of configs/ppo.yaml
+    python agents/studies/learning_time.py SpringTop-v0 --seed 1 --json docs/learning_time.json
 
 The script trains as train.py does. It stops when the agent succeeds in 90 % of 20 held-out episodes without
 noise, which it checks at every checkpoint, or when all steps of the configuration are taken. Seconds are
@@ -21,12 +21,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import _path  # noqa: F401  (first)
 import numpy as np
 import torch
-from board import make_logger
 from config import CONFIG_FOLDER, DEFAULT, MENDABLE, Config, load_config, whole
 from learner import make_training_env, native_env, new_model
-from recorder import Recorder
+from recorder import Recorder, make_logger
 from runs import HELD_OUT_SEED, Run, create_run, write_rows
 from tqdm import tqdm
 from train import begin_with_imitation

@@ -1,7 +1,7 @@
 """Add trained agents to the repository, with a card for each.
 
-    python agents/publish.py runs/benchmark/SpringTop-v0-ppo-*
-    python agents/publish.py --again agents/trained/SpringTop-v0    # evaluate a published agent anew
+    python agents/studies/publish.py runs/benchmark/SpringTop-v0-ppo-*
+    python agents/studies/publish.py --again agents/trained/SpringTop-v0    # evaluate a published agent anew
 
 Of several runs of a task, the script takes the one with the highest return on episodes for the selection, and
 reports it on others. It replaces a published agent only if the new one is better in the selection. It writes
@@ -23,12 +23,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import _path  # noqa: F401  (first)
 import numpy as np
 from audit import audit
-from benchmark import probe
-from check import SAME
-from config import MENDABLE, ConfigError, load_config, whole
+from config import MENDABLE, ConfigError, config_path, load_config, whole
 from evaluate import evaluate, task_kwargs
+from results import probe, same_probe
 from runs import HELD_OUT_SEED, PUBLISHED_SEED, SELECTION_SEED, Run, open_run, write_atomically
 
 from springgym.cli import guarded
@@ -87,7 +87,8 @@ def command(run: Run) -> str:
     """
     if run.config != load_config(run.algo, run.env_id):
         raise ConfigError(
-            f"{run.folder} was trained with a configuration that differs from configs/{run.algo}.yaml"
+            f"{run.folder} was trained with a configuration that differs from "
+            f"configs/{config_path(run.algo).name}"
         )
     words = ["python", "agents/train.py", run.env_id, "--algo", run.algo, "--seed", str(run.seed)]
     return shlex.join(words)
@@ -106,7 +107,7 @@ def publish(folders: Sequence[Path], episodes: int, audited: int, into: Path) ->
         place = into / env_id
         if (place / "card.json").exists():
             there = json.loads((place / "card.json").read_text(encoding="utf-8"))
-            if abs(there["probe"] - probe(env_id)) <= SAME and selected(open_run(place), episodes) >= earned:
+            if same_probe(there["probe"], env_id) and selected(open_run(place), episodes) >= earned:
                 print(f"{env_id}: {there['algorithm']} {there['seed']} stays")
                 continue
         made_with = json.loads((folder / "versions.json").read_text(encoding="utf-8"))
@@ -130,7 +131,7 @@ def again(folders: Sequence[Path], episodes: int, audited: int) -> int:
         there = json.loads((folder / "card.json").read_text(encoding="utf-8"))
         found = card(run, episodes, audited, there["versions"])
         trained_for = there.get("trained_probe", there["probe"])
-        if abs(trained_for - found["probe"]) > SAME:
+        if not same_probe(trained_for, run.env_id):
             found["trained_probe"] = trained_for
         write_atomically(folder / "card.json", json.dumps(found, indent=1) + "\n")
         print(f"{run.env_id}: {there['algorithm']} {there['seed']}, {found['mean_return']:.4f}")

@@ -1,7 +1,7 @@
 """Digests of what every environment and every scene computes, to compare two commits to the bit.
 
-    python -m tests.identity --write before.json     # on the commit before
-    python -m tests.identity --compare before.json   # on the commit after, on the same machine
+    python tools/identity.py --write before.json     # on the commit before
+    python tools/identity.py --compare before.json   # on the commit after, on the same machine
 
 Each result (positions, a measure, rewards, an entry of ``info``) of each case has a digest. Bits depend on
 the processor and the version of Numba: a file compares on the machine where it was written. The script calls
@@ -128,7 +128,7 @@ def computed(case: Callable[[], Results]) -> Results:
 
 def main() -> int:
     assert __doc__
-    parser = argparse.ArgumentParser(prog="python -m tests.identity", description=__doc__.partition("\n")[0])
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     what = parser.add_mutually_exclusive_group(required=True)
     what.add_argument("--write", type=Path, help="file for the digests; those of other cases stay")
     what.add_argument("--compare", type=Path, help="file of digests to compare with")

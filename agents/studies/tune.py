@@ -1,7 +1,7 @@
 """Search hyperparameters with Optuna.
 
-    python agents/tune.py SpringGyroscope-v0 --trials 20 --seeds 2
-    python agents/tune.py SpringTop-v0 --algo sac --set total_timesteps=50_000
+    python agents/studies/tune.py SpringGyroscope-v0 --trials 20 --seeds 2
+    python agents/studies/tune.py SpringTop-v0 --algo sac --set total_timesteps=50_000
 
 A trial trains agents as agents/train.py does, from several seeds one after another. It ends early if it is
 worse than half of the earlier trials were at that point. The criterion is the return on episodes that neither
@@ -22,13 +22,15 @@ from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import _path  # noqa: F401  (first)
 import numpy as np
 import torch
 import train
 import yaml
-from benchmark import Cell, Plan, add_hyperparameters, training
-from config import MENDABLE, ONLINE, ConfigError, load_config, whole
+from benchmark import Plan, add_hyperparameters, training
+from config import MENDABLE, ONLINE, ConfigError, config_path, load_config, whole
 from evaluate import evaluate, task_kwargs
+from results import Cell
 from runs import SELECTION_SEED, locked, write_atomically
 
 from springgym.cli import INTERRUPTED, guarded
@@ -133,7 +135,7 @@ def tune(options: argparse.Namespace) -> int:
     from optuna.trial import TrialState
 
     configs = options.configs and options.configs.absolute()
-    path = configs / f"{options.algo}.yaml" if configs else None
+    path = config_path(options.algo, configs) if configs else None
     load_config(options.algo, options.task, options.overrides, path)  # what is wrong is told at once
     folder = options.runs.absolute() / f"{options.task.rpartition(':')[2]}-{options.algo}"
     folder.mkdir(parents=True, exist_ok=True)

@@ -1,7 +1,7 @@
 """Test whether agents that were trained on rigid bodies work on springs, and the other way round.
 
-    python agents/transfer.py SpringTop-v0 --seeds 3
-    python agents/transfer.py SpringTop-v0 --local --jobs 1
+    python agents/studies/transfer.py SpringTop-v0 --seeds 3
+    python agents/studies/transfer.py SpringTop-v0 --local --jobs 1
 
 The script trains four kinds of agents, on springs and on rigid bodies, with and without randomisation, from
 several seeds each. It works as agents/benchmark.py does: if it was stopped, the same command continues it.
@@ -18,13 +18,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import _path  # noqa: F401  (first)
 import matplotlib
 import numpy as np
-from benchmark import Cell, Plan, add_hyperparameters, parsed, run_cells, trained_for
-from config import MENDABLE, ONLINE, ConfigError, load_config, making, whole
-from evaluate import evaluate, task_kwargs
+from benchmark import Plan, add_hyperparameters, parsed, run_cells, trained_for
+from config import MENDABLE, ONLINE, ConfigError, config_path, load_config, making, whole
+from evaluate import evaluate, percent, task_kwargs
+from results import Cell, interval_of_returns
 from runs import locked, write_atomically
-from scores import interval
 from tqdm import tqdm
 
 from springgym.cli import INTERRUPTED, guarded, whole_file
@@ -105,9 +106,7 @@ def train(options: argparse.Namespace, folder: Path) -> int:
 
 def played(options: argparse.Namespace, folder: Path) -> list[dict[str, Any]]:
     """Return a row for every agent and every place it plays at."""
-    kwargs = task_kwargs(
-        load_config(options.algo, options.task, options.overrides, options.configs and config_file(options))
-    )
+    kwargs = task_kwargs(load_config(options.algo, options.task, options.overrides, config_file(options)))
     places, rows = possible(options.task, kwargs), []
     for kind in kinds():
         plan = plan_of(kind, folder, options)
@@ -129,8 +128,8 @@ def played(options: argparse.Namespace, folder: Path) -> list[dict[str, Any]]:
     return rows
 
 
-def config_file(options: argparse.Namespace) -> Path:
-    return Path(options.configs) / f"{options.algo}.yaml"
+def config_file(options: argparse.Namespace) -> Path | None:
+    return config_path(options.algo, options.configs) if options.configs else None
 
 
 def table(rows: Sequence[dict[str, Any]]) -> str:
@@ -142,8 +141,8 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
         for place in places:
             returns = [r["mean_return"] for r in rows if (r["learned"], r["played"]) == (kind, place)]
             success = [r["success_rate"] for r in rows if (r["learned"], r["played"]) == (kind, place)]
-            told = "" if None in success else f"{100 * np.mean(success):.0f} %, "
-            cells.append(f"{told}{np.mean(returns):.3f} ({min(returns):.3f}–{max(returns):.3f})")
+            rate = percent(None if None in success else float(np.mean(success)))
+            cells.append(f"{rate}, {np.mean(returns):.3f} ({min(returns):.3f}–{max(returns):.3f})")
         lines.append(f"| {kind} | {' | '.join(cells)} |")
     return "\n".join(lines)
 
@@ -162,7 +161,7 @@ def draw(rows: Sequence[dict[str, Any]], path: Path) -> None:
             for place in places
         ]
         means = np.array([values.mean() for values in by_place])
-        limits = np.array([interval([values], lambda x: float(np.mean(x))) for values in by_place])
+        limits = np.array([interval_of_returns(values) for values in by_place])
         x = np.arange(len(places)) + 0.06 * (n - 1.5)
         errors = np.abs(limits.T - means)
         axes.errorbar(x, means, errors, fmt="o-", ms=3, lw=1, capsize=2, label=f"learned on {kind}")
@@ -200,9 +199,7 @@ def transfer(options: argparse.Namespace) -> int:
     """Train, play, tell."""
     options.configs = options.configs and options.configs.absolute()
     folder = options.runs.absolute() / options.task.rpartition(":")[2]
-    config = load_config(
-        options.algo, options.task, options.overrides, options.configs and config_file(options)
-    )
+    config = load_config(options.algo, options.task, options.overrides, config_file(options))
     for change in kinds().values():  # what cannot be made is told before anything is trained
         with making(options.task):
             make_sb3(options.task, 1, env_kwargs={**task_kwargs(config), **change}).close()

@@ -1,7 +1,7 @@
 """Check whether an agent exploits errors of the simulation: replay its episodes with smaller errors.
 
-    python agents/audit.py runs/SpringTop-v0-ppo-0
-    python agents/audit.py classical --env SpringTop-v0 --episodes 200
+    python agents/studies/audit.py runs/SpringTop-v0-ppo-0
+    python agents/studies/audit.py classical --env SpringTop-v0 --episodes 200
 
 An agent that exploits errors of the integrator earns less if these errors are smaller. The script plays the
 same held-out episodes with the step h of the training, with h/4, with another method, and with the rigid
@@ -23,10 +23,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+import _path  # noqa: F401  (first)
 import gymnasium as gym
 import numpy as np
 from config import MENDABLE, ConfigError, add_overrides, making, whole
-from evaluate import LAST_SEED, MOST_EPISODES, Evaluation, evaluate, find_task
+from evaluate import LAST_SEED, MOST_EPISODES, Evaluation, evaluate, find_task, named, percent, score
 from runs import HELD_OUT_SEED, write_atomically
 
 from springgym.cli import guarded
@@ -134,19 +135,21 @@ SAID = {"does not survive": "DOES NOT SURVIVE", "undecided": "undecided: it take
 """The printed words for verdicts, where they differ."""
 
 
-def table(findings: Sequence[Finding]) -> str:
+def table(findings: Sequence[Finding], env_id: str) -> str:
     """Return the findings as lines of text, a row each."""
-    rows, own = [["simulation", "return/step", "success", "lost", ""]], findings[0].return_per_step
+    scale, unit = score(env_id)
+    rows, own = [["simulation", f"return/{unit}", "success", "lost", ""]], findings[0].return_per_step
     for n, found in enumerate(findings):
         if found.refused:
-            rows.append([found.simulation, "-", "-", "-", f"not played: {found.refused}"])
+            rows.append([found.simulation, "–", "–", "–", f"not played: {found.refused}"])
             continue
-        success = "-" if found.success_rate is None else f"{100 * found.success_rate:.0f} %"
+        assert found.return_per_step is not None
         assert found.lost is not None
         assert found.error is not None
         lost = "" if n == 0 or not own else f"{100 * found.lost / own:+.2f} ± {196 * found.error / own:.2f} %"
         said = "" if n == 0 else SAID.get(found.verdict, found.verdict)
-        rows.append([found.simulation, f"{found.return_per_step:.4g}", success, lost, said])
+        earned = f"{scale * found.return_per_step:.4g}"
+        rows.append([found.simulation, earned, percent(found.success_rate), lost, said])
     widths = [max(len(row[i]) for row in rows) for i in range(4)]
     return "\n".join(
         "  ".join([cell.ljust(width) for cell, width in zip(row[:4], widths, strict=True)] + row[4:]).rstrip()
@@ -159,7 +162,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("agent", help="a run folder, or zero, random, classical")
+    parser.add_argument("agent", help="a run folder, an environment id, or zero, random, classical")
     parser.add_argument("--env", help="environment id, unless the agent is a run folder")
     parser.add_argument("--episodes", type=whole(2, MOST_EPISODES), default=100)
     parser.add_argument(
@@ -174,9 +177,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _audit(options: argparse.Namespace) -> int:
-    env_id, kwargs = find_task([options.agent], options.env, options.overrides)
-    findings = audit(options.agent, env_id, kwargs, options.episodes, options.seed)
-    print(f"{env_id}: {options.agent}, {options.episodes} episodes\n{table(findings)}")
+    agent = named(options.agent)
+    env_id, kwargs = find_task([agent], options.env, options.overrides)
+    findings = audit(agent, env_id, kwargs, options.episodes, options.seed)
+    print(f"{env_id}: {options.agent}, {options.episodes} episodes\n{table(findings, env_id)}")
     if options.json:
         write_atomically(options.json, json.dumps([vars(found) for found in findings], indent=1) + "\n")
     return 0 if survives(findings) else 1

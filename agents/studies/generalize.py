@@ -1,7 +1,7 @@
 """Play published agents and classical control in worlds that they were not made for.
 
-    python agents/generalize.py SpringTop-v0 SpringTumble-v0
-    python agents/generalize.py --rows docs/generalization.json      # every environment
+    python agents/studies/generalize.py SpringTop-v0 SpringTumble-v0
+    python agents/studies/generalize.py --rows docs/generalization.json      # every environment
 
 `WORLDS` lists the worlds. In each of them, every agent plays the same 100 held-out episodes. An episode draws
 its parameters from its seed, so the sets of parameters are fixed, too. The script prints a table of success
@@ -20,17 +20,16 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from benchmark import answers, made_with, probe
+import _path  # noqa: F401  (first)
 from config import MENDABLE, ConfigError, making, whole
 from controllers import CLASSICAL
-from evaluate import MOST_EPISODES, evaluate, find_task
+from evaluate import MOST_EPISODES, evaluate, find_task, percent
+from results import PROTOCOL, interval_of_returns, made_with, probe
 from runs import HELD_OUT_SEED, write_rows
-from scores import interval
 
 from springgym.cli import guarded
 from springgym.envs.trained import PUBLISHED, published
-from springgym.registration import ENVIRONMENTS
+from springgym.registration import ENVIRONMENTS, spec_of
 
 WORLDS: Mapping[str, Mapping[str, Any]] = {
     "as it is": {},
@@ -52,7 +51,7 @@ def agents_of(task: str, within: Path = PUBLISHED) -> list[tuple[str, str]]:
         card = json.loads((published(task, within) / "card.json").read_text(encoding="utf-8"))
         found.append((card["algorithm"], sha256(json.dumps(card["sha256"]).encode()).hexdigest()[:8]))
     if task in CLASSICAL:
-        found.append(("classical", f"{answers(task):.5f}"))
+        found.append(("classical", ""))
     return found
 
 
@@ -67,10 +66,9 @@ def played(task: str, agent: str, world: str, episodes: int) -> dict[str, Any]:
         if not WORLDS[world]:
             raise
         return {"refused": str(error)}
-    returned = np.array(found.returns_per_step)
     return {
         "mean_return": round(found.return_per_step, 6),
-        "return_interval": [round(end, 4) for end in interval([returned], lambda all_: float(np.mean(all_)))],
+        "return_interval": [round(end, 4) for end in interval_of_returns(found.returns_per_step)],
         "success_rate": found.success_rate,
         "first_seed": found.first_seed,
         "episodes": episodes,
@@ -80,7 +78,7 @@ def played(task: str, agent: str, world: str, episodes: int) -> dict[str, Any]:
 def rows_of(task: str, kept: Sequence[Mapping[str, Any]], episodes: int) -> list[dict[str, Any]]:
     """Return the rows of a task, one for every agent and world: those that hold still, and new ones."""
     rows: list[dict[str, Any]] = []
-    present: dict[str, Any] = {"probe": probe(task), "asked": episodes}
+    present: dict[str, Any] = {"protocol": PROTOCOL, "probe": probe(task), "asked": episodes}
     for agent, digest in agents_of(task):
         for world, arguments in WORLDS.items():
             whose = {"task": task, "agent": agent, "digest": digest, "world": world}
@@ -101,9 +99,8 @@ def table(rows: Sequence[Mapping[str, Any]]) -> list[str]:
             if row is None or "refused" in row:
                 cells.append("")
                 continue
-            success = row["success_rate"]
-            share = f"{row['mean_return'] / of['as it is']['mean_return']:.2f}"
-            cells.append(share if success is None else f"{100 * success:.0f} %, {share}")
+            share = row["mean_return"] / of["as it is"]["mean_return"]
+            cells.append(f"{percent(row['success_rate'])}, {share:.2f}")
         lines.append(f"| `{task}` | {agent} | {' | '.join(cells)} |")
     return lines
 
@@ -113,7 +110,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    known = [row.id for row in ENVIRONMENTS]
     parser.add_argument("tasks", metavar="ID", nargs="*", help="environment ids (default: all)")
     parser.add_argument(
         "--episodes",
@@ -123,15 +119,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--rows", type=Path, help="JSON file of rows, to be continued")
     options = parser.parse_args(arguments)
-    for task in options.tasks:
-        if task not in known:
-            parser.error(f"{task!r} is not one of {', '.join(known)}")
     if options.rows and not options.rows.absolute().parent.is_dir():
         parser.error(f"--rows {options.rows}: there is no folder {options.rows.absolute().parent}")
     return guarded("generalize.py", lambda: _generalize(options), MENDABLE)
 
 
 def _generalize(options: argparse.Namespace) -> int:
+    known = [row.id for row in ENVIRONMENTS]
+    for task in options.tasks:
+        spec_of(task)
+        if task not in known:
+            raise ConfigError(f"{task!r} is not one of {', '.join(known)}")
     rows: list[dict[str, Any]] = []
     if options.rows and options.rows.exists():
         rows = json.loads(options.rows.read_text(encoding="utf-8"))
