@@ -10,7 +10,7 @@ import numpy as np
 
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Nested, Number, Numbers, Rows, Vector
-from springgym.core.lanes import bodies_of, load, maximum, of_body, sqrt, store
+from springgym.core.lanes import bodies_of, lane_of, load, maximum, of_body, sqrt, store
 from springgym.core.vectors import (
     ROUND_OFF,
     angular_momentum,
@@ -29,54 +29,6 @@ from springgym.forces.ledger import ENTRIES, WORK
 from springgym.forces.memory import stored_in_contact
 from springgym.integrators.record import Phase
 from springgym.terms import Terms
-
-FIELDS = {
-    "kinetic": 1,
-    "gravity": 1,
-    "elastic": 1,
-    "contact": 1,
-    "strain": 1,
-    "centre": 3,
-    "centre_velocity": 3,
-    "momentum": 3,
-    "angular_momentum": 3,
-    "angular_velocity": 3,
-    "side": 3,
-    "axis": 3,
-    "work": 1,
-    "damping_loss": 1,
-    "contact_loss": 1,
-    "friction_loss": 1,
-    "energy": 1,
-    "balance": 1,
-}
-"""Names and sizes of the measures, in the order they are stored in."""
-
-SIZE = sum(FIELDS.values())
-OFFSETS = dict(zip(FIELDS, accumulate(FIELDS.values(), initial=0), strict=False))
-"""The column at which each measure starts in a row."""
-
-COLUMNS = tuple((..., n if FIELDS[name] == 1 else slice(n, n + FIELDS[name])) for name, n in OFFSETS.items())
-"""The indices of each measure in rows."""
-
-# The same as constants, for compiled functions.
-(
-    KINETIC,
-    GRAVITY,
-    ELASTIC,
-    CONTACT,
-    STRAIN,
-    CENTRE,
-    CENTRE_VELOCITY,
-    MOMENTUM,
-    ANGULAR_MOMENTUM,
-    ANGULAR_VELOCITY,
-    SIDE,
-    AXIS,
-    LEDGER,
-) = tuple(OFFSETS.values())[: -ENTRIES - 1]
-ENERGY, BALANCE = LEDGER + ENTRIES, LEDGER + ENTRIES + 1
-
 
 class Measures(NamedTuple):
     """Measures of all copies, for a body or for all bodies together; scalars (copies,), vectors (copies, 3).
@@ -121,6 +73,37 @@ class Measures(NamedTuple):
     """kinetic and potential [J]"""
     balance: np.ndarray
     """energy, plus what was lost, less the work done: constant but for the integrator's error [J]"""
+
+
+VECTORS = {"centre", "centre_velocity", "momentum", "angular_momentum", "angular_velocity", "side", "axis"}
+
+FIELDS = {name: 3 if name in VECTORS else 1 for name in Measures._fields}
+"""Names and sizes of the measures, in the order they are stored in."""
+
+SIZE = sum(FIELDS.values())
+OFFSETS = dict(zip(FIELDS, accumulate(FIELDS.values(), initial=0), strict=False))
+"""The column at which each measure starts in a row."""
+
+COLUMNS = tuple((..., n if FIELDS[name] == 1 else slice(n, n + FIELDS[name])) for name, n in OFFSETS.items())
+"""The indices of each measure in rows."""
+
+# The same as constants, for compiled functions.
+(
+    KINETIC,
+    GRAVITY,
+    ELASTIC,
+    CONTACT,
+    STRAIN,
+    CENTRE,
+    CENTRE_VELOCITY,
+    MOMENTUM,
+    ANGULAR_MOMENTUM,
+    ANGULAR_VELOCITY,
+    SIDE,
+    AXIS,
+    LEDGER,
+) = tuple(OFFSETS.values())[: -ENTRIES - 1]
+ENERGY, BALANCE = LEDGER + ENTRIES, LEDGER + ENTRIES + 1
 
 
 class MeasuresOfBodies:
@@ -292,11 +275,10 @@ def write_copies(
     width = len(space[0]["lanes"])
     start = block * width
     for lane in range(min(width, readout.bodies.shape[0] - start)):
-        measured = readout.bodies[start + lane, body]
+        copy = start + lane
         for n in range(SIZE):
-            measured[n] = space[n]["lanes"][lane]
-        place, speed = readout.positions[start + lane], readout.velocities[start + lane]
+            readout.bodies[copy, body, n] = lane_of(load(space, n), lane)
         for i in range(x.shape[0]):
             for axis in range(3):
-                place[first + i, axis] = x[i, axis]["lanes"][lane]
-                speed[first + i, axis] = v[i, axis]["lanes"][lane]
+                readout.positions[copy, first + i, axis] = lane_of(load(x, (i, axis)), lane)
+                readout.velocities[copy, first + i, axis] = lane_of(load(v, (i, axis)), lane)

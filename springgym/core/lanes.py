@@ -29,7 +29,6 @@ from numba import types
 from numba.core import cgutils, config
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
-from numba.np.numpy_support import from_dtype
 from numpy.typing import DTypeLike
 
 from springgym.core.compiling import INTELS, compiled
@@ -309,6 +308,16 @@ def any_lane(typingctx, mask):
         return builder.icmp_unsigned("!=", bits, ir.Constant(bits.type, 0))
 
     return types.boolean(mask), codegen
+
+
+@intrinsic
+def lane_of(typingctx, value, lane):
+    """Return the number of one lane."""
+
+    def codegen(context, builder, sig, args):
+        return builder.extract_element(*args) if value.width > 1 else args[0]
+
+    return value.dtype(value, types.intp), codegen
 
 
 @intrinsic
@@ -646,156 +655,6 @@ def store_each(typingctx, array, index, value):
         return context.get_dummy_value()
 
     return lanes and types.void(array, index, value), codegen
-
-
-# --- Rows of a single copy --------------------------------------------------------------------------
-
-FOUR = 4
-"""Number of lanes of the vectors of a single copy: they hold x, y and z of one row and leave the last lane
-unused, or hold one number of each of four rows."""
-
-LOCAL = 64
-"""Number of rows that `local_rows` holds."""
-
-
-def _shuffled(builder, a, b, *lanes: int):
-    """Choose lanes of two vectors; those of the second count on from those of the first."""
-    chosen = ir.Constant(ir.VectorType(ir.IntType(32), len(lanes)), list(lanes))
-    return builder.shuffle_vector(a, b, chosen)
-
-
-def _load_four(context, builder, array_type, value, indices: list[Any]):
-    """Load `FOUR` numbers that lie one behind another, from ``array[indices]`` on."""
-    pointer, alignment = _address(context, builder, array_type, value, indices)
-    number = _number_of(_element(array_type))
-    return builder.load(builder.bitcast(pointer, _llvm(number, FOUR).as_pointer()), align=alignment)
-
-
-@intrinsic
-def alone(typingctx, array):
-    """Return True for an array of a single copy, and None for one of blocks of several copies.
-
-    What is done where this is None is left out when a kernel is compiled.
-    """
-    element = _element(array)
-    single = isinstance(element, Lanes) and element.width == 1
-    kind = types.boolean if single else types.none
-
-    def codegen(context, builder, sig, args):
-        return context.get_constant(types.boolean, True) if single else context.get_dummy_value()
-
-    return kind(array), codegen
-
-
-@intrinsic
-def local_rows(typingctx, array):
-    """Return an array of `LOCAL` elements of `FOUR` lanes on the stack, in the precision of an array (N, 3).
-
-    Its numbers are not set. All calls from one place in the code share the array.
-    """
-    dtype = _element(array).dtype
-    kind = types.Array(from_dtype(block_dtype(dtype.name, FOUR)), 1, "C")
-
-    def codegen(context, builder, sig, args):
-        size = FOUR * dtype.bitwidth // 8
-        with builder.goto_entry_block():
-            rows = builder.alloca(ir.ArrayType(_llvm(dtype, FOUR), LOCAL))
-        rows.align = size
-        data = builder.bitcast(rows, context.get_data_type(kind.dtype).as_pointer())
-        none = ir.Constant(cgutils.voidptr_t, None)
-        count, itemsize = (context.get_constant(types.intp, n) for n in (LOCAL, size))
-        return _packed(context, builder, kind, _Array(none, none, itemsize, data, [count], [itemsize]))
-
-    return kind(array), codegen
-
-
-@intrinsic
-def row_of_four(typingctx, array, i):
-    """Return row ``i`` of an array (N, 3) of a single copy in three of `FOUR` lanes; the last is not set."""
-    lanes = Lanes(_element(array).dtype, FOUR)
-
-    def codegen(context, builder, sig, args):
-        i = context.cast(builder, args[1], sig.args[1], types.intp)
-        place = [i, i.type(0)]
-        _address(context, builder, sig.args[0], args[0], place)  # checks bounds
-        rows = _unpacked(context, builder, sig.args[0], args[0]).shape[0]
-        ends = builder.icmp_signed("<", builder.add(i, i.type(1)), rows)
-        with builder.if_else(ends, likely=True) as (inner, last):
-            with inner:
-                whole, here = _load_four(context, builder, sig.args[0], args[0], place), builder.block
-            with last:
-                parts = ir.Constant(whole.type, ir.Undefined)
-                for axis in range(3):
-                    place = [i, i.type(axis)]
-                    pointer, alignment = _address(context, builder, sig.args[0], args[0], place)
-                    number = builder.load(pointer, align=alignment)
-                    parts = builder.insert_element(parts, number, ir.Constant(ir.IntType(32), axis))
-                there = builder.block
-        found = builder.phi(whole.type)
-        found.add_incoming(whole, here)
-        found.add_incoming(parts, there)
-        return found
-
-    return lanes(array, i), codegen
-
-
-@intrinsic
-def next_four(typingctx, array, first):
-    """Load ``array[first : first + FOUR]``, of a single copy or shared, into lanes of its precision."""
-
-    def codegen(context, builder, sig, args):
-        first = context.cast(builder, args[1], sig.args[1], types.intp)
-        last = builder.add(first, first.type(FOUR - 1))
-        check_index(context, builder, last, _unpacked(context, builder, sig.args[0], args[0]).shape[0])
-        return _load_four(context, builder, sig.args[0], args[0], [first])
-
-    return Lanes(_number_of(_element(array)), FOUR)(array, first), codegen
-
-
-@intrinsic
-def in_precision_of(typingctx, lanes, like):
-    """Round lanes to the precision of the lanes ``like``, which is the same or half of theirs."""
-
-    def codegen(context, builder, sig, args):
-        return args[0] if lanes == like else builder.fptrunc(args[0], _llvm(like.dtype, FOUR))
-
-    return like(lanes, like), codegen
-
-
-@intrinsic
-def in_four(typingctx, number, like):
-    """Repeat a number in each of `FOUR` lanes, in the precision of the lanes ``like``."""
-
-    def codegen(context, builder, sig, args):
-        one = as_lanes(context, builder, args[0], sig.args[0], Lanes(like.dtype, 1))
-        return as_lanes(context, builder, one, like.dtype, like)
-
-    return like(number, like), codegen
-
-
-@intrinsic
-def of_four(typingctx, lanes):
-    """Return the numbers of `FOUR` lanes as a tuple."""
-
-    def codegen(context, builder, sig, args):
-        return context.make_tuple(builder, sig.return_type, _each(builder, args[0]))
-
-    return types.UniTuple(Lanes(lanes.dtype, 1), FOUR)(lanes), codegen
-
-
-@intrinsic
-def columns(typingctx, a, b, c, d):
-    """Return the columns x, y and z of four rows, as a tuple."""
-
-    def codegen(context, builder, sig, args):
-        a, b, c, d = args
-        even = _shuffled(builder, a, b, 0, 4, 2, 6), _shuffled(builder, c, d, 0, 4, 2, 6)
-        odd = _shuffled(builder, a, b, 1, 5, 3, 7), _shuffled(builder, c, d, 1, 5, 3, 7)
-        low, high = (0, 1, 4, 5), (2, 3, 6, 7)
-        found = [_shuffled(builder, *even, *low), _shuffled(builder, *odd, *low)]
-        return context.make_tuple(builder, sig.return_type, [*found, _shuffled(builder, *even, *high)])
-
-    return types.UniTuple(a, 3)(a, b, c, d), codegen
 
 
 # --- Blocks -----------------------------------------------------------------------------------------

@@ -13,31 +13,10 @@ import numpy as np
 
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Mask, Number, Numbers, Rows, Vector
-from springgym.core.lanes import (
-    FOUR,
-    LOCAL,
-    alone,
-    columns,
-    in_four,
-    in_precision_of,
-    inverse_sqrt,
-    load,
-    local_rows,
-    maximum,
-    multiply_add,
-    next_four,
-    of_four,
-    row_of_four,
-    select,
-    sqrt,
-    store,
-)
+from springgym.core.lanes import inverse_sqrt, load, maximum, select, sqrt
 from springgym.core.vectors import TINY, add_scaled, dot, row, set_row, vec
 from springgym.forces.ledger import DAMPING, WORK, record
 from springgym.terms import Dampers, Decay, Drive, Springs
-
-SPRINGS_A_ROW = 2
-"""Rows are taken as vectors in bodies with at least so many springs per particle, see `pays_by_rows`."""
 
 
 def decay(
@@ -97,8 +76,8 @@ def add_spring_forces(
     split off.
     """
     if springs is not None:
-        done, power = add_in_fours(x, v, force, direction, directs, springs, dampers, alone(x))
-        for s in range(done, springs.first.size):
+        power = 0.0 * load(x, (0, 0))
+        for s in range(springs.first.size):
             i, j = springs.first[s], springs.second[s]
             apart = row(x, j) - row(x, i)
             inverse_length = inverse_sqrt(dot(apart, apart) + TINY)
@@ -135,107 +114,6 @@ def damped_pull(pull: Number, c: Number, rate: Number, inverse_length: Number) -
     speed = inverse_length * rate
     damping = c * speed
     return pull + damping * inverse_length, damping * speed
-
-
-@compiled
-def add_in_fours(
-    x: Rows,
-    v: Rows,
-    force: Rows,
-    direction: Rows,
-    directs: bool,
-    springs: Springs,
-    dampers: Dampers | None,
-    single: bool | None,
-) -> tuple[int, Number]:
-    """Add the forces of a single copy's springs as `add_spring_forces` does, four at a time.
-
-    Each row of particles is one vector, and so are the lengths of four springs. The bits are the same.
-
-    Returns
-    -------
-    how many springs that were, and the power of their dampers [W]; 0 for several copies
-    """
-    power = 0.0 * load(x, (0, 0))
-    if single is None:
-        return 0, power
-    if not pays_by_rows(x, springs):
-        return 0, power
-    count, places, forces, moves = x.shape[0], local_rows(x), local_rows(x), local_rows(x)
-    copy_rows(count, x, places)
-    copy_rows(count, force, forces)
-    if v is not None and dampers is not None:
-        copy_rows(count, v, moves)
-    end = springs.first.size // FOUR * FOUR
-    for s in range(0, end, FOUR):
-        d0, d1 = apart(places, s, springs), apart(places, s + 1, springs)
-        d2, d3 = apart(places, s + 2, springs), apart(places, s + 3, springs)
-        d = vec_of(columns(d0, d1, d2, d3))
-        inverse_length = inverse_sqrt(dot(d, d) + TINY)
-        k = next_four(springs.stiffness, s)
-        slack = in_precision_of(k * next_four(springs.length, s), inverse_length)
-        pull = elastic_pull(in_precision_of(k, inverse_length), slack, inverse_length)
-        if v is not None and dampers is not None:
-            u0, u1 = apart(moves, s, springs), apart(moves, s + 1, springs)
-            u2, u3 = apart(moves, s + 2, springs), apart(moves, s + 3, springs)
-            rate = dot(vec_of(columns(u0, u1, u2, u3)), d)
-            c = in_precision_of(next_four(dampers.coefficient, s), inverse_length)
-            pull, lost = damped_pull(pull, c, rate, inverse_length)
-            w0, w1, w2, w3 = of_four(lost)
-            power = power + w0 + w1 + w2 + w3
-        p0, p1, p2, p3 = of_four(pull)
-        add_pull(forces, s, p0, d0, springs)
-        add_pull(forces, s + 1, p1, d1, springs)
-        add_pull(forces, s + 2, p2, d2, springs)
-        add_pull(forces, s + 3, p3, d3, springs)
-        if direction is not None and dampers is not None and directs:
-            i0, i1, i2, i3 = of_four(inverse_length)
-            set_row(direction, s, first_three(in_four(i0, d0) * d0))
-            set_row(direction, s + 1, first_three(in_four(i1, d1) * d1))
-            set_row(direction, s + 2, first_three(in_four(i2, d2) * d2))
-            set_row(direction, s + 3, first_three(in_four(i3, d3) * d3))
-    for i in range(count):
-        set_row(force, i, first_three(load(forces, i)))
-    return end, power
-
-
-@compiled
-def pays_by_rows(rows: Rows, springs: Springs) -> bool:
-    """Tell whether a body is faster with its rows as vectors: few enough to fit, for enough springs."""
-    return rows.shape[0] <= LOCAL and springs.first.size >= SPRINGS_A_ROW * rows.shape[0]
-
-
-@compiled
-def copy_rows(count: int, rows: Rows, local: Rows) -> None:
-    """Copy the first ``count`` rows of an array to `local_rows`; an array of a workspace may have more."""
-    for i in range(count):
-        store(local, i, row_of_four(rows, i))
-
-
-@compiled
-def first_three(lanes: Number) -> Vector:
-    """Return the first three of `FOUR` lanes as a vector."""
-    x, y, z, _ = of_four(lanes)
-    return vec(x, y, z)
-
-
-@compiled
-def vec_of(components: tuple[Number, Number, Number]) -> Vector:
-    return vec(components[0], components[1], components[2])
-
-
-@compiled
-def apart(local: Rows, s: int, springs: Springs) -> Number:
-    """Return the row of the second end of spring ``s`` minus that of its first end, of `local_rows`."""
-    return load(local, springs.second[s]) - load(local, springs.first[s])
-
-
-@compiled
-def add_pull(local: Rows, s: int, pull: Number, apart: Number, springs: Springs) -> None:
-    """Add the pull of spring ``s`` to the forces on its ends, in `local_rows`."""
-    i, j, pulls = springs.first[s], springs.second[s], in_four(pull, apart)
-    store(local, i, multiply_add(pulls, apart, load(local, i)))
-    store(local, j, multiply_add(-pulls, apart, load(local, j)))
 
 
 @compiled
@@ -335,10 +213,8 @@ def damp(
     if dampers is not None:
         decay = dampers.whole if whole else dampers.half
         count = springs.first.size
-        done, energy = 0, 0.0 * load(v, (0, 0))
-        if among is None and drive is None:
-            done, energy = damp_in_rows(v, direction, springs, decay, backward, alone(v))
-        for n in range(done, count):
+        energy = 0.0 * load(v, (0, 0))
+        for n in range(count):
             s = count - 1 - n if backward else n
             i, j = springs.first[s], springs.second[s]
             along = row(direction, s)
@@ -356,35 +232,3 @@ def damp(
             add_scaled(v, i, speed, load(decay.first, s) * along)
             add_scaled(v, j, -speed, load(decay.second, s) * along)
         record(ledger, DAMPING, energy)
-
-
-@compiled
-def damp_in_rows(
-    v: Rows, direction: Rows, springs: Springs, decay: Decay, backward: bool, single: bool | None
-) -> tuple[int, Number]:
-    """Let the relative speeds of a single copy decay as `damp` does, to the bit; each row is one vector.
-
-    Returns
-    -------
-    how many springs that were, and the energy lost [J]; 0 for several copies
-    """
-    energy = 0.0 * load(v, (0, 0))
-    if single is None:
-        return 0, energy
-    if not pays_by_rows(v, springs):
-        return 0, energy
-    moves = local_rows(v)
-    copy_rows(v.shape[0], v, moves)
-    count = springs.first.size
-    for n in range(count):
-        s = count - 1 - n if backward else n
-        i, j = springs.first[s], springs.second[s]
-        along = row_of_four(direction, s)
-        speed = dot(first_three(apart(moves, s, springs)), first_three(along))
-        energy = energy + load(decay.loss, s) * speed * speed
-        speeds = in_four(speed, along)
-        store(moves, i, multiply_add(speeds, in_four(load(decay.first, s), along) * along, load(moves, i)))
-        store(moves, j, multiply_add(-speeds, in_four(load(decay.second, s), along) * along, load(moves, j)))
-    for i in range(v.shape[0]):
-        set_row(v, i, first_three(load(moves, i)))
-    return count, energy
