@@ -701,7 +701,8 @@ class Episodes:
         """Return the marks of a picture of one copy: its step, whether it succeeds now, and the task's."""
         marks = self.task.marks(*self.seen_of(copy))
         step = f"step {round(self.time[copy] / self.task.period)}"
-        success = ("success",) if self.told()["is_success"][copy] else ()
+        self.told()
+        success = ("success",) if self._succeeded[copy] else ()
         return replace(marks, text=(step, *success, *marks.text))
 
     @property
