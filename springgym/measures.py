@@ -30,6 +30,7 @@ from springgym.forces.memory import stored_in_contact
 from springgym.integrators.record import Phase
 from springgym.terms import Terms
 
+
 class Measures(NamedTuple):
     """Measures of all copies, for a body or for all bodies together; scalars (copies,), vectors (copies, 3).
 
