@@ -65,10 +65,10 @@ def case(slow: bool = False) -> Callable[[Callable[[bool], Outcome]], Callable[[
     """Add a function of ``broken`` to `CASES`: its docstring names the case, its criterion and its twin."""
 
     def add(function: Callable[[bool], Outcome]) -> Callable[[bool], Outcome]:
-        words = re.split(
+        name, criterion, twin = re.split(
             r"\.\s+(?:Wanted|Broken): ", " ".join(str(function.__doc__).split()).removesuffix(".")
         )
-        CASES.append(Case(len(CASES) + 1, *words, function, slow))
+        CASES.append(Case(len(CASES) + 1, name, criterion, twin, function, slow))
         return function
 
     return add

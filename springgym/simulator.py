@@ -1106,22 +1106,10 @@ class Simulator:
 
     @guarded
     def __getstate__(self) -> dict[str, Any]:
-        left_out = (
-            "_advance",
-            "_actuators",
-            "_changing",
-            "_phase",
-            "_clock",
-            "_moving",
-            "_emptied",
-            "_all",
-            "_readings",
-            "_acting",
-            "_packed",
-            "_kind",
-            "_workspace",
-        )  # made anew: views do not survive copying, and the workspace is most of a crowd's memory
-        return {name: value for name, value in vars(self).items() if name not in left_out} | {
+        # made anew: views do not survive copying, and the workspace is most of a crowd's memory
+        anew = {"_advance", "_actuators", "_packed", "_kind", "_workspace"}
+        anew |= {name for name, own in vars(Simulator).items() if isinstance(own, cached_property)}
+        return {name: value for name, value in vars(self).items() if name not in anew} | {
             "_orders": [packed.order for packed in self._packed]
         }
 

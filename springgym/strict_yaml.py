@@ -207,6 +207,7 @@ def build(
     make: Callable[..., Any],
     tree: Tree,
     path: tuple[str, ...] = (),
+    /,
     skip: Collection[str] = (),
     **given: object,
 ) -> Any:

@@ -172,6 +172,9 @@ def test_the_readme_has_the_commands_of_the_main_job_and_of_the_tests() -> None:
     assert main == f"python3 -m venv .venv && {install.format('agents', 'springgym train SpringTop-v0')}"
     assert tests == install.format("test", "python -m pytest")
     assert {"agents", "test"} <= project()["optional-dependencies"].keys()
+    for page in ("README.md", "docs/start.md"):
+        (pytorch,) = re.findall(r"pip install (torch==\S+) --index-url", text(page))
+        assert f"\n{pytorch}\n" in text("constraints.txt"), page
 
 
 def block(command: str) -> str:

@@ -45,18 +45,9 @@ flags: {on: true}
 anything: [1, {a: b}]
 """
     )
-    assert thing == Thing(
-        3,
-        1e5,
-        None,
-        "blue",
-        (1.0, 2.5),
-        0.0,
-        (1.0, 2.0, 3e-4),
-        {0: 2.0, 7: 0.5},
-        {"on": True},
-        [1, {"a": "b"}],
-    )
+    sides, factors = (1.0, 2.0, 3e-4), {0: 2.0, 7: 0.5}
+    rest = ({"on": True}, [1, {"a": "b"}])
+    assert thing == Thing(3, 1e5, None, "blue", (1.0, 2.5), 0.0, sides, factors, *rest)
     assert type(thing.size) is float
     assert type(thing.point[0]) is float
 
@@ -105,8 +96,6 @@ def test_every_way_to_write_a_number(number):
         (f"count: 1\nsize: {'9' * 400}", "file.yaml:2: size: expected a number of size at most 1e+30"),
         (f"count: {'9' * 5000}", "file.yaml:1: '9999"),
         ("count: !!bool maybe", "file.yaml:1: 'maybe' is not a valid bool"),
-        ("count: !!timestamp soon", "file.yaml:1: 'soon' is not a valid timestamp"),
-        ("count: !!int ''", "file.yaml:1: '' is not a valid int"),
         ("count: 1\nfactors: {0: 1, 00: 2}", "file.yaml:2: duplicate key '00'"),
         (f"count: [{'1, ' * 1000}]", "file.yaml:1: count: expected a whole number, got [1, 1, 1"),
         (f"count: 1\n{'x' * 1000}: 1", "file.yaml:2: unknown key 'xxx"),

@@ -41,11 +41,10 @@ from springgym.checks import instance, shown, suggestion
 from springgym.collisions import Collisions, Pair
 from springgym.collisions.meeting import ALL
 from springgym.integrators import METHODS
-from springgym.materials import Material
 from springgym.scene import GRAVITY, Placed, Scene
 from springgym.scenes.checks import CHECKS, TOUCHING, of_all
 from springgym.scenes.plan import LEAST, OF_ONE_BODY, SPEEDS, Plan, Plot, Vector, View
-from springgym.strict_yaml import Tree, YamlError, build, changed, read_yaml
+from springgym.strict_yaml import Tree, YamlError, build, changed, fit, read_yaml
 from springgym.surfaces import SURFACES, Contact, PaperContact, Plane, Surface, floor, heights, resting
 from springgym.theory.rope import catenary
 from springgym.theory.top import steady_precession
@@ -320,45 +319,13 @@ def _net(
     )
 
 
-def _mesh(
-    folder: Path,
-    file: str,
-    mass: float = 1.0,
-    by: Literal["volume", "area"] = "volume",
-    scale: float = 1.0,
-    stiffness: float = 1e5,
-    damping: float = 10.0,
-) -> Body:
-    """Return arguments of `springgym.bodies.from_mesh`; ``file`` is relative to the scene file."""
-    return from_mesh(folder / file, mass, by, scale, stiffness, damping)
-
-
-def _solid_mesh(
-    folder: Path, file: str, material: Material | str, scale: float = 1.0, softened: float = 1.0
-) -> Body:
-    """Return arguments of `springgym.bodies.solid_mesh`; ``file`` is relative to the scene file."""
-    return solid_mesh(folder / file, material, scale, softened)
-
-
 KINDS: dict[str, Callable[..., Body]] = {
-    "top": top,
-    "gyroscope": gyroscope,
-    "cube": cube,
-    "box": box,
-    "rope": rope,
-    "ball": ball,
-    "rolling_ball": rolling_ball,
-    "ellipsoid": ellipsoid,
-    "disk": disk,
-    "capsule": capsule,
+    **{make.__name__: make for make in (top, gyroscope, cube, box, rope, ball, rolling_ball, ellipsoid)},
+    **{make.__name__: make for make in (disk, capsule, solid_top, solid_box, solid_hull, solid_rope)},
     "points": from_points,
-    "mesh": _mesh,
+    "mesh": from_mesh,
     "net": _net,
-    "solid_top": solid_top,
-    "solid_box": solid_box,
-    "solid_hull": solid_hull,
-    "solid_mesh": _solid_mesh,
-    "solid_rope": solid_rope,
+    "solid_mesh": solid_mesh,
 }
 """Functions that make bodies, by their names in scene files; ``union`` is handled apart."""
 
@@ -379,7 +346,12 @@ def _body(tree: Tree, path: tuple[str, ...]) -> Body:
         where = tree.where[*path, "kind"]
         raise YamlError(f"{where}: unknown kind {shown(kind)}{suggestion(kind, [*KINDS, 'union'])}")
     skip = ("kind", "name", "at") if len(path) > 1 else ("kind",)
-    given = {"folder": Path(tree.where[()]).parent} if kind in ("mesh", "solid_mesh") else {}
+    given = {}
+    if kind in ("mesh", "solid_mesh"):
+        if "file" not in entries:
+            raise YamlError(f"{place}: {'.'.join(path)} lacks file")
+        given["path"] = Path(tree.where[()]).parent / fit(str, tree, (*path, "file"))
+        skip = (*skip, "file")
     return build(KINDS[kind], tree, path, skip=skip, **given)
 
 

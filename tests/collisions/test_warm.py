@@ -11,6 +11,7 @@ import pytest
 from springgym.bodies import cube
 from springgym.contact.warm import FEW
 from springgym.core.blocks import WIDTH, numbers
+from springgym.identity import sealed
 from springgym.scene import Placed, Scene
 from springgym.simulator import Simulator
 from springgym.surfaces import Contact, floor
@@ -156,7 +157,7 @@ def test_states_from_elsewhere_are_no_harm() -> None:
     for wrong in (1e6, -3.0):
         for array in tables:
             numbers(array)[...] = wrong
-        simulator.restore(state)
+        simulator.restore(sealed(state))
         simulator.advance(20)
         assert np.isfinite(simulator.velocities).all()
 

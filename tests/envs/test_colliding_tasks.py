@@ -502,8 +502,8 @@ def test_states_of_two_agents_return() -> None:
         springgym.set_state(one, state)
         assert one.unwrapped.np_random_seed == 2
         same(lives(one), follows)
-    ended = state | {"agents": []}
-    springgym.set_state(env, ended)
+    other.unwrapped.agents = []
+    springgym.set_state(env, springgym.get_state(other))
     assert env.step(actions[0]) == ({}, {}, {}, {}, {})
     for wrong in (state | {"agents": ["third"]}, state | {"episodes": {}}, {}):
         with pytest.raises(ValueError, match="state"):

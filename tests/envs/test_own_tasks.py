@@ -234,7 +234,7 @@ def test_memory_and_time_are_part_of_the_state() -> None:
         (seen, earned, *_), (again, earned_again, *_) = env.step(action), other.step(action)
         np.testing.assert_array_equal(seen, again)
         assert earned == earned_again
-    with pytest.raises(ValueError, match=r"state\['memory'\] is float64 of shape \(1, 3\)"):
+    with pytest.raises(ValueError, match=r"state\['memory'\] was edited"):
         springgym.set_state(other, state | {"episodes": state["episodes"] | {"memory": np.zeros((1, 3))}})
     assert pickle.loads(pickle.dumps(env.spec)).kwargs["remember"] is kept
 

@@ -84,26 +84,19 @@ def test_pictures_show_the_action(env_id: str, action: str) -> None:
 
 
 @each_kind
-def test_two_pictures_of_one_moment_are_equal(env_id: str) -> None:
-    """Of an environment whose first picture this is: its trace begins there, not with the next picture."""
+def test_first_pictures_hold_all_that_counts_and_little_else(env_id: str) -> None:
+    """The second one is equal, to the pixel: the trace begins with the first."""
     batch = make_vec(env_id, 1, "native", "Disabled", render_mode="rgb_array")
-    for env in (make(env_id, render_mode="rgb_array"), batch):
-        env.reset(seed=1)
-        np.testing.assert_array_equal(env.render(), env.render())
-
-
-@each_kind
-def test_pictures_hold_all_that_counts_and_little_else(env_id: str) -> None:
-    env = make(env_id, render_mode="rgb_array").unwrapped
-    task = env.episodes.task
-    for seed in range(5):
-        env.reset(seed=seed)
-        env.render()
-        pixels, _ = env._canvas.camera.project(task.framed(env.episodes.seen_of(0)[1]), env._canvas.size)
-        shares = pixels / env._canvas.size
-        assert (shares > 0.02).all()
-        assert (shares < 0.98).all()
-        assert np.ptp(shares, axis=0).max() > 0.35
+    for env in (make(env_id, render_mode="rgb_array").unwrapped, batch):
+        for seed in range(5):
+            env.reset(seed=seed)
+            np.testing.assert_array_equal(env.render(), env.render())
+            canvas = env._canvases[0] if env is batch else env._canvas
+            pixels, _ = canvas.camera.project(
+                env.episodes.task.framed(env.episodes.seen_of(0)[1]), (640, 640)
+            )
+            assert ((pixels > 12) & (pixels < 628)).all()
+            assert np.ptp(pixels, axis=0).max() > 220
 
 
 def test_pictures_say_which_step_it_is_and_whether_it_succeeds() -> None:
@@ -116,9 +109,6 @@ def test_pictures_say_which_step_it_is_and_whether_it_succeeds() -> None:
         assert ("success" in others) == info["is_success"]
         *_, info = env.step(np.zeros(env.action_space.shape, np.float32))
     assert info["is_success"]
-    env.reset(seed=1)
-    assert episodes.marks(0).text[0] == "step 0"
-    assert "success" not in episodes.marks(0).text
 
 
 @pytest.mark.slow

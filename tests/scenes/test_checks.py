@@ -51,6 +51,17 @@ def check_agrees(recording):
         assert result.theory == 0 or result.tolerance <= 0.1 * abs(result.theory), result
 
 
+@pytest.mark.parametrize(("name", "most"), [("top", 0.2), ("sleeping-top", 0.1), ("cube-pendulum", 1e-6)])
+def test_small_leaks_of_energy_are_noticed(name, most):
+    """[J] Less than 1e-4 of what a top's spin holds, which takes no other form."""
+    recording = recorded(name)
+    leak = np.linspace(0.0, most, len(recording.times))
+    for lost, passes in ((leak, False), (0 * leak, True)):
+        measures = recording.measures._replace(balance=recording.measures.balance - lost)
+        (result,) = free.energy(replace(recording, measures=measures))
+        assert result.passed is passes
+
+
 def check_moved(recording):
     moved = np.ptp(recording.positions, axis=0).max()
     size = np.ptp(recording.positions[0], axis=0).max() or 1.0

@@ -9,7 +9,8 @@ import pytest
 from springgym.scenes import load
 from springgym.scenes.checks import CHECKS
 from springgym.scenes.plots import PLOTS
-from springgym.scenes.reading import KINDS, SURFACES, _met, _started
+from springgym.scenes.reading import KINDS, SURFACES, _started
+from springgym.surfaces import Contact
 
 PAGE = (Path(__file__).parents[2] / "docs" / "scenes.md").read_text()
 WORDS = set(re.findall(r"\w+", PAGE))
@@ -25,5 +26,5 @@ def test_example_reads(tmp_path):
 
 def test_every_name_is_explained():
     given = {"body", "pinned", "gravity", "surfaces", "contact"}
-    keys = {key for function in (_started, _met) for key in inspect.signature(function).parameters}
-    assert {*(keys - given), *CHECKS, *PLOTS, *KINDS, *SURFACES} <= WORDS
+    keys = {key for made in (_started, Contact) for key in inspect.signature(made).parameters}
+    assert {"paper_damping", *(keys - given), *CHECKS, *PLOTS, *KINDS, *SURFACES} <= WORDS

@@ -46,33 +46,13 @@ def test_what_a_small_file_means(read):
     assert read(BOX + "gravity: [1, 0, 0]").scene.gravity == (1.0, 0.0, 0.0)
 
 
-def test_numbers_without_a_point_are_numbers(read):
-    plan = read("title: a\nbody: {kind: box, stiffness: 2e5}\nduration: 1e1\nstep: 1e-4")
-    assert plan.scene.body.stiffness[0] == 2e5
-    assert (plan.duration, plan.step) == (10.0, 1e-4)
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (BOX + "colour: red", "mine.yaml:4: unknown key 'colour'"),
         (BOX + "pined: [0]", "mine.yaml:4: unknown key 'pined'; did you mean 'pinned'?"),
-        (BOX + "title: b", "mine.yaml:4: duplicate key 'title'"),
         ("title: a box\nduration: 1", "the file lacks body"),
         ("title: a\nbody: box\nduration: 1", "mine.yaml:2: body must be a mapping with a kind"),
-        (
-            "title: a\nbody: {sides: [1, 1, 1]}\nduration: 1",
-            "mine.yaml:2: body must be a mapping with a kind",
-        ),
         ("title: a\nbody: {kind: bax}\nduration: 1", "mine.yaml:2: unknown kind 'bax'; did you mean 'box'?"),
-        (
-            "title: a\nbody: {kind: box, side: 1}\nduration: 1",
-            "mine.yaml:2: unknown key 'side'; did you mean",
-        ),
-        (
-            "title: a\nbody: {kind: box, sides: 1}\nduration: 1",
-            "mine.yaml:2: body.sides: expected a list, got 1",
-        ),
         (
             BOX + "interval: 1e-300",
             "mine.yaml:4: interval: interval is 1e-300 s; it must be at least 1e-06 s",
@@ -86,7 +66,6 @@ def test_numbers_without_a_point_are_numbers(read):
         ),
         ("title: a\nbody: {kind: top, scaled: {40: 2}}\nduration: 1", "a particle that scaled names is 40"),
         (BOX.replace("duration: 1", "duration: 0"), "mine.yaml:3: duration: duration is 0 s"),
-        (BOX + "interval: -1", "mine.yaml:4: interval: interval is -1 s"),
         (BOX + "integrator: euler", "mine.yaml:4: integrator: unknown method 'euler'; choose from: verlet"),
         (BOX + f"trace: {'x' * 1000}", "mine.yaml:4: trace: unknown part 'xxx"),
         (
@@ -95,21 +74,13 @@ def test_numbers_without_a_point_are_numbers(read):
         ),
         (BOX + "pinned: [tip]", "mine.yaml:4: pinned: unknown part 'tip'"),
         (BOX + "pinned: [8]", "mine.yaml:4: pinned: there is no particle 8; there are 0 to 7"),
-        (BOX + "pinned: tip", "mine.yaml:4: pinned: expected a list, got 'tip'"),
         (BOX + "trace: top", "mine.yaml:4: trace: 'top' is 4 particles; trace takes one"),
         (BOX + "plot: pie", "mine.yaml:4: plot: expected one of top, pendulum"),
         (BOX + "checks:\n - energy\n - sleeep", "mine.yaml:6: unknown check 'sleeep'; did you mean 'sleep'?"),
-        (BOX + "view: {height: 1}", "mine.yaml:4: unknown key 'height'"),
-        (BOX + "start: {spin: fast}", "mine.yaml:4: start.spin: expected a number, got 'fast'"),
         (BOX + "start: {hanging: true}", "mine.yaml:4: start: body 'box' is not pinned: it cannot hang"),
         (SOLID % "3", "mine.yaml:2: body.material: expected a mapping or text, got 3"),
         (SOLID % "cheese", "mine.yaml:2: body: material is 'cheese'; it must be one of steel"),
         (SOLID % CLAY.replace("1900", "-1"), "mine.yaml:2: body.material: density of 'clay' is -1.0"),
-        (SOLID % CLAY.replace("loss", "los"), "mine.yaml:2: unknown key 'los'; did you mean 'loss'"),
-        (
-            SOLID % CLAY.replace("0.2", "soft"),
-            "body.material.loss: expected a number, got 'soft'",
-        ),
         (BOX + "view: {speed: 3}", "mine.yaml:4: view: speed is 3; it must be one of 0.015625, 0.03125"),
         (BOX + "start: {precession: slow}", "mine.yaml:4: start: body 'box' is not a heavy top"),
         (BOX + "start: {kick: {tip: [0, 0, 1]}}", "mine.yaml:4: start: kick names an unknown part 'tip'"),

@@ -272,18 +272,8 @@ def test_at_an_address_that_is_asked_for_only_the_token_opens(open_to_others):
     assert asked(server, f"/{token}/")[0] == 200
     assert asked(server, f"/{token}")[0] == 200
     assert asked(server, f"/{token}/?a=b/c")[0] == 200
-    wrong = [
-        "",
-        token[:-1],
-        token + "x",
-        token.swapcase(),
-        "x/" + token,
-        "/" + token,
-        f"?{token}",
-        "%2e%2e",
-        "..",
-        "é",
-    ]
+    wrong = ["", token[:-1], token + "x", token.swapcase(), "x/" + token, "/" + token, f"?{token}"]
+    wrong += ["%2e%2e", "..", "é"]
     for path in wrong:
         status, said = asked(server, "/" + urllib.parse.quote(path, safe="/?%."))
         assert status == 403, path

@@ -77,19 +77,24 @@ def test_the_camera_steps_back_from_what_has_grown(page):
     assert not (camera.eye == eye).all()
 
 
+def camera_of(page, client):
+    """The camera of the only client, which says where it is first."""
+    send(client, CAMERA)
+    until(page._server.get_clients)
+    (seen,) = page._server.get_clients().values()
+    return seen.camera
+
+
 def test_the_camera_is_placed_anew_when_the_picture_changes_its_shape(page):
     """As the panel does that takes its part of it; otherwise it stays where who looks has put it."""
     with connected(page._server) as client, run(page):
-        send(client, CAMERA)
-        until(page._server.get_clients)
-        (camera,) = (seen.camera for seen in page._server.get_clients().values())
+        camera = camera_of(page, client)
         for width in (240, 600):
             send(client, {**CAMERA, "image_width": width})
             eye = page._stage.camera(page.motion, width / CAMERA["image_height"]).eye
             until(lambda eye=eye: np.allclose(camera.position, eye))
         send(client, {**CAMERA, "image_width": 600, "image_height": 301})
-        until(lambda: camera.image_height == 301)
-        until(lambda: not page._due)
+        until(lambda: camera.image_height == 301 and not page._due)
         np.testing.assert_array_equal(camera.position, CAMERA["position"])
 
 
@@ -158,8 +163,7 @@ def test_what_a_client_sends_is_done_once_a_frame(page):
     page.play(False)
     knob, slider = next(iter(page._sliders.items()))
     with connected(page._server) as client, run(page) as playing:
-        send(client, CAMERA)
-        until(page._server.get_clients)
+        camera_of(page, client)
         for wrong in (float("nan"), "9", -1e30, None):
             send(client, value(page._moment, wrong), value(page._speed, wrong))
         until(lambda: not page._due and page.time == 0.0)
@@ -184,8 +188,7 @@ def failing(page, error):
 
     page._subject = page._subject._replace(make=fails)
     with connected(page._server) as client, run(page):
-        send(client, CAMERA)
-        until(page._server.get_clients)
+        camera_of(page, client)
         page._ask(page.name, {("gravity",): 9.0})
         until(lambda: not page._shown)
         yield client
@@ -246,8 +249,7 @@ def test_the_old_motion_stands_while_another_is_made(page):
 def test_clock_readings_and_picture_agree_after_a_seek(page):
     """Even with who sought while it played: the clock of the frame before is still on its way to him."""
     with connected(page._server) as client, run(page):
-        send(client, CAMERA)
-        until(page._server.get_clients)
+        camera_of(page, client)
         drawn = []
         draw = page._stage.draw
         page._stage.draw = lambda time: drawn.append(time) or draw(time)

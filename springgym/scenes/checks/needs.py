@@ -29,7 +29,7 @@ TURNS_OVER = math.radians(45)
 that than to the axis about which it spins."""
 
 
-def _need(holds: Callable[[Scene], object], refusal: str, *before: Need) -> Need:
+def _need(holds: Callable[[Any], object], refusal: str, *before: Need) -> Need:
     """Return a requirement: what it needs ``before``, and that something holds of the scene."""
 
     def check(plan: Plan) -> None:
