@@ -29,7 +29,6 @@ from results import interval_of_mean, is_old  # noqa: E402
 
 from benchmarks.curves import cost  # noqa: E402
 from benchmarks.errors import EPISODES, EVERY, PERIODS  # noqa: E402
-from springgym.cli import significant  # noqa: E402
 from springgym.envs.randomisation import RANDOMIZABLE  # noqa: E402
 from springgym.registration import ENVIRONMENTS, VARIANTS, Row  # noqa: E402
 
@@ -71,17 +70,15 @@ def docstring(row: Row) -> str:
 
 
 def describe(row: Row, report: Report) -> str:
-    """Return the page of an environment: film, spaces, docstring, baselines, variants and error."""
+    """Return the page of an environment: film, spaces, error, docstring and baselines."""
     return "\n".join(
         [
             f"# {row.id}\n",
             *film(row),
-            *in_short(row),
+            *in_short(row, report),
             docstring(row),
             "",
             *baselines(row, report),
-            *table_of_variants(row, report),
-            *error(row, report),
         ]
     )
 
@@ -89,65 +86,42 @@ def describe(row: Row, report: Report) -> str:
 def film(row: Row) -> list[str]:
     """Return the poster of the trained agent's film; the site puts the film in its place."""
     card = json.loads((CARDS / row.id / "card.json").read_text(encoding="utf-8"))
-    caption = f"The published agent acts. {card['algorithm'].upper()} trained it for {card['steps']:,} steps."
+    caption = f"The published agent: {card['algorithm'].upper()}, {card['steps']:,} steps."
     return [f"![{caption}](../figures/posters/{row.id}.webp)\n"]
 
 
-def in_short(row: Row) -> list[str]:
-    """Return the line that makes an environment, and a table of its spaces and its episode."""
+def in_short(row: Row, report: Report) -> list[str]:
+    """Return the shapes of an environment's spaces, its tier and the error of its steps."""
     particles, frame = (environment(row, "")(observation=kind) for kind in ("particles", "frame"))
-    observed = f'`{particles.observation_space}`; `{frame.observation_space}` with `observation="frame"`'
-    batch = f'gymnasium.make_vec("{row.id}", num_envs=64, vectorization_mode="vector_entry_point")'
+    (own,) = (own for env_id, options, own in _errors(report) if env_id == row.id and not options)
+    shapes = [f"{space.shape}" for space in (particles.action_space, particles.observation_space)]
     return [
-        "```python",
-        "import gymnasium as gym",
-        "import springgym",
-        "",
-        f'env = gym.make("{row.id}")',
-        "```\n",
-        "| | |",
-        "|---|---|",
-        f"| action space | `{particles.action_space}` |",
-        f"| observation space | {observed} |",
-        f"| episode | {row.max_episode_steps} steps of {1000 * particles.period:g} ms |",
-        f"| solved at | a return of {row.reward_threshold:g} |",
-        f"| tier | [{row.tier}](../environments.md#tiers-and-harder-variants) |",
-        f"| batch | `{batch}` |",
-        f"| train, watch | `springgym train {row.id}`, `springgym watch {row.id}` |\n",
+        f"Actions {shapes[0]}; observations {shapes[1]} or, as frame, {frame.observation_space.shape}; "
+        f"[{row.tier}](../environments.md#tiers-and-harder-variants); "
+        f"sub-steps {own['step_ms']:.3g} ms; [error](../features.md#error-of-a-control-period) of a step "
+        f"{own['median']:.1e} (median).\n",
     ]
 
 
 def baselines(row: Row, report: Report) -> list[str]:
-    """Return the rows of the benchmark on an environment and on its variants with ids of their own."""
-    tasks = [row.id, *(variant.id for variant in VARIANTS if variant.of == row.id)]
-    found: dict[tuple[str, str], list[Report]] = defaultdict(list)
+    """Return what algorithms reach in an environment, in one sentence, and its learning curves."""
+    found: dict[str, list[Report]] = defaultdict(list)
     for own in report["baselines"]:
-        found[own["task"], own["algorithm"]].append(own)
-    names = [name for name in ALGORITHMS if any((task, name) in found for task in tasks)]
-    lines = [
+        if own["task"] == row.id:
+            found[own["algorithm"]].append(own)
+    scale, unit = measure(row.id)
+    told = []
+    for name in (name for name in ALGORITHMS if name in found):
+        runs = found[name]
+        earned, success = (np.mean([run[key] for run in runs]) for key in ("mean_return", "success_rate"))
+        told.append(f"{name} {scale * earned:z.2f}, {100 * success:.0f} %")
+    old = any(is_old(own) for runs in found.values() for own in runs)
+    return [
         "## Baselines\n",
-        "Each cell gives the return per step, in brackets its 95 % interval and the number of training seeds "
-        "if there are several, and below it the share of the held-out episodes that succeed. "
-        "[Baselines](../baselines.md) compares all tasks, by one [protocol](../benchmark.md).\n",
-        f"| task | {' | '.join(names)} |",
-        "|---" * (len(names) + 1) + "|",
+        f"Return per {'episode' if unit else 'step'} and success: {'; '.join(told)}. "
+        f"{'Some results are older. ' if old else ''}[All](../baselines.md)\n",
+        *learning_curves(row, report),
     ]
-    for task in tasks:
-        changed = any(is_old(own) for name in names for own in found[task, name])
-        results = " | ".join(shown(found[task, name]) for name in names)
-        lines.append(f"| `{task}`{' †' if changed else ''} | {results} |")
-    if any("†" in line for line in lines):
-        lines.append("\n† Some of these rows are [older](../baselines.md) than the task or the protocol.")
-    lines.append("")
-    lines += learning_curves(row, report)
-    for own in report["learning"]:
-        if own["task"] == row.id and own["learned"]:
-            lines.append(
-                f"PPO succeeds in 90 % of episodes after {own['steps']:,} steps, which take "
-                f"{own['seconds']:.0f} "
-                f"s of one core ([time to learn](../baselines.md#time-to-learn)).\n"
-            )
-    return lines
 
 
 def shown(runs: Sequence[Report]) -> str:
@@ -189,28 +163,7 @@ def learning_curves(row: Row, report: Report) -> list[str]:
     """Return the figure of the learning curves of an environment, if rows of it have any."""
     if not any(own["task"] == row.id and own.get("curve") for own in report["baselines"]):
         return []
-    caption = "Return per step against samples, and against seconds of one core"
-    return [
-        f"![{caption}](../figures/curves/{row.id}.svg)\n",
-        "Each line is the median of the training seeds, and the band reaches from the lowest to the highest. "
-        "Episodes of the curves are neither those of the training nor those of the table.\n",
-    ]
-
-
-def error(row: Row, report: Report) -> list[str]:
-    """Return how far a control period is from the exact motion."""
-    (own,) = (own for env_id, options, own in _errors(report) if env_id == row.id and not options)
-    return [
-        "## Error\n",
-        f"The default step is {own['step_ms']:.3g} ms. After one control period, the particle that is "
-        f"farthest "
-        f"from the exact motion is off by {own['median']:.1e} of the body's size in the median, and by "
-        f"{own['high']:.1e} at most. [Error of a control "
-        f"period](../features.md#error-of-a-control-period) says "
-        "how this was measured.\n",
-        *of_the_trade(row.id, report),
-        "Written by `python docs/environments.py`.\n",
-    ]
+    return [f"![Learning curves](../figures/curves/{row.id}.svg)\n"]
 
 
 class Trade(NamedTuple):
@@ -238,19 +191,6 @@ def trade(env_id: str, report: Report) -> Trade | None:
     return Trade(usual, finer and finer / usual, max(0.0, 1 - (coarser or usual) / usual))
 
 
-def of_the_trade(env_id: str, report: Report) -> list[str]:
-    """Return the sentences that tell it, if it was measured."""
-    found = trade(env_id, report)
-    if found is None:
-        return []
-    finer = f"costs {found.finer:.1f} times as much" if found.finer else "was not reached"
-    return [
-        f"A step costs {significant(found.usual, 2)} µs of one core, in a batch of 64. A tenth of the median "
-        f"error {finer}, and ten times the error would save {100 * found.saved:.0f} %. "
-        "[Speed](../speed.md#error-against-cost) compares all environments.\n"
-    ]
-
-
 # --- The list of environments -----------------------------------------------------------------------
 
 
@@ -271,7 +211,7 @@ def table_of_environments() -> list[str]:
 
 def table_of_named_variants() -> list[str]:
     """The variants that have ids of their own."""
-    lines = ["| environment | tier | is | with | why |", "|---|---|---|---|---|"]
+    lines = ["| variant | tier | base environment | arguments | difference |", "|---|---|---|---|---|"]
     for variant in VARIANTS:
         arguments = ", ".join(f"`{name}={value!r}`" for name, value in variant.arguments.items())
         lines.append(f"| `{variant.id}` | {variant.tier} | `{variant.of}` | {arguments} | {variant.why} |")
@@ -321,24 +261,25 @@ def measured_variants() -> Iterator[dict[str, Any]]:
             yield found
 
 
-def table_of_variants(row: Row, report: Report) -> list[str]:
-    """Return what controllers without learning make of every action mode and variant of an environment."""
+def table_of_variants(report: Report) -> list[str]:
+    """Return what controllers without learning make of every action mode and variant of every environment."""
     names = tuple(reversed(BASELINES))
     lines = [
-        "## Variants\n",
-        "Keyword arguments make these variants. The last columns give success"
-        f"{'' if measure(row.id)[1] else ' and return per step'} of controllers "
-        f"without learning, on {SEEDS} held-out seeds: classical control, random actions, no action.\n",
-        f"| arguments | difference | {' | '.join(names)} |",
+        "## Variants by keyword\n",
+        "These keyword arguments make variants; the page of each environment says what they change. The last "
+        f"columns show controllers without learning on {SEEDS} held-out episodes: success rate and return "
+        "per step (in SpringDuel, success rate alone).\n",
+        f"| environment | arguments | {' | '.join(names)} |",
         "|---|---|---|---|---|",
     ]
     reached = {(own["environment"], own["arguments"]): own for own in report["variants"]["rows"]}
-    for action, variant, arguments in actions_and_variants(row):
-        own = reached[row.id, repr(arguments)]
+    for row in ENVIRONMENTS:
         told = "{success:.3g} %" if measure(row.id)[1] else "{success:.3g} %, {earned:.2f}"
-        figures = " | ".join(told.format(success=100 * own[name][0], earned=own[name][1]) for name in names)
-        written = ", ".join(filter(None, (f'`action="{action}"`', variant.written)))
-        lines.append(f"| {written} | {variant.change} | {figures} |")
+        for action, variant, arguments in actions_and_variants(row):
+            own = reached[row.id, repr(arguments)]
+            figures = " | ".join(told.format(success=100 * own[n][0], earned=own[n][1]) for n in names)
+            written = ", ".join(filter(None, (f'`action="{action}"`', variant.written)))
+            lines.append(f"| `{row.id}` | {written} | {figures} |")
     return [*lines, ""]
 
 
@@ -462,33 +403,68 @@ def table_of_estimates(report: Report) -> list[str]:
 
 # --- Texts ------------------------------------------------------------------------------------------
 
-INTRODUCTION = """Each environment has a page with its spaces, reward, start, baselines and variants.
-All of them share these features:
+INTRODUCTION = """Each environment has a page with its spaces, reward, starting states, arguments and
+baselines. What all share is [below](#shared-definitions). *Solved at* is the return from which a task counts
+as solved.
+"""
 
+SHARED = """## Shared definitions
+
+These hold for all environments; their pages tell the rest.
+
+- **U(a, b)** is drawn uniformly from a to b.
+- **Actions** lie in [−1, 1]; values outside are clipped.
 - **Observations** are positions and velocities of particles (`observation="particles"`), or a few numbers
-  such as axis and spin (`observation="frame"`). Both are scaled to order one.
-- **Actions** lie in [−1, 1]. Most environments offer several modes (`action=…`).
-- **The reward** of each step lies between 0 and 1.
-- **Success**: `info["is_success"]` says whether the aim is met. An episode that ends by failure is no
-  success, however long the aim was met before.
-- **Dynamics**: bodies are made of springs or, except for ropes, rigid (`dynamics="rigid"`).
-- **Batches, randomisation and states** are described under [Common features](features.md).
+  such as axis and spin (`"frame"`). Each number is divided by its *scale*, then clipped to ±10.
+- **Rewards** lie between 0 and 1; `info` holds their terms, `reward_…`. With d = max(|x| − b, 0)/m, pages
+  write G(x; b, m) = 0.1^(d²) and L(x; b, m) = 1/(1 + 9d²): both are 1 up to |x| = b, and 0.1 at b + m. The
+  effort of actions a gives the factor E = 1 − 0.1 mean(a²).
+- **Divergence**: if the simulation diverges, the episode terminates with reward 0 and `info["diverged"]`.
+- **Success**: `info["is_success"]`. An episode that ends by failure is no success.
+- **Balls that roll** are solid spheres, carried by six particles with 15 springs.
+- **Version**: all environments are in their initial version.
 
-"Solved at" is the return from which a task counts as solved. The return is at most one per step.
+`info` also holds:
+
+| entry | meaning |
+|---|---|
+| `energy` | energy [J] |
+| `energy_drift` | energy that the integrator added to the balance since the start [J] |
+| `strain` | largest strain of any spring |
+| `pairs_touching` | number of pairs of bodies in contact now (`pairs_…`: where bodies collide) |
+| `pairs_impulse` | their impulse since the start [N·s] |
+| `pairs_least_gap` | their least gap since the start [m], at most the contact margin |
+| `pairs_missed` | number of contacts since the start that were found too late |
+| `too_fast` | number of contacts since the start that the sub-step does not resolve well |
+
+All environments have these arguments, which `springgym.envs.base.SpringEnv` describes:
+
+| argument | default | meaning |
+|---|---|---|
+| `observation` | `"particles"` | or `"frame"` |
+| `action` | the page's first | mode of the actions |
+| `dynamics` | `"springs"` | or `"rigid"` (not SpringRope) |
+| `integrator`, `step` | `"verlet"`, as on the page | method and sub-step [s] |
+| `dtype` | `"float64"` | or `"float32"` |
+| `sparse` | `False` | reward 1 where the aim is met, else 0 |
+| `goals` | `False` | [goal environments](features.md#goals), of four tasks |
+| `randomize` | none | [ranges of factors](features.md#randomisation), as of masses |
+| `error` | `False` | [estimate](features.md#the-error-while-it-runs) the error of each step |
+| `tolerance` | none | [bound](features.md#the-error-that-you-want) that error |
+| `render_mode` | none | `"rgb_array"` or `"human"` |
 """
 
 HARDER = """## Tiers and harder variants
 
 | tier | meaning |
 |---|---|
-| first steps | even linear control solves it, and is found in seconds |
-| standard | PPO solves it with the package's hyperparameters; linear control does not |
+| first steps | a linear policy solves it, and is found in seconds |
+| standard | PPO solves it with the package's hyperparameters; a linear policy does not |
 | harder | PPO succeeds in most episodes |
 | hard | PPO fails in most episodes, although the task can be done |
-| sparse | a task of the same environment that gives no reward before the aim is met |
+| sparse | the environment with a sparse reward: none before the aim is met |
 
-Some variants have ids of their own, so that programs can run them that accept nothing but an id.
-[Baselines](baselines.md) shows what each algorithm reaches.
+These variants have ids of their own. [Baselines](baselines.md) shows what each algorithm reaches.
 """
 
 RANDOMISATION = f"""## Randomisation
@@ -691,7 +667,7 @@ gymnasium.register("Hover-v0", entry_point=hover, max_episode_steps=200)
 # --- The pages --------------------------------------------------------------------------------------
 
 
-def page() -> str:
+def page(report: Report) -> str:
     """Return the list of environments."""
     return "\n".join(
         [
@@ -700,6 +676,8 @@ def page() -> str:
             *table_of_environments(),
             "![The environments, in the order of the table](figures/environments.webp)\n",
             *table_of_named_variants(),
+            SHARED,
+            *table_of_variants(report),
             "Written by `python docs/environments.py`.\n",
         ]
     )
@@ -744,7 +722,7 @@ def pages() -> dict[Path, str]:
     """Return all pages by their paths, from the docstrings and from what was measured."""
     report = read()
     own = {FOLDER / f"{row.id}.md": describe(row, report) for row in ENVIRONMENTS}
-    return {PAGE: page(), FEATURES: features(report)} | own
+    return {PAGE: page(report), FEATURES: features(report)} | own
 
 
 def write() -> None:
