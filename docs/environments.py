@@ -290,17 +290,14 @@ def table_of_errors(report: Report) -> list[str]:
     """Return the error of the default step of every environment."""
     lines = [
         "## Error of a control period\n",
-        "This table says how accurate the default step is. The *error* is the largest distance of a "
-        "particle, "
-        "after one control period with a random action, from where exact steps take it, as a share of the "
-        f"body's size. {EPISODES} copies play episodes from the usual starts for {PERIODS} control "
-        f"periods, of "
-        f"which one in {EVERY} counts. The exact steps are `dopri5` with a tolerance of 1e-13; on surfaces, "
-        "`verlet` with steps of h/1024; for bodies that collide, of h/64. The last column is the largest "
-        "distance between this reference and a second one: `rk4` with h/128; on surfaces, `verlet` "
-        "with h/256; "
-        "for bodies that collide, with h/16. Impacts converge to first order only.\n",
-        "| environment | step h | median error | largest error | references apart |",
+        "The *error* of the default step: the largest distance of a particle from its exact position, after "
+        "one control period with a random action, relative to the body's size. It is measured in "
+        f"{EPISODES} episodes of {PERIODS} control periods, at one period in {EVERY}. The exact motion is "
+        "`dopri5` with a tolerance of 1e-13; on surfaces, `verlet` with steps of h/1024; for bodies that "
+        "collide, of h/64. The last column is the largest distance of this reference from a second one: "
+        "`rk4` with h/128; on surfaces, `verlet` with h/256; for bodies that collide, with h/16. Impacts converge "
+        "to first order only.\n",
+        "| environment | step h | median error | largest error | references differ by |",
         "|---|---|---|---|---|",
     ]
     for env_id, options, own in _errors(report):
@@ -323,8 +320,8 @@ def _errors(report: Report) -> Iterator[tuple[str, dict[str, str], dict[str, Any
 
 WANTED = """## The error that you want
 
-`tolerance` asks for an error of a control period, as a share of the body's size. It chooses the step and,
-unless you give one, the method: the cheapest whose errors stay below the tolerance.
+`tolerance` sets a target per-step error, relative to the body's size. springgym then chooses the sub-step
+and, unless you give one, the cheapest method whose errors stay below the target.
 
 ```python
 import gymnasium
@@ -336,28 +333,25 @@ env.reset(seed=0)
 assert info["error_bound"] <= 1e-5
 ```
 
-- When you make the environment, springgym tries the choice for a few seconds: on 16 episodes of 50 periods
-  with random actions, begun with the factors of `randomize` at the ends of their ranges.
-  `info["error_bound"]` is 1.5 times the largest error of these, as `error=True` estimates it. It is no
-  proof for episodes that are harder.
-- `env.unwrapped.chosen` holds the method, the steps in a control period, the largest error that was seen,
-  and the cost in force evaluations.
+- Making the environment takes a few seconds: springgym plays 16 episodes of 50 periods with random actions,
+  begun with the factors of `randomize` at the ends of their ranges. `info["error_bound"]` is 1.5 times the
+  largest error of these, as `error=True` estimates it. This is an estimate, not a guarantee.
+- `env.unwrapped.chosen` holds the method, the sub-steps of a control period, the largest error that was
+  seen, and the cost in force evaluations.
 - A batch chooses as a single environment does.
-- What cannot be reached is refused, with the least error that can. Impacts converge to first order only, so
-  `SpringTumble-v0`, for example, stays above 5e-4.
-- A larger tolerance takes fewer steps, as far as the method is stable. Where bodies meet something, it
+- A target that cannot be reached raises a ValueError, which names the least error that can. Impacts converge
+  to first order only, so `SpringTumble-v0`, for example, stays above 5e-4.
+- A larger tolerance takes fewer sub-steps, as far as the method is stable. Where bodies meet something, it
   never takes fewer than the default.
 """
 
 
 ESTIMATED = """## The error, while it runs
 
-With `error=True`, an environment estimates its own error. It repeats every control period from the same
-state with steps of half the length, and `info["step_error"]` compares the two ends (Richardson
-extrapolation). The number estimates the error of the table above: the distance of the particle that is
-farthest from the exact motion, over the size of its body. Batches return an array with one number per copy.
-The trajectory stays the same to the bit. A step costs three times as much; without `error=True` it costs
-nothing more.
+With `error=True`, an environment estimates the error of each step, at three times the cost. It repeats the
+control period from the same state with steps of half the length, and compares the two ends (Richardson
+extrapolation). `info["step_error"]` is the largest error of a particle, relative to the size of its body, as
+in the table above; batches return one number per environment. The trajectory stays bit-identical.
 
 ```python
 import gymnasium
@@ -369,12 +363,12 @@ env.reset(seed=0)
 assert 0 < info["step_error"] < 1e-3
 ```
 
-- The estimate is of this one period. Over many periods, errors grow as the motion lets them.
-- It uses the randomised parameters of the copy.
-- The first `info` of an episode reports 0, and that of a copy that has diverged reports infinity.
+- This is the error of one period. Over many periods, errors grow as the motion lets them.
+- It uses the randomised parameters of the environment.
+- The first `info` of an episode reports 0, and after divergence it is infinity.
 - With `dynamics="rigid"` it is the error of the rigid motion, not its distance from the motion of the
   springs.
-- In float32 both runs have rounded, so the estimate does not fall below some 1e-7.
+- In float32 both runs round, so the estimate does not fall below some 1e-7.
 - In impacts it is less reliable: the method is of first order there, and an impact may fall into one of the
   two runs alone.
 - `dopri5` and `rodas3` choose their own steps, and are refused.
@@ -385,9 +379,8 @@ def table_of_estimates(report: Report) -> list[str]:
     """Return how good the estimates are."""
     lines = [
         ESTIMATED,
-        "This table divides the estimate by the true error, for the control periods of the table above. For "
-        "rigid bodies, the true error is the distance from the same method with steps of h/16, on "
-        "surfaces of "
+        "This table divides the estimate by the true error, for the periods of the table above. For rigid "
+        "bodies, the true error is the distance from the same method with steps of h/16, on surfaces of "
         "h/1024.\n",
         "| environment | arguments | median error | estimate / error, median | middle 90 % |",
         "|---|---|---|---|---|",
@@ -469,27 +462,22 @@ These variants have ids of their own. [Baselines](baselines.md) shows what each 
 
 RANDOMISATION = f"""## Randomisation
 
-`randomize={{"masses": (0.8, 1.2), …}}` draws a factor from each range at the start of every episode. Every
-copy of a batch draws its own, from the same seed as its start. You can randomise {
-    ", ".join(f"`{n}`" for n in RANDOMIZABLE)
-}.
+`randomize={{"masses": (0.8, 1.2), …}}` draws a factor from each range at the start of every episode, for each
+environment of a batch. You can randomise {", ".join(f"`{n}`" for n in RANDOMIZABLE)}.
 
 - `scale` is the size of the body. `actuator` is the strength of the actions, an opponent's included.
-- `info["randomization"]` holds the factors. `reset(options={{"randomize": {{"masses": 1.1}}}})` sets some
-  of them.
-- The default step suits the stiffest and lightest body of the ranges; a step that you give is checked
-  against it.
-- A factor without effect is refused: gravity in free fall, friction and restitution without a surface,
-  springs in rigid dynamics.
-- What is not randomised is compiled as a constant and costs nothing.
+- `info["randomization"]` holds the factors. `reset(options={{"randomize": {{"masses": 1.1}}}})` sets some.
+- The default step is stable for the stiffest and lightest body of the ranges. A step that you choose is
+  checked against it.
+- A parameter that has no effect raises a ValueError: gravity in free fall, friction and restitution without
+  a surface, stiffness and damping of rigid bodies.
 """
 
 GOALS = """## Goals
 
-SpringGyroscope, SpringRope, SpringTumble and SpringShove have a goal that can be told apart, for agents
-that learn from goals which they reached by chance. `goals=True` does so in the form of
-[Gymnasium-Robotics](https://robotics.farama.org/content/multi-goal_api/), for single environments and
-for batches. It needs `sparse=True`:
+With `goals=True`, SpringGyroscope, SpringRope, SpringTumble and SpringShove expose the goal separately from
+the observation, as [Gymnasium-Robotics](https://robotics.farama.org/content/multi-goal_api/) does, for
+hindsight experience replay. Single environments and batches accept it, together with `sparse=True`:
 
 ```python
 import gymnasium as gym
@@ -505,20 +493,18 @@ assert reward == env.unwrapped.compute_reward(achieved, desired, info)
 assert env.unwrapped.compute_reward(achieved, achieved, info) == 1.0
 ```
 
-- `observation` holds the particles as usual, without the goal. Positions are those in the world.
-- `achieved_goal` and `desired_goal` hold the same numbers, in SI units. They include velocities,
-  because a goal is reached at rest: what is achieved in motion is another goal. The page of each
-  environment lists them.
-- The goal is reached if each kind of number is nearer to the desired one than its limit. The limits are
-  those of success. `compute_reward` returns 1 or 0, for goals (K,) or (n, K). It is the reward of the
-  sparse variant (in SpringTumble, up to the strain of the body).
-- Episodes do not end when a goal is reached, since success means that it is held. So there is no
-  `compute_terminated`. What is achieved 100 m or m/s away, or after the simulation diverged, reaches no
-  goal.
+- `observation` holds the particles, without the goal. Positions are those in the world.
+- `achieved_goal` and `desired_goal` hold the same quantities, in SI units; each environment's page lists
+  them. They include velocities, because a goal must be reached at rest.
+- The goal is reached if each quantity is nearer to the desired one than its limit, that of success.
+  `compute_reward` returns 1 or 0, for goals (K,) or (n, K). It equals the sparse reward (in SpringTumble, up
+  to the strain of the body).
+- Episodes do not end when a goal is reached, because success means holding it. So there is no
+  `compute_terminated`. What is achieved 100 m or m/s away, or after divergence, reaches no goal.
 
-Tasks [of your own](tutorials/task.md) tell their goals apart, too. They need two arguments. `achieved`
-returns the goal that would be reached now. It uses the motion alone, not `s.goal`. Each `Aim` names some
-numbers of the goal, says how many they are, and within what distance they are reached:
+[Your own tasks](tutorials/task.md) need two arguments for this. `achieved` returns the current value of the
+goal's quantities from the motion alone, not from `s.goal`. Each `Aim` names some of them, with their number
+and the distance within which they are reached:
 
 ```python
 from springgym.bodies import cube
@@ -553,74 +539,68 @@ seen, info = env.reset(seed=0)
 print(seen["achieved_goal"], seen["desired_goal"])
 ```
 
-Without `goals=True`, `achieved` and `aims` take the place of `succeeded`: the aim is met where the goal is
-reached.
+Without `goals=True`, `achieved` and `aims` replace `succeeded`: the aim is met where the goal is reached.
 
-[Train an agent](training.md#goals-reached-by-chance) shows hindsight experience replay.
+[Train an agent](training.md#hindsight-experience-replay) shows hindsight experience replay.
 """
 
 PROMISES = """## Seeds, states and versions
 
-**Seeds.** The same seed gives the same episode, to the bit, on one machine with one set of versions. It
-does not matter whether the environment runs alone or as a copy of a batch, how large the batch is, how many
-threads run it, and what the other copies do. A refused reset or step changes nothing, not even random
-generators. (Only the time limit of `gymnasium.make` restarts with any call of `reset`.)
+**Seeds.** Episodes are bit-for-bit reproducible from their seed, on one machine with one set of versions,
+in a single environment or in a batch of any size, on any number of threads. A refused reset or step changes
+nothing, not even random generators. (Only the time limit of `gymnasium.make` restarts with any call of
+`reset`.)
 
 **Other machines and versions.** With other versions of Python, NumPy or Numba, or on another kind of
-processor, the same seed draws the same numbers, and starts agree to rounding. Closed forms place the
-bodies, so nothing depends on what a linear algebra library leaves open, such as the sign of an axis. From
-there, regular motion stays close, and chaotic motion separates as fast as the physics says. NumPy 2.0.2 and
-2.4.6 gave the same bits for 30 starts of each environment. OpenBLAS's oldest kernels gave starts that
-differ by 1e-14 at most. A new version of springgym may start a seed differently, and its changelog then
-says so. If the task changes, the number in the environment's id changes, too.
+processor, the same seed draws the same numbers, and initial states agree to rounding. They are computed in
+closed form, so they do not depend on LAPACK conventions. From there, regular motion stays close, and chaotic
+trajectories diverge at their Lyapunov rate. A new version of springgym may start a seed differently; its
+changelog then says so. If the task changes, the version in the environment's id changes, too.
 
-**States.** `springgym.get_state(env)` returns the true state of an environment or a batch: positions and
+**States.** `springgym.get_state(env)` returns the full state of an environment or a batch: positions and
 velocities, clocks, goals, factors, actuators, the time limit, random generators, and the counts of a
-monitor. It works for what `gymnasium.make`, `gymnasium.make_vec`, `springgym.envs.parallel` and
-`springgym.envs.sb3.make_sb3` make. `springgym.set_state(env, state)` goes back to it, in the same
-environment or in another one made alike. What follows then is the same, to the bit.
+monitor. `springgym.set_state(env, state)` restores it, in the same environment or in another one made alike;
+what follows is bit-identical. Both work for what `gymnasium.make`, `gymnasium.make_vec`,
+`springgym.envs.parallel` and `springgym.envs.sb3.make_sb3` make.
 
-You can choose copies of a batch. `springgym.get_state(envs, copies)` returns the state of some copies.
-`springgym.set_state(envs, state, copies)` sets it into as many copies; the state of one copy, or of a single
-environment, goes into all that you name, as planning needs. Each of these copies then continues as its
-original would, to the bit, resets included: it has a random generator of its own, in the state of the
-original's. So copies of one state draw the same next episode; new seeds make them differ.
+For some environments of a batch, `springgym.get_state(envs, copies)` returns their states, and
+`springgym.set_state(envs, state, copies)` sets as many. A single state is set into all that you name, as
+planning needs. Each then continues as its original would, resets included, because it also gets the
+original's random generator. New seeds make them differ.
 
 - A state of an environment made differently, say with another friction, step or variant, is refused with a
-  message that names the difference. Only the time limit and `error` may differ. A damaged state is refused,
-  too.
+  message that names the difference. Only the time limit and `error` may differ. A state that was edited is
+  refused, too: reset options change an episode, and `place`, `vary` and `actuate` change a `Simulator`.
 - A state is set as a whole or not at all.
-- `env.unwrapped.set_state` leaves the counter of `gymnasium.make`'s time limit alone. That counter restarts
-  whenever Gymnasium's wrapper is asked to reset, even where the environment refuses; `springgym.set_state`
-  corrects it.
+- `env.unwrapped.set_state` leaves the counter of `gymnasium.make`'s time limit alone;
+  `springgym.set_state` sets it.
 - `pickle` and `copy.deepcopy` copy an environment in mid-episode, with all its wrappers.
 
-**Interrupted calls.** If Ctrl-C, or an exception in a reward of your own, ends a step or a reset in its
-middle, the next step asks for a reset. You can also set a state from before. `Simulator.advance` needs
-neither: `time` says how far each copy got.
+**Interrupted calls.** If Ctrl-C, or an exception in your reward, interrupts a step or a reset, the next step
+asks for a reset. You can also set an earlier state. `Simulator.advance` needs neither: `time` says how far
+each simulation got.
 
 **Threads.** One thread at a time may use an environment or a simulator. A call while another thread uses it
 raises a `RuntimeError`; it does not wait.
 
-**Divergence.** A copy diverges if a spring is stretched by half, or if its numbers are not finite. It ends
-with reward 0, an observation of zeros and `info["diverged"]`. Its `energy` and `strain` in `info` are
-reported as they are.
+**Divergence.** An environment diverges if a spring is stretched by half, or if a number is not finite. The
+episode ends with reward 0, an observation of zeros and `info["diverged"]`. `energy` and `strain` in `info`
+are reported as they are.
 
-**Specs.** `env.spec` holds plain data. `to_json` works for arguments of all types, and what is made from
-its text is the same environment. `render_fps` is one picture per control period, so that films play in real
-time.
+**Specs.** `env.spec` holds plain data. `to_json` works for arguments of all types, and its text makes the
+same environment. `render_fps` is one picture per control period, so that films play in real time.
 
-`python -m tests.fuzz --steps 1e8` tries all of this at random for as long as you like. It checks every step
-and prints the seed of every round.
+`python -m tests.fuzz --steps 1e8` tries all of this at random, checks every step and prints the seed of
+every round.
 """
 
 OWN_SCENES = """## A scene of your own
 
 `springgym.make_scene_env(scene, reward, actuators={"force": 20.0, "torque": 2.0})` makes an environment
-from a `Scene`, or from a scene file by name. With `num_envs` it makes a batch. Your functions receive the
-measures and the situation of all copies. With several bodies, they ask for the measures of each by name:
-`m["box"].centre`. [A tutorial](tutorials/task.md) shows goals, memory, terms of the reward, marks and
-colours:
+from a `Scene`, or from a scene file by name. With `num_envs` it makes a batch. Your functions compute for all
+environments of the batch at once, from the measures `m` (centre, energy, …) and the situation `s` (goal,
+action, …). With several bodies, `m["box"].centre` names one. [A tutorial](tutorials/task.md) shows goals,
+memory, terms of the reward, marks and colours:
 
 ```python
 import gymnasium
@@ -649,9 +629,9 @@ env = springgym.make_scene_env(
 ```
 
 At every step, springgym checks that what they return has the right shape and is finite. The arrays that
-they receive are read-only, and change with the next step. `env.spec` makes the environment again, with
-`gymnasium.make`, `make_vec` or `springgym.envs.sb3.make_sb3`. It pickles if the functions belong to a
-module; JSON cannot hold functions. You can register the environment under an id of your own:
+they receive are read-only, and change with the next step. `gymnasium.make`, `make_vec` and
+`springgym.envs.sb3.make_sb3` make the environment again from `env.spec`, which pickles if the functions
+belong to a module; JSON cannot hold functions. You can register an id:
 
 ```python
 def hover(**options):
@@ -690,9 +670,7 @@ def features(report: Report) -> str:
     return "\n".join(
         [
             "# Common features\n",
-            "All environments, also those of your own scenes, randomise, keep states, and estimate "
-            "their error in "
-            "the same way.\n",
+            "All environments, also those of your own scenes, share these features.\n",
             RANDOMISATION,
             GOALS,
             PROMISES,
