@@ -61,147 +61,74 @@ ENVIRONMENTS = (
     Row("SpringDuel-v0", "duel", "SpringDuel", 500, 0.7, "standard", "episode"),
 )
 
-VARIANTS = (
-    Variant(
-        "SpringGyroscopeHard-v0",
-        "SpringGyroscope-v0",
-        {"hard": True},
-        "hard",
-        "the spin has either sign, and the same push moves the axle the other way",
+REASONS = {
+    "SpringGyroscopeHard": "the spin has either sign, and the same push moves the axle the other way",
+    "SpringTopSparse": "nothing is rewarded before the top stands, is calm and has its spin, all at once",
+    "SpringGyroscopeSparse": "nothing is rewarded before the axle points to its target and rests",
+    "SpringPendulumSparse": "nothing is rewarded before the cube stands upside down and rests",
+    "SpringDetumbleSparse": "nothing is rewarded before the box is at rest",
+    "SpringRopeSparse": "nothing is rewarded before the load is at its target and at rest",
+    "SpringDetumbleParticles": (
+        "the rotation has to be told from positions and velocities, of which it is a product"
     ),
-    Variant(
-        "SpringTopSparse-v0",
-        "SpringTop-v0",
-        {"sparse": True},
-        "sparse",
-        "nothing is rewarded before the top stands, is calm and has its spin, all at once",
+    "SpringPendulumWeak": (
+        "with a quarter of the torque that would lift it, the cube has to be swung up over many periods"
     ),
-    Variant(
-        "SpringGyroscopeSparse-v0",
-        "SpringGyroscope-v0",
-        {"sparse": True},
-        "sparse",
-        "nothing is rewarded before the axle points to its target and rests",
+    "SpringTopHard": "the top may start too slow to stand by itself, and torques are weaker",
+    "SpringTopImpulseHard": (
+        "the top may start too slow to stand by itself, and pushes on its crown cannot speed it up"
     ),
-    Variant(
-        "SpringPendulumSparse-v0",
-        "SpringPendulum-v0",
-        {"sparse": True},
-        "sparse",
-        "nothing is rewarded before the cube stands upside down and rests",
+    "SpringDetumbleFlat": (
+        "all of the rotation is about the axis of the largest moment, where it takes longest to stop"
     ),
-    Variant(
-        "SpringDetumbleSparse-v0",
-        "SpringDetumble-v0",
-        {"sparse": True},
-        "sparse",
-        "nothing is rewarded before the box is at rest",
+    "SpringTumbleHard": "the way is longer, and forces and torques are weaker",
+    "SpringTumbleSparse": (
+        "nothing is rewarded before the body rests at its target on the face that is asked for"
     ),
-    Variant(
-        "SpringRopeSparse-v0",
-        "SpringRope-v0",
-        {"sparse": True},
-        "sparse",
-        "nothing is rewarded before the load is at its target and at rest",
+    "SpringFreeTopRough": "the tip sticks: it has to be moved by leaning the top, not by pushing it",
+    "SpringJuggleTwo": "two balls have to be hit in turn, each on its own vertical, with time between them",
+    "SpringFreeTopSparse": "nothing is rewarded outside of the circle, or at another spin",
+    "SpringShoveHard": (
+        "the box is farther away, and turned any way: it has to be turned about while it is brought"
     ),
-    Variant(
-        "SpringDetumbleParticles-v0",
-        "SpringDetumble-v0",
-        {"momentum": False},
-        "hard",
-        "the rotation has to be told from positions and velocities, of which it is a product",
+    "SpringShoveSparse": (
+        "nothing is rewarded before the box lies at its place, turned as it should, and at rest"
     ),
-    Variant(
-        "SpringPendulumWeak-v0",
-        "SpringPendulum-v0",
-        {"randomize": {"actuator": (0.5, 0.5)}},
-        "hard",
-        "with a quarter of the torque that would lift it, the cube has to be swung up over many periods",
+    "SpringLabyrinthHard": (
+        "the board turns slowly, so that it has to be turned back early, and the holes leave less room"
     ),
-    Variant(
-        "SpringTopHard-v0",
-        "SpringTop-v0",
-        {"hard": True},
-        "harder",
-        "the top may start too slow to stand by itself, and torques are weaker",
+    "SpringDuelStrong": (
+        "the opponent is as good as classical control: it strikes hard, rolls off, and rights itself"
     ),
-    Variant(
-        "SpringTopImpulseHard-v0",
-        "SpringTop-v0",
-        {"action": "impulse", "hard": True},
-        "harder",
-        "the top may start too slow to stand by itself, and pushes on its crown cannot speed it up",
-    ),
-    Variant(
-        "SpringDetumbleFlat-v0",
-        "SpringDetumble-v0",
-        {"start": "flat"},
-        "standard",
-        "all of the rotation is about the axis of the largest moment, where it takes longest to stop",
-    ),
-    Variant(
-        "SpringTumbleHard-v0",
-        "SpringTumble-v0",
-        {"hard": True},
-        "standard",
-        "the way is longer, and forces and torques are weaker",
-    ),
-    Variant(
-        "SpringTumbleSparse-v0",
-        "SpringTumble-v0",
-        {"sparse": True},
-        "sparse",
-        "nothing is rewarded before the body rests at its target on the face that is asked for",
-    ),
-    Variant(
-        "SpringFreeTopRough-v0",
-        "SpringFreeTop-v0",
-        {"friction": 0.1},
-        "hard",
-        "the tip sticks: it has to be moved by leaning the top, not by pushing it",
-    ),
-    Variant(
-        "SpringJuggleTwo-v0",
-        "SpringJuggle-v0",
-        {"balls": 2},
-        "standard",
-        "two balls have to be hit in turn, each on its own vertical, with time between them",
-    ),
-    Variant(
-        "SpringFreeTopSparse-v0",
-        "SpringFreeTop-v0",
-        {"sparse": True},
-        "sparse",
-        "nothing is rewarded outside of the circle, or at another spin",
-    ),
-    Variant(
-        "SpringShoveHard-v0",
-        "SpringShove-v0",
-        {"hard": True},
-        "harder",
-        "the box is farther away, and turned any way: it has to be turned about while it is brought",
-    ),
-    Variant(
-        "SpringShoveSparse-v0",
-        "SpringShove-v0",
-        {"sparse": True},
-        "sparse",
-        "nothing is rewarded before the box lies at its place, turned as it should, and at rest",
-    ),
-    Variant(
-        "SpringLabyrinthHard-v0",
-        "SpringLabyrinth-v0",
-        {"hard": True},
-        "harder",
-        "the board turns slowly, so that it has to be turned back early, and the holes leave less room",
-    ),
-    Variant(
-        "SpringDuelStrong-v0",
-        "SpringDuel-v0",
-        {"opponent": "strong"},
-        "harder",
-        "the opponent is as good as classical control: it strikes hard, rolls off, and rights itself",
-    ),
+}
+"""The reasons for the tiers of variants."""
+
+_CHANGED: tuple[tuple[str, str, dict[str, Any], Tier], ...] = (
+    ("SpringGyroscope", "Hard", {"hard": True}, "hard"),
+    ("SpringTop", "Sparse", {"sparse": True}, "sparse"),
+    ("SpringGyroscope", "Sparse", {"sparse": True}, "sparse"),
+    ("SpringPendulum", "Sparse", {"sparse": True}, "sparse"),
+    ("SpringDetumble", "Sparse", {"sparse": True}, "sparse"),
+    ("SpringRope", "Sparse", {"sparse": True}, "sparse"),
+    ("SpringDetumble", "Particles", {"momentum": False}, "hard"),
+    ("SpringPendulum", "Weak", {"randomize": {"actuator": (0.5, 0.5)}}, "hard"),
+    ("SpringTop", "Hard", {"hard": True}, "harder"),
+    ("SpringTop", "ImpulseHard", {"action": "impulse", "hard": True}, "harder"),
+    ("SpringDetumble", "Flat", {"start": "flat"}, "standard"),
+    ("SpringTumble", "Hard", {"hard": True}, "standard"),
+    ("SpringTumble", "Sparse", {"sparse": True}, "sparse"),
+    ("SpringFreeTop", "Rough", {"friction": 0.1}, "hard"),
+    ("SpringJuggle", "Two", {"balls": 2}, "standard"),
+    ("SpringFreeTop", "Sparse", {"sparse": True}, "sparse"),
+    ("SpringShove", "Hard", {"hard": True}, "harder"),
+    ("SpringShove", "Sparse", {"sparse": True}, "sparse"),
+    ("SpringLabyrinth", "Hard", {"hard": True}, "harder"),
+    ("SpringDuel", "Strong", {"opponent": "strong"}, "harder"),
+)
+
+VARIANTS = tuple(
+    Variant(f"{name}{suffix}-v0", f"{name}-v0", arguments, tier, REASONS[name + suffix])
+    for name, suffix, arguments, tier in _CHANGED
 )
 
 

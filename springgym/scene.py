@@ -15,15 +15,7 @@ import numpy as np
 
 from springgym.bodies import Body, Round
 from springgym.checks import TINY, array, chosen, flag, indices, instance, number, shown, whole, whole_array
-from springgym.collisions import (
-    Collisions,
-    Meetings,
-    Shape,
-    as_met,
-    check_apart,
-    meetings,
-    shape,
-)
+from springgym.collisions import Collisions, Meetings, Shape, as_met, check_apart, meetings, shape
 from springgym.collisions.meeting import ALL, Meeting, Named
 from springgym.identity import digest
 from springgym.own_forces import checked_forces

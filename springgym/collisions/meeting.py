@@ -221,7 +221,8 @@ def _meetings(
         if most > 0:
             check_shape(named.name, named.body, most, named.held)
     kept = [shape(of.body).turns or not of.moves for of in bodies]  # in shape: contacts do not strain these
-    stiff = [np.inf if rigid else _stiffness(of.body) for of, rigid in zip(bodies, kept, strict=True)]
+    each = zip(bodies, kept, strict=True)
+    stiff = [np.inf if rigid else float(of.body.stiffness.max(initial=0.0)) or np.inf for of, rigid in each]
     softer = np.minimum(*of_both(stiff))
     inverse = np.add(*of_both([1 / of.body.mass if of.moves else 0.0 for of in bodies]))
     strength = given("strength")
@@ -266,11 +267,6 @@ def _not_turned(named: Named) -> str:
     if named.held:
         return f"only some particles of {named.name!r} are pinned; pin all or none"
     return ""
-
-
-def _stiffness(body: Body) -> float:
-    """Return the largest stiffness of a body's springs [N/m], infinite without any."""
-    return float(body.stiffness.max(initial=0.0)) or np.inf
 
 
 def _called(first: Any, second: Any, bodies: Sequence[Named]) -> str:

@@ -11,15 +11,7 @@ from gymnasium import spaces
 from gymnasium.utils import seeding
 
 from springgym.checks import chosen, instance, whole
-from springgym.envs.base import (
-    OF_ONE,
-    SpringEnv,
-    _check_keys,
-    _OneCopy,
-    _plain,
-    _seed,
-    frame_rate,
-)
+from springgym.envs.base import OF_ONE, SpringEnv, _check_keys, _OneCopy, _plain, _seed, frame_rate
 from springgym.envs.duel import FIRST, SECOND, SpringDuel
 from springgym.envs.options import Observation, SimulationOptions, mapping
 from springgym.envs.task import MET

@@ -22,11 +22,7 @@ from springgym.extras import missing
 
 try:
     from stable_baselines3.common.vec_env import VecEnv, VecMonitor
-    from stable_baselines3.common.vec_env.base_vec_env import (
-        VecEnvIndices,
-        VecEnvObs,
-        VecEnvStepReturn,
-    )
+    from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
 except ImportError as error:
     raise ImportError(missing("springgym.envs.sb3", "Stable-Baselines3", "agents")) from error
 
