@@ -316,11 +316,11 @@ def add_hyperparameters(parser: argparse.ArgumentParser) -> None:
 def parsed(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> argparse.Namespace:
     """Parse the arguments, with those that say where cells are run."""
     parser.add_argument(
-        "--jobs", type=whole(1, 10_000), help="parallel runs on this machine (default: its cores)"
+        "--jobs", type=whole(1, 10_000), help="parallel runs on this machine (default: number of cores)"
     )
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--local", action="store_true", help="use this machine, without Ray")
-    where.add_argument("--address", help="address of a Ray cluster; auto for the one on this machine")
+    where.add_argument("--address", help="address of a Ray cluster (auto: this machine's)")
     options = parser.parse_args(arguments)
     if getattr(options, "check", None):
         return options
@@ -360,11 +360,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         default=EPISODES,
         help="episodes of the evaluation (default: 100)",
     )
-    parser.add_argument(
-        "--runs", type=Path, default=Path("runs/benchmark"), help="folder for the run folders"
-    )
-    parser.add_argument("--json", type=Path, help="file for the rows (default: RUNS/baselines.json)")
-    parser.add_argument("--check", type=Path, metavar="FILE", help="run nothing: check the rows of this file")
+    parser.add_argument("--runs", type=Path, default=Path("runs/benchmark"), help="parent of the run folders")
+    parser.add_argument("--json", type=Path, help="results file (default: RUNS/baselines.json)")
+    parser.add_argument("--check", type=Path, metavar="FILE", help="only check the results of this file")
     parser.add_argument(
         "--agents",
         type=Path,

@@ -243,7 +243,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "evaluate.py") -
     parser.add_argument(
         "agents", nargs="+", help="run folders; environment ids; zero, random, classical; module:function"
     )
-    parser.add_argument("--env", help="environment id, unless an agent belongs to one")
+    parser.add_argument("--env", help="environment id (default: that of an agent)")
     parser.add_argument("--episodes", type=whole(1, MOST_EPISODES), default=100)
     parser.add_argument(
         "--seed", type=whole(0, LAST_SEED), default=HELD_OUT_SEED, help="seed of the first episode"

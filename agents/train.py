@@ -58,10 +58,12 @@ def main(arguments: Sequence[str] | None = None, program: str = "train.py") -> i
     parser.add_argument("env_id", nargs="?", help="environment id")
     parser.add_argument("--algo", choices=sorted(ONLINE), help="algorithm (default: ppo)")
     parser.add_argument(
-        "--seed", type=whole(0, HELD_OUT_SEED - 1), help="seed, below those of the evaluation (default: 0)"
+        "--seed",
+        type=whole(0, HELD_OUT_SEED - 1),
+        help=f"training seed (must be < {HELD_OUT_SEED:,}; default: 0)",
     )
-    parser.add_argument("--run", type=Path, help="run folder (default: runs/<env id>-<algo>-<seed>)")
-    parser.add_argument("--config", type=Path, help="file of hyperparameters (default: configs/<algo>.yaml)")
+    parser.add_argument("--run", type=Path, help="output folder (default: runs/<env id>-<algo>-<seed>)")
+    parser.add_argument("--config", type=Path, help="hyperparameter file (default: configs/<algo>.yaml)")
     add_overrides(parser, "change hyperparameters")
     parser.add_argument("--timesteps", type=whole(0, 10**12), help="same as --set total_timesteps=...")
     parser.add_argument("--resume", type=Path, metavar="RUN", help="continue this run")

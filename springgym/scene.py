@@ -144,8 +144,8 @@ class Placed(ReadOnly):
             indices("thrust.particles", self.thrust.particles, count)
             if self.thrust.turns and not body.oriented:
                 raise ValueError(
-                    f"thrust cannot turn with body {body.name!r}: its markers {body.markers} "
-                    "lie on one line and define no orientation; it must be fixed in the world"
+                    f"body-fixed thrust needs a body with an orientation, but markers {body.markers} of body "
+                    f"{body.name!r} lie on one line; use turns=False"
                 )
         object.__setattr__(self, "forces", checked_forces("forces", self.forces, count))
         if self.drive and self.forces:
