@@ -1,15 +1,14 @@
-"""Evaluate agents side by side on held-out seeds, one episode each, deterministically.
+"""Evaluate agents on the same held-out episodes, without exploration.
 
     springgym evaluate runs/SpringTop-v0-ppo-0 zero random classical
     springgym evaluate classical --env SpringTop-v0 --set action=impulse --episodes 200
     springgym evaluate SpringTop-v0
 
 An agent is a run folder, an environment id (for the published agent of that environment), the name of a
-baseline (zero, random, classical), or ``module:function``, a function from observations to actions. All
-agents play the same episodes. The return is the sum of rewards divided by the time limit: the mean reward
-per step, if an episode that ends early earns nothing for the rest. Duels are scored per episode instead. The
-other columns are means over the episodes of what the environment reports in the last step of an episode. The
-number after ± is the standard deviation over the episodes, and – stands for what the environment lacks.
+baseline (zero, random, classical), or ``module:function``, a function from observations to actions. The
+return is the sum of rewards divided by the time limit, so an episode that ends early earns nothing for the
+rest; duels are scored per episode. The other columns are means over the episodes of entries of the last
+``info``. The number after ± is the standard deviation over the episodes, – means not defined.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Train an agent, compare it with the baselines and film it.
+"""Train an agent, compare it with the baselines and record a video.
 
     springgym train SpringTop-v0
     springgym train SpringTop-v0 --algo sac --seed 1 --run runs/sac-frame \\
@@ -6,9 +6,9 @@
     springgym train --resume runs/SpringTop-v0-ppo-0
 
 Hyperparameters come from configs/<algo>.yaml of the package or the clone. The run folder holds all results,
-and config.yaml there holds the hyperparameters of the run. If a run was stopped, --resume continues it from
-its newest checkpoint, with the same configuration. If the environment can save its state, the run continues
-exactly as if it had never stopped. --resume unpickles the checkpoint, so use it with your own runs only.
+with the hyperparameters in config.yaml. --resume continues a run from its newest checkpoint, with the same
+configuration; if the environment can save its state, results are bit-identical to an uninterrupted run.
+--resume unpickles the checkpoint, so use it with your own runs only.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Watch an agent in a window or in the browser until Ctrl-C, or write a GIF, an MP4 or a page.
+"""Watch an agent in a window or the browser, or write a GIF, an MP4 or a page.
 
     springgym watch runs/SpringTop-v0-ppo-0
     springgym watch classical --env SpringTop-v0 --browser

@@ -277,7 +277,7 @@ class Scene(ReadOnly):
     gravity : (3,) or None
         [m/s²]
     surfaces
-        Surfaces that bound the free particles, see `springgym.surfaces`.
+        Surfaces that free particles collide with, see `springgym.surfaces`.
     contact
         The contact of bodies with surfaces, a `Contact` or `PaperContact`.
     bodies
