@@ -369,7 +369,7 @@ def test_a_copy_that_diverged_reaches_no_goal() -> None:
         ({"aims": [Aim("place", 4, -1.0)]}, ValueError, r"aims\[0\]\.within is -1.0"),
         ({"aims": [Aim("place", True, 0.1)]}, TypeError, r"aims\[0\]\.size is True"),
         ({"aims": [Aim(3, 4, 0.1)]}, TypeError, r"aims\[0\]\.name is 3"),
-        ({"succeeded": reached}, ValueError, "achieved and succeeded are both given; give one"),
+        ({"succeeded": reached}, ValueError, "pass either achieved or succeeded, not both"),
         ({"achieved": lambda m: 0}, TypeError, r"achieved takes \(m\)"),
         ({"achieved": lambda m, s: m.centre}, ValueError, r"achieved gave .* numbers of shape \(1, 4\)"),
         ({"achieved": lambda m, s: NAN * s.goal}, ValueError, "achieved gave .* for copy 0; it must be fin"),
