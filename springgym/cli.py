@@ -23,12 +23,12 @@ from springgym.extras import install
 
 COMMANDS = {
     "simulate": (
-        "springgym.simulating",
+        "springgym.simulate",
         "scenes",
         "simulate a scene; plot it, film it, compare it with theory",
     ),
     "view": ("springgym.view", "view", "show a scene or an episode in the browser, where you can change it"),
-    "compile": ("springgym.precompiling", "", "compile environments ahead of their first step"),
+    "compile": ("springgym.compile_all", "", "compile environments ahead of their first step"),
 }
 """Name of each subcommand, its module, the extra that holds what it needs, and a line of help."""
 

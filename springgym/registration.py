@@ -131,6 +131,8 @@ VARIANTS = tuple(
     for name, suffix, arguments, tier in _CHANGED
 )
 
+ALL_IDS = (*(row.id for row in ENVIRONMENTS), *(variant.id for variant in VARIANTS))
+
 
 def find(env_id: str) -> tuple[Row, dict[str, Any]] | None:
     """Return the environment of an id, and the arguments of its variant; None for ids of other packages."""
@@ -186,7 +188,7 @@ def register() -> None:
     for env_id in PARALLEL if hasattr(zoo, "parallel_registry") else ():
         if env_id not in zoo.parallel_registry:
             zoo.register("parallel", env_id, entry_point="springgym.envs.players:registered")
-    for env_id in (known.id for known in (*ENVIRONMENTS, *VARIANTS)):
+    for env_id in ALL_IDS:
         if env_id not in gym.registry and (found := find(env_id)):
             row, arguments = found
             gym.register(

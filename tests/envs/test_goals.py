@@ -150,7 +150,7 @@ def test_nothing_is_reached_where_the_simulation_diverged_or_goals_end() -> None
     apart.reset(seed=0)
     episodes = apart.unwrapped.episodes
     episodes.diverged[0] = True
-    seen = episodes.shown(episodes.observe())
+    seen = episodes.to_user_observation(episodes.observe())
     assert (seen["achieved_goal"][0] == goals.FARTHEST).all()
     assert (np.abs(seen["achieved_goal"][1]) < goals.FARTHEST).all()
     far = seen["achieved_goal"]

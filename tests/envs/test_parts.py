@@ -81,8 +81,8 @@ def test_few_copies_begin_in_their_blocks(begun: list[int], parts: list[tuple[in
     blocks, whole = (batch(copies) for _ in range(2))
     whole.unwrapped.episodes._sees_parts = False  # as functions of a user's own are taken
     found = []
-    look = blocks.episodes._look
-    blocks.episodes._look = lambda own, seen: (
+    look = blocks.episodes._write_observations
+    blocks.episodes._write_observations = lambda own, seen: (
         found.append((own.copies.start, own.copies.stop)),
         look(own, seen),
     )
