@@ -65,77 +65,82 @@ TIMES = HERE / "learning_time.json"
 CARDS = HERE.parent / "agents" / "trained"
 TASKS: tuple[Row | Variant, ...] = (*ENVIRONMENTS, *VARIANTS)
 TIERS = {
-    "first steps": "Even linear control solves these tasks, and it is found in seconds. Begin here.",
-    "standard": "PPO solves most of these tasks with the package's hyperparameters. Linear control does not.",
-    "harder": "PPO succeeds in most episodes of these tasks, where it was trained, from three seeds.",
-    "hard": "PPO fails in most episodes of these tasks, although most of the tasks can be done.",
+    "first steps": "A linear policy solves these tasks, and is found in seconds. Begin here.",
+    "standard": "PPO solves most of these tasks with the package's hyperparameters; linear policies do not.",
+    "harder": "PPO succeeds in most episodes, where it was trained (3 seeds).",
+    "hard": "PPO fails in most episodes, although most of these tasks can be done.",
 }
 INTRODUCTION = """# Baselines
 
-These tables show what each algorithm reaches on each task, by one [protocol](benchmark.md). A cell gives the
-return per step, which is at most 1, averaged over training seeds. The brackets give its 95 % interval and the
-number of seeds, if there are several. The second line is the share of held-out episodes that succeed. Agents
-play without exploration.
+What each algorithm reaches on each task, by one [protocol](benchmark.md). Each cell gives
 
-The best known return of a task is **bold**. A planner with the exact model is one of the algorithms. A dash
-stands for what was not run and, in *used*, for nothing. *Sparse* is PPO in a variant of the task that gives
-no reward before the aim is met. *Used* names what an algorithm used besides the rewards of its own episodes
-in the task. There, "model" stands for a controller that was written for the task.
+- the return per step (at most 1), averaged over training seeds, with its 95 % interval and the number of
+  seeds;
+- the share of held-out episodes that succeed. Agents play without exploration.
 
-[Hand in rows](benchmark.md#hand-in-rows) says how you add an algorithm of your own.
+**Bold** is the best known return of a task. A dash means not run or, in *used*, nothing. *Sparse* is PPO
+with the sparse reward. *Used* names what an algorithm used besides the rewards of its own episodes:
+`model` is a hand-written controller, and [the protocol](benchmark.md#what-is-reported) lists the others.
+*Planner* searches with the exact simulator. [Environments](environments.md#tiers-and-harder-variants)
+describes the variants. You can [submit results](benchmark.md#submit-results).
 """
-OLD = """Tasks marked † have old rows. {old} of all {all} rows follow an earlier version of the protocol, or
-describe their task as it was before its physics or its reward changed.
+OLD = """† Some results of this task predate the current protocol, physics or reward. This holds for {old}
+of all {all} results.
 """
 AGENTS = """## Trained agents
 
-The package contains the best agent of each task: its numbers, its configuration and a card. The card holds
-the command that trained it, versions, checksums, its evaluation and its audit.
+The package contains the best agent of each task: its weights, its configuration and a card with the
+training command, versions, checksums, evaluation and audit.
 
 ```sh
 springgym evaluate SpringTop-v0
 springgym watch SpringTop-v0 --out top.gif
 ```
 
-The audit checks whether an agent exploits errors of the simulation. It plays the same episodes with a quarter
-of the step, with another method and with the rigid twin, and computes which share of the return is lost. An
-agent survives if it loses less than 2 %, with a certainty of 95 %. "Not played" means that this simulation
-could not run the task when the agent was audited.
+The audit checks whether an agent exploits simulation errors: it replays the same episodes with a quarter
+of the step, with another integrator and with rigid bodies. An agent passes if the 95 % upper bound on its
+loss of return is below 2 %. "Not played" means that this simulation could not run the task when the agent
+was audited.
 """
 TIME = """## Time to learn
 
-This table shows how long PPO takes, with the configuration that ships, until it succeeds in 90 % of 20
-held-out episodes. It is tested every 32,768 steps. The seconds are those of one core of {cpu}, divided into
-physics, policy and learning. `python agents/studies/learning_time.py --json docs/learning_time.json` measured
-them.
+Training time of PPO, with the configuration that ships, until it succeeds in 90 % of 20 held-out episodes
+(evaluated every 32,768 steps). Times are seconds of one core of {cpu}, divided into physics, policy and
+learning. `python agents/studies/learning_time.py --json docs/learning_time.json` measures them.
 
 {table}
 """
 PLANS = """## Planner
 
-The planner has the exact model, and learns nothing ([how it plans](training.md#plan-without-learning)). These
-are its settings for each task, what it reaches with 95 % intervals, and the seconds of one core that it takes
-for each simulated second. Where bodies collide, planning is expensive, so the plans are few and short.
-Classical control earns more in most of these tasks.
+The planner searches with the exact simulator and learns nothing
+([how](training.md#plan-without-learning)). The table lists its settings, its results with 95 % intervals,
+and its cost in seconds of one core per simulated second. Where bodies collide, planning is expensive, so
+plans are few and short. Classical control earns more in most of these tasks.
 
 {table}
 """
 HEADROOM = """## Headroom
 
-A task distinguishes algorithms if it can be done and is not yet learned. Two conditions define this headroom.
-First, a reference, which is classical control or the planner, succeeds in {succeeds:.0f} % of its
-episodes. Second, the best algorithm that uses neither a model nor the actions of others, with its whole
-budget, returns less than {share:.0f} % of what the reference returns. The table holds all tasks of the
-sections *Harder* and *Hard*.
+A task has headroom if it can be done and is not yet learned:
+
+1. a reference (classical control or the planner) succeeds in {succeeds:.0f} % of its episodes;
+2. the best algorithm that uses neither a model nor the actions of others, with its whole budget, returns
+   less than {share:.0f} % of what the reference returns.
+
+The table holds all tasks of the sections *Harder* and *Hard*.
 """
 WORLDS = """## Other worlds
 
-Here the trained agents, and classical control, play each task in worlds that they were not made for. A cell
-gives the success and the return, as a share of that in the task as it is. *Rigid* is the rigid twin. *Soft*
-has springs of 0.3 times the stiffness. In *varied*, masses and the strength of actuators are drawn for each
-episode, from 0.8 to 1.2 times the usual. The other four worlds lie outside of these ranges: masses of 0.6 to
-0.8 (*light*) and of 1.2 to 1.4 (*heavy*), and actuators of the same factors (*weak*, *strong*). Factors are
-drawn from the seed of an episode, so these sets are fixed. A cell is empty if a task cannot have a world.
+Trained agents and classical control play each task with physics that they were not made for. Each cell
+gives success, and return as a share of that in the unchanged task.
+
+- *Rigid*: rigid bodies. *Soft*: springs of 0.3 times the stiffness.
+- *Varied*: masses and actuator strength drawn from 0.8 to 1.2 times the usual.
+- *Light* and *heavy*: masses of 0.6 to 0.8 and 1.2 to 1.4. *Weak* and *strong*: actuators of the same
+  factors.
+
+Factors are drawn from the seed of an episode, so these sets are fixed. A dash means that a task cannot
+have this change.
 
 ```sh
 python agents/studies/generalize.py --rows docs/generalization.json
@@ -147,11 +152,10 @@ python agents/studies/generalize.py --rows docs/generalization.json
 """
 FROM_DATA = """## Offline learning
 
-Here, agents learn from [recorded episodes of others](training.md#data-for-offline-learning) alone. They play
-nothing while they learn. *Random* acts at random, *published* is the agent of the package, and *medium* is
-PPO that was stopped early, *noisy* with noise in its actions. IQL is implicit Q-learning, with the
-hyperparameters of `configs/iql.yaml`. The brackets give the 95 % interval over training seeds and episodes.
-No other table or mean contains these rows.
+Agents learn from [recorded episodes of others](training.md#data-for-offline-learning) alone. The data:
+*random* actions; the *published* agent; *medium*, PPO that was stopped early; *noisy*, with noise in its
+actions. IQL is implicit Q-learning with the hyperparameters of `configs/iql.yaml`. Brackets give the 95 %
+interval over training seeds and episodes. No other table or mean contains these results.
 
 {table}
 
@@ -178,28 +182,27 @@ python docs/baselines.py --rows runs/benchmark/baselines.json
 python docs/environments.py
 ```
 
-The second command trains and evaluates everything, on all cores or on a Ray cluster. If it is stopped, the
-same command continues the work. The third command writes this page and draws all curves. The same command,
-seed, machine and commit give the same curve, to the bit.
+The second command trains and evaluates everything, on all cores or on a Ray cluster; run again, it
+continues. The third writes this page and draws all curves. The same command, seed, machine and commit
+give bit-identical curves.
 
-- *Linear* is a ← clip(W o + b) over the compact observation, found by the cross-entropy method.
-- *Classical* is the controller in `agents/controllers.py`, which does not learn.
-- `configs/` holds the hyperparameters. These files also say what an agent observes. If they do not, PPO
-  observes particles, and the other algorithms get the compact observation. A variant uses the
-  hyperparameters of its environment.
-- PPO [imitates](training.md#begin-with-what-is-known) classical control first in some tasks: in the first
-  400,000 steps of `SpringDuel-v0` and `SpringDuelStrong-v0`, and in the first 250,000 steps of
+- *Linear* is a ← clip(W o + b) over `observation="frame"`, found by the cross-entropy method.
+- *Classical* is the hand-written controller in `agents/controllers.py`.
+- `configs/` holds the hyperparameters and the observation. Where a file names no observation, PPO
+  observes particles, and the other algorithms `"frame"`. A variant uses the hyperparameters of its
+  environment.
+- In some tasks, PPO first [imitates](training.md#warm-starting-from-the-classical-controller) classical
+  control: in the first 400,000 steps of `SpringDuel-v0` and `SpringDuelStrong-v0`, and in the first 250,000 steps of
   `SpringShove-v0` and `SpringStack-v0`.
-- Seconds are processor time of one core, so they do not depend on what else the machine does.
+- Seconds are processor time of one core, so they do not depend on what else the
+  machine does.
 {older}
-The rows are in `docs/baselines.json`; [the protocol](benchmark.md) describes them. A test compares rows of
-the present protocol with the present tasks and configurations. If a task has changed, its rows also hold the
-present probe, until the benchmark runs again.
+The results are in `docs/baselines.json`; [the protocol](benchmark.md) describes its entries.
 """
-OLDER = """- {old} of {all} rows are older than the first protocol. They hold neither episodes nor a learning
-  curve, and have an interval only if there are {fewest} seeds or more. {dirty} of them were made with a
-  source tree that differed from its commit. In most of them, the runs of a task shared most of their
-  starts. The benchmark refuses new rows of this kind.
+OLDER = """- {old} of {all} results predate the first protocol. They hold neither episodes nor a learning
+  curve, and have an interval only with {fewest} seeds or more. {dirty} of them were made with uncommitted
+  changes. In most of them, the runs of a task shared most of their starts. The benchmark now refuses such
+  results.
 """
 
 
@@ -309,7 +312,8 @@ def table_of_headroom(rows: Sequence[dict[str, Any]]) -> list[str]:
 def table_of_plans(rows: Sequence[dict[str, Any]]) -> list[str]:
     """Return the lines of the table of the planner's settings and results."""
     lines = [
-        "| task | tries × iterations | horizon | return per step | success | episodes | seconds a second |",
+        "| task | tries × iterations | horizon | return per step | success | episodes | "
+        "compute s / simulated s |",
         "|---|---|---|---|---|---|---|",
     ]
     for row in rows:
@@ -466,10 +470,10 @@ def table_of_agents() -> list[str]:
             f"{percent(card['success_rate'])} | {'<br>'.join(lost)} |"
         )
     if any("§" in line for line in lines):
-        text = "This agent was trained for an earlier version of the task: with other physics or reward."
+        text = "This agent was trained for an earlier version of the task, with different physics or reward."
         lines.append(f"\n§ {text}")
     if any("‡" in line for line in lines):
-        lines.append("\n‡ This agent is the best of several seeds in the episodes that the table reports.")
+        lines.append("\n‡ This agent was chosen among several seeds by the episodes that the table reports.")
     return lines
 
 
@@ -494,20 +498,6 @@ def page(rows: Sequence[dict[str, Any]]) -> str:
         lines.append(OLD.format(old=old, all=len(rows)))
     for tier, what in TIERS.items():
         lines += [f"## {tier.capitalize()}\n", what + "\n", *table_of(tier, rows), ""]
-        variants = [
-            variant
-            for variant in VARIANTS
-            if variant.tier == tier and any(row["task"] == variant.id for row in rows)
-        ]
-        if variants:
-            lines += [
-                f"| task | is | {'what makes it hard' if tier == 'hard' else 'what is different'} |",
-                "|---|---|---|",
-            ]
-            for variant in variants:
-                arguments = ", ".join(f"{name}={value!r}" for name, value in variant.arguments.items())
-                lines.append(f"| `{variant.id}` | `{variant.of}`, `{arguments}` | {variant.why} |")
-            lines.append("")
     lines += [
         PLANS.format(table="\n".join(table_of_plans(planned()))),
         HEADROOM.format(succeeds=100 * POSSIBLE, share=100 * UNDONE),

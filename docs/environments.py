@@ -29,7 +29,6 @@ from results import interval_of_mean, is_old  # noqa: E402
 
 from benchmarks.curves import cost  # noqa: E402
 from benchmarks.errors import EPISODES, EVERY, PERIODS  # noqa: E402
-from springgym.cli import significant  # noqa: E402
 from springgym.envs.randomisation import RANDOMIZABLE  # noqa: E402
 from springgym.registration import ENVIRONMENTS, VARIANTS, Row  # noqa: E402
 
@@ -71,17 +70,15 @@ def docstring(row: Row) -> str:
 
 
 def describe(row: Row, report: Report) -> str:
-    """Return the page of an environment: film, spaces, docstring, baselines, variants and error."""
+    """Return the page of an environment: film, spaces, error, docstring and baselines."""
     return "\n".join(
         [
             f"# {row.id}\n",
             *film(row),
-            *in_short(row),
+            *in_short(row, report),
             docstring(row),
             "",
             *baselines(row, report),
-            *table_of_variants(row, report),
-            *error(row, report),
         ]
     )
 
@@ -89,65 +86,42 @@ def describe(row: Row, report: Report) -> str:
 def film(row: Row) -> list[str]:
     """Return the poster of the trained agent's film; the site puts the film in its place."""
     card = json.loads((CARDS / row.id / "card.json").read_text(encoding="utf-8"))
-    caption = f"The published agent acts. {card['algorithm'].upper()} trained it for {card['steps']:,} steps."
+    caption = f"The published agent: {card['algorithm'].upper()}, {card['steps']:,} steps."
     return [f"![{caption}](../figures/posters/{row.id}.webp)\n"]
 
 
-def in_short(row: Row) -> list[str]:
-    """Return the line that makes an environment, and a table of its spaces and its episode."""
+def in_short(row: Row, report: Report) -> list[str]:
+    """Return the shapes of an environment's spaces, its tier and the error of its steps."""
     particles, frame = (environment(row, "")(observation=kind) for kind in ("particles", "frame"))
-    observed = f'`{particles.observation_space}`; `{frame.observation_space}` with `observation="frame"`'
-    batch = f'gymnasium.make_vec("{row.id}", num_envs=64, vectorization_mode="vector_entry_point")'
+    (own,) = (own for env_id, options, own in _errors(report) if env_id == row.id and not options)
+    shapes = [f"{space.shape}" for space in (particles.action_space, particles.observation_space)]
     return [
-        "```python",
-        "import gymnasium as gym",
-        "import springgym",
-        "",
-        f'env = gym.make("{row.id}")',
-        "```\n",
-        "| | |",
-        "|---|---|",
-        f"| action space | `{particles.action_space}` |",
-        f"| observation space | {observed} |",
-        f"| episode | {row.max_episode_steps} steps of {1000 * particles.period:g} ms |",
-        f"| solved at | a return of {row.reward_threshold:g} |",
-        f"| tier | [{row.tier}](../environments.md#tiers-and-harder-variants) |",
-        f"| batch | `{batch}` |",
-        f"| train, watch | `springgym train {row.id}`, `springgym watch {row.id}` |\n",
+        f"Actions {shapes[0]}; observations {shapes[1]} or, as frame, {frame.observation_space.shape}; "
+        f"[{row.tier}](../environments.md#tiers-and-harder-variants); "
+        f"sub-steps {own['step_ms']:.3g} ms; [error](../features.md#error-of-a-control-period) of a step "
+        f"{own['median']:.1e} (median).\n",
     ]
 
 
 def baselines(row: Row, report: Report) -> list[str]:
-    """Return the rows of the benchmark on an environment and on its variants with ids of their own."""
-    tasks = [row.id, *(variant.id for variant in VARIANTS if variant.of == row.id)]
-    found: dict[tuple[str, str], list[Report]] = defaultdict(list)
+    """Return what algorithms reach in an environment, in one sentence, and its learning curves."""
+    found: dict[str, list[Report]] = defaultdict(list)
     for own in report["baselines"]:
-        found[own["task"], own["algorithm"]].append(own)
-    names = [name for name in ALGORITHMS if any((task, name) in found for task in tasks)]
-    lines = [
+        if own["task"] == row.id:
+            found[own["algorithm"]].append(own)
+    scale, unit = measure(row.id)
+    told = []
+    for name in (name for name in ALGORITHMS if name in found):
+        runs = found[name]
+        earned, success = (np.mean([run[key] for run in runs]) for key in ("mean_return", "success_rate"))
+        told.append(f"{name} {scale * earned:z.2f}, {100 * success:.0f} %")
+    old = any(is_old(own) for runs in found.values() for own in runs)
+    return [
         "## Baselines\n",
-        "Each cell gives the return per step, in brackets its 95 % interval and the number of training seeds "
-        "if there are several, and below it the share of the held-out episodes that succeed. "
-        "[Baselines](../baselines.md) compares all tasks, by one [protocol](../benchmark.md).\n",
-        f"| task | {' | '.join(names)} |",
-        "|---" * (len(names) + 1) + "|",
+        f"Return per {'episode' if unit else 'step'} and success: {'; '.join(told)}. "
+        f"{'Some results are older. ' if old else ''}[All](../baselines.md)\n",
+        *learning_curves(row, report),
     ]
-    for task in tasks:
-        changed = any(is_old(own) for name in names for own in found[task, name])
-        results = " | ".join(shown(found[task, name]) for name in names)
-        lines.append(f"| `{task}`{' †' if changed else ''} | {results} |")
-    if any("†" in line for line in lines):
-        lines.append("\n† Some of these rows are [older](../baselines.md) than the task or the protocol.")
-    lines.append("")
-    lines += learning_curves(row, report)
-    for own in report["learning"]:
-        if own["task"] == row.id and own["learned"]:
-            lines.append(
-                f"PPO succeeds in 90 % of episodes after {own['steps']:,} steps, which take "
-                f"{own['seconds']:.0f} "
-                f"s of one core ([time to learn](../baselines.md#time-to-learn)).\n"
-            )
-    return lines
 
 
 def shown(runs: Sequence[Report]) -> str:
@@ -189,28 +163,7 @@ def learning_curves(row: Row, report: Report) -> list[str]:
     """Return the figure of the learning curves of an environment, if rows of it have any."""
     if not any(own["task"] == row.id and own.get("curve") for own in report["baselines"]):
         return []
-    caption = "Return per step against samples, and against seconds of one core"
-    return [
-        f"![{caption}](../figures/curves/{row.id}.svg)\n",
-        "Each line is the median of the training seeds, and the band reaches from the lowest to the highest. "
-        "Episodes of the curves are neither those of the training nor those of the table.\n",
-    ]
-
-
-def error(row: Row, report: Report) -> list[str]:
-    """Return how far a control period is from the exact motion."""
-    (own,) = (own for env_id, options, own in _errors(report) if env_id == row.id and not options)
-    return [
-        "## Error\n",
-        f"The default step is {own['step_ms']:.3g} ms. After one control period, the particle that is "
-        f"farthest "
-        f"from the exact motion is off by {own['median']:.1e} of the body's size in the median, and by "
-        f"{own['high']:.1e} at most. [Error of a control "
-        f"period](../features.md#error-of-a-control-period) says "
-        "how this was measured.\n",
-        *of_the_trade(row.id, report),
-        "Written by `python docs/environments.py`.\n",
-    ]
+    return [f"![Learning curves](../figures/curves/{row.id}.svg)\n"]
 
 
 class Trade(NamedTuple):
@@ -238,19 +191,6 @@ def trade(env_id: str, report: Report) -> Trade | None:
     return Trade(usual, finer and finer / usual, max(0.0, 1 - (coarser or usual) / usual))
 
 
-def of_the_trade(env_id: str, report: Report) -> list[str]:
-    """Return the sentences that tell it, if it was measured."""
-    found = trade(env_id, report)
-    if found is None:
-        return []
-    finer = f"costs {found.finer:.1f} times as much" if found.finer else "was not reached"
-    return [
-        f"A step costs {significant(found.usual, 2)} µs of one core, in a batch of 64. A tenth of the median "
-        f"error {finer}, and ten times the error would save {100 * found.saved:.0f} %. "
-        "[Speed](../speed.md#error-against-cost) compares all environments.\n"
-    ]
-
-
 # --- The list of environments -----------------------------------------------------------------------
 
 
@@ -271,7 +211,7 @@ def table_of_environments() -> list[str]:
 
 def table_of_named_variants() -> list[str]:
     """The variants that have ids of their own."""
-    lines = ["| environment | tier | is | with | why |", "|---|---|---|---|---|"]
+    lines = ["| variant | tier | base environment | arguments | difference |", "|---|---|---|---|---|"]
     for variant in VARIANTS:
         arguments = ", ".join(f"`{name}={value!r}`" for name, value in variant.arguments.items())
         lines.append(f"| `{variant.id}` | {variant.tier} | `{variant.of}` | {arguments} | {variant.why} |")
@@ -321,24 +261,25 @@ def measured_variants() -> Iterator[dict[str, Any]]:
             yield found
 
 
-def table_of_variants(row: Row, report: Report) -> list[str]:
-    """Return what controllers without learning make of every action mode and variant of an environment."""
+def table_of_variants(report: Report) -> list[str]:
+    """Return what controllers without learning make of every action mode and variant of every environment."""
     names = tuple(reversed(BASELINES))
     lines = [
-        "## Variants\n",
-        "Keyword arguments make these variants. The last columns give success"
-        f"{'' if measure(row.id)[1] else ' and return per step'} of controllers "
-        f"without learning, on {SEEDS} held-out seeds: classical control, random actions, no action.\n",
-        f"| arguments | difference | {' | '.join(names)} |",
+        "## Variants by keyword\n",
+        "These keyword arguments make variants; the page of each environment says what they change. The last "
+        f"columns show controllers without learning on {SEEDS} held-out episodes: success rate and return "
+        "per step (in SpringDuel, success rate alone).\n",
+        f"| environment | arguments | {' | '.join(names)} |",
         "|---|---|---|---|---|",
     ]
     reached = {(own["environment"], own["arguments"]): own for own in report["variants"]["rows"]}
-    for action, variant, arguments in actions_and_variants(row):
-        own = reached[row.id, repr(arguments)]
+    for row in ENVIRONMENTS:
         told = "{success:.3g} %" if measure(row.id)[1] else "{success:.3g} %, {earned:.2f}"
-        figures = " | ".join(told.format(success=100 * own[name][0], earned=own[name][1]) for name in names)
-        written = ", ".join(filter(None, (f'`action="{action}"`', variant.written)))
-        lines.append(f"| {written} | {variant.change} | {figures} |")
+        for action, variant, arguments in actions_and_variants(row):
+            own = reached[row.id, repr(arguments)]
+            figures = " | ".join(told.format(success=100 * own[n][0], earned=own[n][1]) for n in names)
+            written = ", ".join(filter(None, (f'`action="{action}"`', variant.written)))
+            lines.append(f"| `{row.id}` | {written} | {figures} |")
     return [*lines, ""]
 
 
@@ -349,17 +290,14 @@ def table_of_errors(report: Report) -> list[str]:
     """Return the error of the default step of every environment."""
     lines = [
         "## Error of a control period\n",
-        "This table says how accurate the default step is. The *error* is the largest distance of a "
-        "particle, "
-        "after one control period with a random action, from where exact steps take it, as a share of the "
-        f"body's size. {EPISODES} copies play episodes from the usual starts for {PERIODS} control "
-        f"periods, of "
-        f"which one in {EVERY} counts. The exact steps are `dopri5` with a tolerance of 1e-13; on surfaces, "
-        "`verlet` with steps of h/1024; for bodies that collide, of h/64. The last column is the largest "
-        "distance between this reference and a second one: `rk4` with h/128; on surfaces, `verlet` "
-        "with h/256; "
-        "for bodies that collide, with h/16. Impacts converge to first order only.\n",
-        "| environment | step h | median error | largest error | references apart |",
+        "The *error* of the default step: the largest distance of a particle from its exact position, after "
+        "one control period with a random action, relative to the body's size. It is measured in "
+        f"{EPISODES} episodes of {PERIODS} control periods, at one period in {EVERY}. The exact motion is "
+        "`dopri5` with a tolerance of 1e-13; on surfaces, `verlet` with steps of h/1024; for bodies that "
+        "collide, of h/64. The last column is the largest distance of this reference from a second one: "
+        "`rk4` with h/128; on surfaces, `verlet` with h/256; for bodies that collide, with h/16. Impacts converge "
+        "to first order only.\n",
+        "| environment | step h | median error | largest error | references differ by |",
         "|---|---|---|---|---|",
     ]
     for env_id, options, own in _errors(report):
@@ -382,8 +320,8 @@ def _errors(report: Report) -> Iterator[tuple[str, dict[str, str], dict[str, Any
 
 WANTED = """## The error that you want
 
-`tolerance` asks for an error of a control period, as a share of the body's size. It chooses the step and,
-unless you give one, the method: the cheapest whose errors stay below the tolerance.
+`tolerance` sets a target per-step error, relative to the body's size. springgym then chooses the sub-step
+and, unless you give one, the cheapest method whose errors stay below the target.
 
 ```python
 import gymnasium
@@ -395,28 +333,25 @@ env.reset(seed=0)
 assert info["error_bound"] <= 1e-5
 ```
 
-- When you make the environment, springgym tries the choice for a few seconds: on 16 episodes of 50 periods
-  with random actions, begun with the factors of `randomize` at the ends of their ranges.
-  `info["error_bound"]` is 1.5 times the largest error of these, as `error=True` estimates it. It is no
-  proof for episodes that are harder.
-- `env.unwrapped.chosen` holds the method, the steps in a control period, the largest error that was seen,
-  and the cost in force evaluations.
+- Making the environment takes a few seconds: springgym plays 16 episodes of 50 periods with random actions,
+  begun with the factors of `randomize` at the ends of their ranges. `info["error_bound"]` is 1.5 times the
+  largest error of these, as `error=True` estimates it. This is an estimate, not a guarantee.
+- `env.unwrapped.chosen` holds the method, the sub-steps of a control period, the largest error that was
+  seen, and the cost in force evaluations.
 - A batch chooses as a single environment does.
-- What cannot be reached is refused, with the least error that can. Impacts converge to first order only, so
-  `SpringTumble-v0`, for example, stays above 5e-4.
-- A larger tolerance takes fewer steps, as far as the method is stable. Where bodies meet something, it
+- A target that cannot be reached raises a ValueError, which names the least error that can. Impacts converge
+  to first order only, so `SpringTumble-v0`, for example, stays above 5e-4.
+- A larger tolerance takes fewer sub-steps, as far as the method is stable. Where bodies meet something, it
   never takes fewer than the default.
 """
 
 
 ESTIMATED = """## The error, while it runs
 
-With `error=True`, an environment estimates its own error. It repeats every control period from the same
-state with steps of half the length, and `info["step_error"]` compares the two ends (Richardson
-extrapolation). The number estimates the error of the table above: the distance of the particle that is
-farthest from the exact motion, over the size of its body. Batches return an array with one number per copy.
-The trajectory stays the same to the bit. A step costs three times as much; without `error=True` it costs
-nothing more.
+With `error=True`, an environment estimates the error of each step, at three times the cost. It repeats the
+control period from the same state with steps of half the length, and compares the two ends (Richardson
+extrapolation). `info["step_error"]` is the largest error of a particle, relative to the size of its body, as
+in the table above; batches return one number per environment. The trajectory stays bit-identical.
 
 ```python
 import gymnasium
@@ -428,12 +363,12 @@ env.reset(seed=0)
 assert 0 < info["step_error"] < 1e-3
 ```
 
-- The estimate is of this one period. Over many periods, errors grow as the motion lets them.
-- It uses the randomised parameters of the copy.
-- The first `info` of an episode reports 0, and that of a copy that has diverged reports infinity.
+- This is the error of one period. Over many periods, errors grow as the motion lets them.
+- It uses the randomised parameters of the environment.
+- The first `info` of an episode reports 0, and after divergence it is infinity.
 - With `dynamics="rigid"` it is the error of the rigid motion, not its distance from the motion of the
   springs.
-- In float32 both runs have rounded, so the estimate does not fall below some 1e-7.
+- In float32 both runs round, so the estimate does not fall below some 1e-7.
 - In impacts it is less reliable: the method is of first order there, and an impact may fall into one of the
   two runs alone.
 - `dopri5` and `rodas3` choose their own steps, and are refused.
@@ -444,9 +379,8 @@ def table_of_estimates(report: Report) -> list[str]:
     """Return how good the estimates are."""
     lines = [
         ESTIMATED,
-        "This table divides the estimate by the true error, for the control periods of the table above. For "
-        "rigid bodies, the true error is the distance from the same method with steps of h/16, on "
-        "surfaces of "
+        "This table divides the estimate by the true error, for the periods of the table above. For rigid "
+        "bodies, the true error is the distance from the same method with steps of h/16, on surfaces of "
         "h/1024.\n",
         "| environment | arguments | median error | estimate / error, median | middle 90 % |",
         "|---|---|---|---|---|",
@@ -462,58 +396,88 @@ def table_of_estimates(report: Report) -> list[str]:
 
 # --- Texts ------------------------------------------------------------------------------------------
 
-INTRODUCTION = """Each environment has a page with its spaces, reward, start, baselines and variants.
-All of them share these features:
+INTRODUCTION = """Each environment has a page with its spaces, reward, starting states, arguments and
+baselines. What all share is [below](#shared-definitions). *Solved at* is the return from which a task counts
+as solved.
+"""
 
+SHARED = """## Shared definitions
+
+These hold for all environments; their pages tell the rest.
+
+- **U(a, b)** is drawn uniformly from a to b.
+- **Actions** lie in [−1, 1]; values outside are clipped.
 - **Observations** are positions and velocities of particles (`observation="particles"`), or a few numbers
-  such as axis and spin (`observation="frame"`). Both are scaled to order one.
-- **Actions** lie in [−1, 1]. Most environments offer several modes (`action=…`).
-- **The reward** of each step lies between 0 and 1.
-- **Success**: `info["is_success"]` says whether the aim is met. An episode that ends by failure is no
-  success, however long the aim was met before.
-- **Dynamics**: bodies are made of springs or, except for ropes, rigid (`dynamics="rigid"`).
-- **Batches, randomisation and states** are described under [Common features](features.md).
+  such as axis and spin (`"frame"`). Each number is divided by its *scale*, then clipped to ±10.
+- **Rewards** lie between 0 and 1; `info` holds their terms, `reward_…`. With d = max(|x| − b, 0)/m, pages
+  write G(x; b, m) = 0.1^(d²) and L(x; b, m) = 1/(1 + 9d²): both are 1 up to |x| = b, and 0.1 at b + m. The
+  effort of actions a gives the factor E = 1 − 0.1 mean(a²).
+- **Divergence**: if the simulation diverges, the episode terminates with reward 0 and `info["diverged"]`.
+- **Success**: `info["is_success"]`. An episode that ends by failure is no success.
+- **Balls that roll** are solid spheres, carried by six particles with 15 springs.
+- **Version**: all environments are in their initial version.
 
-"Solved at" is the return from which a task counts as solved. The return is at most one per step.
+`info` also holds:
+
+| entry | meaning |
+|---|---|
+| `energy` | energy [J] |
+| `energy_drift` | energy that the integrator added to the balance since the start [J] |
+| `strain` | largest strain of any spring |
+| `pairs_touching` | number of pairs of bodies in contact now (`pairs_…`: where bodies collide) |
+| `pairs_impulse` | their impulse since the start [N·s] |
+| `pairs_least_gap` | their least gap since the start [m], at most the contact margin |
+| `pairs_missed` | number of contacts since the start that were found too late |
+| `too_fast` | number of contacts since the start that the sub-step does not resolve well |
+
+All environments have these arguments, which `springgym.envs.base.SpringEnv` describes:
+
+| argument | default | meaning |
+|---|---|---|
+| `observation` | `"particles"` | or `"frame"` |
+| `action` | the page's first | mode of the actions |
+| `dynamics` | `"springs"` | or `"rigid"` (not SpringRope) |
+| `integrator`, `step` | `"verlet"`, as on the page | method and sub-step [s] |
+| `dtype` | `"float64"` | or `"float32"` |
+| `sparse` | `False` | reward 1 where the aim is met, else 0 |
+| `goals` | `False` | [goal environments](features.md#goals), of four tasks |
+| `randomize` | none | [ranges of factors](features.md#randomisation), as of masses |
+| `error` | `False` | [estimate](features.md#the-error-while-it-runs) the error of each step |
+| `tolerance` | none | [bound](features.md#the-error-that-you-want) that error |
+| `render_mode` | none | `"rgb_array"` or `"human"` |
 """
 
 HARDER = """## Tiers and harder variants
 
 | tier | meaning |
 |---|---|
-| first steps | even linear control solves it, and is found in seconds |
-| standard | PPO solves it with the package's hyperparameters; linear control does not |
+| first steps | a linear policy solves it, and is found in seconds |
+| standard | PPO solves it with the package's hyperparameters; a linear policy does not |
 | harder | PPO succeeds in most episodes |
 | hard | PPO fails in most episodes, although the task can be done |
-| sparse | a task of the same environment that gives no reward before the aim is met |
+| sparse | the environment with a sparse reward: none before the aim is met |
 
-Some variants have ids of their own, so that programs can run them that accept nothing but an id.
-[Baselines](baselines.md) shows what each algorithm reaches.
+These variants have ids of their own. [Baselines](baselines.md) shows what each algorithm reaches.
 """
 
 RANDOMISATION = f"""## Randomisation
 
-`randomize={{"masses": (0.8, 1.2), …}}` draws a factor from each range at the start of every episode. Every
-copy of a batch draws its own, from the same seed as its start. You can randomise {
-    ", ".join(f"`{n}`" for n in RANDOMIZABLE)
-}.
+`randomize={{"masses": (0.8, 1.2), …}}` draws a factor from each range at the start of every episode, for each
+environment of a batch. You can randomise {", ".join(f"`{n}`" for n in RANDOMIZABLE)}.
 
 - `scale` is the size of the body. `actuator` is the strength of the actions, an opponent's included.
-- `info["randomization"]` holds the factors. `reset(options={{"randomize": {{"masses": 1.1}}}})` sets some
-  of them.
-- The default step suits the stiffest and lightest body of the ranges; a step that you give is checked
-  against it.
-- A factor without effect is refused: gravity in free fall, friction and restitution without a surface,
-  springs in rigid dynamics.
-- What is not randomised is compiled as a constant and costs nothing.
+- `info["randomization"]` holds the factors. `reset(options={{"randomize": {{"masses": 1.1}}}})` sets some.
+- The default step is stable for the stiffest and lightest body of the ranges. A step that you choose is
+  checked against it.
+- A parameter that has no effect raises a ValueError: gravity in free fall, friction and restitution without
+  a surface, stiffness and damping of rigid bodies.
 """
 
 GOALS = """## Goals
 
-SpringGyroscope, SpringRope, SpringTumble and SpringShove have a goal that can be told apart, for agents
-that learn from goals which they reached by chance. `goals=True` does so in the form of
-[Gymnasium-Robotics](https://robotics.farama.org/content/multi-goal_api/), for single environments and
-for batches. It needs `sparse=True`:
+With `goals=True`, SpringGyroscope, SpringRope, SpringTumble and SpringShove expose the goal separately from
+the observation, as [Gymnasium-Robotics](https://robotics.farama.org/content/multi-goal_api/) does, for
+hindsight experience replay. Single environments and batches accept it, together with `sparse=True`:
 
 ```python
 import gymnasium as gym
@@ -529,20 +493,18 @@ assert reward == env.unwrapped.compute_reward(achieved, desired, info)
 assert env.unwrapped.compute_reward(achieved, achieved, info) == 1.0
 ```
 
-- `observation` holds the particles as usual, without the goal. Positions are those in the world.
-- `achieved_goal` and `desired_goal` hold the same numbers, in SI units. They include velocities,
-  because a goal is reached at rest: what is achieved in motion is another goal. The page of each
-  environment lists them.
-- The goal is reached if each kind of number is nearer to the desired one than its limit. The limits are
-  those of success. `compute_reward` returns 1 or 0, for goals (K,) or (n, K). It is the reward of the
-  sparse variant (in SpringTumble, up to the strain of the body).
-- Episodes do not end when a goal is reached, since success means that it is held. So there is no
-  `compute_terminated`. What is achieved 100 m or m/s away, or after the simulation diverged, reaches no
-  goal.
+- `observation` holds the particles, without the goal. Positions are those in the world.
+- `achieved_goal` and `desired_goal` hold the same quantities, in SI units; each environment's page lists
+  them. They include velocities, because a goal must be reached at rest.
+- The goal is reached if each quantity is nearer to the desired one than its limit, that of success.
+  `compute_reward` returns 1 or 0, for goals (K,) or (n, K). It equals the sparse reward (in SpringTumble, up
+  to the strain of the body).
+- Episodes do not end when a goal is reached, because success means holding it. So there is no
+  `compute_terminated`. What is achieved 100 m or m/s away, or after divergence, reaches no goal.
 
-Tasks [of your own](tutorials/task.md) tell their goals apart, too. They need two arguments. `achieved`
-returns the goal that would be reached now. It uses the motion alone, not `s.goal`. Each `Aim` names some
-numbers of the goal, says how many they are, and within what distance they are reached:
+[Your own tasks](tutorials/task.md) need two arguments for this. `achieved` returns the current value of the
+goal's quantities from the motion alone, not from `s.goal`. Each `Aim` names some of them, with their number
+and the distance within which they are reached:
 
 ```python
 from springgym.bodies import cube
@@ -577,74 +539,68 @@ seen, info = env.reset(seed=0)
 print(seen["achieved_goal"], seen["desired_goal"])
 ```
 
-Without `goals=True`, `achieved` and `aims` take the place of `succeeded`: the aim is met where the goal is
-reached.
+Without `goals=True`, `achieved` and `aims` replace `succeeded`: the aim is met where the goal is reached.
 
-[Train an agent](training.md#goals-reached-by-chance) shows hindsight experience replay.
+[Train an agent](training.md#hindsight-experience-replay) shows hindsight experience replay.
 """
 
 PROMISES = """## Seeds, states and versions
 
-**Seeds.** The same seed gives the same episode, to the bit, on one machine with one set of versions. It
-does not matter whether the environment runs alone or as a copy of a batch, how large the batch is, how many
-threads run it, and what the other copies do. A refused reset or step changes nothing, not even random
-generators. (Only the time limit of `gymnasium.make` restarts with any call of `reset`.)
+**Seeds.** Episodes are bit-for-bit reproducible from their seed, on one machine with one set of versions,
+in a single environment or in a batch of any size, on any number of threads. A refused reset or step changes
+nothing, not even random generators. (Only the time limit of `gymnasium.make` restarts with any call of
+`reset`.)
 
 **Other machines and versions.** With other versions of Python, NumPy or Numba, or on another kind of
-processor, the same seed draws the same numbers, and starts agree to rounding. Closed forms place the
-bodies, so nothing depends on what a linear algebra library leaves open, such as the sign of an axis. From
-there, regular motion stays close, and chaotic motion separates as fast as the physics says. NumPy 2.0.2 and
-2.4.6 gave the same bits for 30 starts of each environment. OpenBLAS's oldest kernels gave starts that
-differ by 1e-14 at most. A new version of springgym may start a seed differently, and its changelog then
-says so. If the task changes, the number in the environment's id changes, too.
+processor, the same seed draws the same numbers, and initial states agree to rounding. They are computed in
+closed form, so they do not depend on LAPACK conventions. From there, regular motion stays close, and chaotic
+trajectories diverge at their Lyapunov rate. A new version of springgym may start a seed differently; its
+changelog then says so. If the task changes, the version in the environment's id changes, too.
 
-**States.** `springgym.get_state(env)` returns the true state of an environment or a batch: positions and
+**States.** `springgym.get_state(env)` returns the full state of an environment or a batch: positions and
 velocities, clocks, goals, factors, actuators, the time limit, random generators, and the counts of a
-monitor. It works for what `gymnasium.make`, `gymnasium.make_vec`, `springgym.envs.parallel` and
-`springgym.envs.sb3.make_sb3` make. `springgym.set_state(env, state)` goes back to it, in the same
-environment or in another one made alike. What follows then is the same, to the bit.
+monitor. `springgym.set_state(env, state)` restores it, in the same environment or in another one made alike;
+what follows is bit-identical. Both work for what `gymnasium.make`, `gymnasium.make_vec`,
+`springgym.envs.parallel` and `springgym.envs.sb3.make_sb3` make.
 
-You can choose copies of a batch. `springgym.get_state(envs, copies)` returns the state of some copies.
-`springgym.set_state(envs, state, copies)` sets it into as many copies; the state of one copy, or of a single
-environment, goes into all that you name, as planning needs. Each of these copies then continues as its
-original would, to the bit, resets included: it has a random generator of its own, in the state of the
-original's. So copies of one state draw the same next episode; new seeds make them differ.
+For some environments of a batch, `springgym.get_state(envs, copies)` returns their states, and
+`springgym.set_state(envs, state, copies)` sets as many. A single state is set into all that you name, as
+planning needs. Each then continues as its original would, resets included, because it also gets the
+original's random generator. New seeds make them differ.
 
 - A state of an environment made differently, say with another friction, step or variant, is refused with a
-  message that names the difference. Only the time limit and `error` may differ. A damaged state is refused,
-  too.
+  message that names the difference. Only the time limit and `error` may differ. A state that was edited is
+  refused, too: reset options change an episode, and `place`, `vary` and `actuate` change a `Simulator`.
 - A state is set as a whole or not at all.
-- `env.unwrapped.set_state` leaves the counter of `gymnasium.make`'s time limit alone. That counter restarts
-  whenever Gymnasium's wrapper is asked to reset, even where the environment refuses; `springgym.set_state`
-  corrects it.
+- `env.unwrapped.set_state` leaves the counter of `gymnasium.make`'s time limit alone;
+  `springgym.set_state` sets it.
 - `pickle` and `copy.deepcopy` copy an environment in mid-episode, with all its wrappers.
 
-**Interrupted calls.** If Ctrl-C, or an exception in a reward of your own, ends a step or a reset in its
-middle, the next step asks for a reset. You can also set a state from before. `Simulator.advance` needs
-neither: `time` says how far each copy got.
+**Interrupted calls.** If Ctrl-C, or an exception in your reward, interrupts a step or a reset, the next step
+asks for a reset. You can also set an earlier state. `Simulator.advance` needs neither: `time` says how far
+each simulation got.
 
 **Threads.** One thread at a time may use an environment or a simulator. A call while another thread uses it
 raises a `RuntimeError`; it does not wait.
 
-**Divergence.** A copy diverges if a spring is stretched by half, or if its numbers are not finite. It ends
-with reward 0, an observation of zeros and `info["diverged"]`. Its `energy` and `strain` in `info` are
-reported as they are.
+**Divergence.** An environment diverges if a spring is stretched by half, or if a number is not finite. The
+episode ends with reward 0, an observation of zeros and `info["diverged"]`. `energy` and `strain` in `info`
+are reported as they are.
 
-**Specs.** `env.spec` holds plain data. `to_json` works for arguments of all types, and what is made from
-its text is the same environment. `render_fps` is one picture per control period, so that films play in real
-time.
+**Specs.** `env.spec` holds plain data. `to_json` works for arguments of all types, and its text makes the
+same environment. `render_fps` is one picture per control period, so that films play in real time.
 
-`python -m tests.fuzz --steps 1e8` tries all of this at random for as long as you like. It checks every step
-and prints the seed of every round.
+`python -m tests.fuzz --steps 1e8` tries all of this at random, checks every step and prints the seed of
+every round.
 """
 
 OWN_SCENES = """## A scene of your own
 
 `springgym.make_scene_env(scene, reward, actuators={"force": 20.0, "torque": 2.0})` makes an environment
-from a `Scene`, or from a scene file by name. With `num_envs` it makes a batch. Your functions receive the
-measures and the situation of all copies. With several bodies, they ask for the measures of each by name:
-`m["box"].centre`. [A tutorial](tutorials/task.md) shows goals, memory, terms of the reward, marks and
-colours:
+from a `Scene`, or from a scene file by name. With `num_envs` it makes a batch. Your functions compute for all
+environments of the batch at once, from the measures `m` (centre, energy, …) and the situation `s` (goal,
+action, …). With several bodies, `m["box"].centre` names one. [A tutorial](tutorials/task.md) shows goals,
+memory, terms of the reward, marks and colours:
 
 ```python
 import gymnasium
@@ -673,9 +629,9 @@ env = springgym.make_scene_env(
 ```
 
 At every step, springgym checks that what they return has the right shape and is finite. The arrays that
-they receive are read-only, and change with the next step. `env.spec` makes the environment again, with
-`gymnasium.make`, `make_vec` or `springgym.envs.sb3.make_sb3`. It pickles if the functions belong to a
-module; JSON cannot hold functions. You can register the environment under an id of your own:
+they receive are read-only, and change with the next step. `gymnasium.make`, `make_vec` and
+`springgym.envs.sb3.make_sb3` make the environment again from `env.spec`, which pickles if the functions
+belong to a module; JSON cannot hold functions. You can register an id:
 
 ```python
 def hover(**options):
@@ -691,7 +647,7 @@ gymnasium.register("Hover-v0", entry_point=hover, max_episode_steps=200)
 # --- The pages --------------------------------------------------------------------------------------
 
 
-def page() -> str:
+def page(report: Report) -> str:
     """Return the list of environments."""
     return "\n".join(
         [
@@ -700,6 +656,8 @@ def page() -> str:
             *table_of_environments(),
             "![The environments, in the order of the table](figures/environments.webp)\n",
             *table_of_named_variants(),
+            SHARED,
+            *table_of_variants(report),
             "Written by `python docs/environments.py`.\n",
         ]
     )
@@ -712,9 +670,7 @@ def features(report: Report) -> str:
     return "\n".join(
         [
             "# Common features\n",
-            "All environments, also those of your own scenes, randomise, keep states, and estimate "
-            "their error in "
-            "the same way.\n",
+            "All environments, also those of your own scenes, share these features.\n",
             RANDOMISATION,
             GOALS,
             PROMISES,
@@ -744,7 +700,7 @@ def pages() -> dict[Path, str]:
     """Return all pages by their paths, from the docstrings and from what was measured."""
     report = read()
     own = {FOLDER / f"{row.id}.md": describe(row, report) for row in ENVIRONMENTS}
-    return {PAGE: page(), FEATURES: features(report)} | own
+    return {PAGE: page(report), FEATURES: features(report)} | own
 
 
 def write() -> None:

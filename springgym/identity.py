@@ -17,9 +17,7 @@ def digest(value: object) -> str:
 
     def add(value: object) -> None:
         if isinstance(value, np.ndarray):
-            found.update(
-                f"{value.dtype.str} {value.shape} ".encode() + value.tobytes()
-            )  # str() of types is slow
+            found.update(f"{value.dtype.str} {value.shape} ".encode() + value.tobytes())
         elif isinstance(value, (str, int, float)):
             found.update(f"{value!r} ".encode())
         elif isinstance(value, Mapping):

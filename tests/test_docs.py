@@ -64,9 +64,11 @@ def test_pages_show_all_kinds_of_variants() -> None:
     "row", [pytest.param(row, id=row.id, marks=slow_unless(row.id != DUEL)) for row in ENVIRONMENTS]
 )
 def test_every_variant_of_the_page_can_be_made(row: Any) -> None:
-    page = (DOCS / "environments" / f"{row.id}.md").read_text(encoding="utf-8")
+    listed = (DOCS / "environments.md").read_text(encoding="utf-8")
+    page = " ".join((DOCS / "environments" / f"{row.id}.md").read_text(encoding="utf-8").split())
     for variant in page_writer().variants(row):
-        assert f"{variant.written} | {variant.change} |" in page
+        assert re.search(rf"\| `{row.id}` \| [^|]*{re.escape(variant.written)} \|", listed)
+        assert f"- {variant.written}: {variant.change}" in page
         env = gym.make(row.id, **variant.arguments)
         if variant.arguments.get("surface") != "bowl" and row.id != DUEL:  # a kernel of its own
             env.reset(seed=0)
@@ -206,7 +208,6 @@ def test_docstrings_have_gymnasiums_headings() -> None:
         "Starting State",
         "Episode End",
         "Arguments",
-        "Version History",
     )
     for row in writer.ENVIRONMENTS:
         text = writer.docstring(row)

@@ -39,7 +39,7 @@ PAGES = sorted(
 )
 NOTEBOOKS = sorted((DOCS / "notebooks").glob("*.ipynb"))
 SLOW = {
-    *("SpringDuel-v0.md", "choose.md", "features.md", "force.md", "scene.md", "surface.md", "training.md"),
+    *("SpringDuel-v0.md", "features.md", "force.md", "scene.md", "surface.md", "training.md", "why.md"),
     *(path.name for path in NOTEBOOKS),
 }
 """Pages whose code takes long."""

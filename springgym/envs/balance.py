@@ -214,23 +214,19 @@ class SpringBalanceEnv(SpringEnv, gym.Env):
     """
     ## Description
     A plate stands with its tip on a stick, as a juggler's does, and a ball lies on it. Keep the ball at a
-    place that moves on a circle; neither plate nor ball stays by itself. 19 springs hold the plate, a ring of
-    6 particles and a crown, flat above, with a pinned tip below. The ball is solid and rolls: six particles,
-    joined by 15 springs, carry a sphere of 6 cm. It skids where friction (0.5) cannot hold it, and bounces.
+    place that moves on a circle; neither plate nor ball stays by itself. 19 springs hold the plate: a ring of
+    6 particles and a crown, flat above, with a pinned tip below. The ball (radius 6 cm) rolls, skids where
+    friction (0.5) cannot hold it, and bounces.
 
     ## Action Space
-    `Box(-1, 1, (2,), float32)`, held for a control period of 20 ms.
+    Actions are held for a control period of 20 ms.
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
-    | `"torque"` | 0, 1 | torque on the plate about the world's x, y, less the part along its axis | ±3 N·m |
-
-    Actions outside of ±1 are clipped.
+    | `"torque"` | 0, 1 | torque about the world's x, y, without the part along the plate's axis | ±3 N·m |
 
     ## Observation Space
-    `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.
-
-    | `observation` | entries | meaning | unit of 1.0 |
+    | `observation` | entries | meaning | scale |
     |---|---|---|---|
     | `"particles"` | 0–29 | ring particles 0–5, crown, and three of the ball, from the place | 0.25 m |
     | | 30–59 | their velocities | 0.5 m/s |
@@ -244,40 +240,28 @@ class SpringBalanceEnv(SpringEnv, gym.Env):
     | | 10, 11 | its velocity x, y | 0.5 m/s |
 
     ## Rewards
-    With G(x; b, m) = 0.1^(d²) and L(x; b, m) = 1/(1 + 9d²), d = max(|x| − b, 0)/m, the horizontal distance
-    e of the ball from the place and the effort E = 1 − 0.1 mean(a²), the reward is
-    E [L(e; 0.02, 0.3) + G(e; 0.02, 0.15)]/2 while the ball is on the plate, and 0 while it is more than
-    2 cm above it: from 0 to 1. Its terms in `info` are `reward_near` and `reward_placed`, the halves with L
-    and with G.
+    With the horizontal distance e of the ball from the place, the reward is E [L(e; 0.02, 0.3) +
+    G(e; 0.02, 0.15)]/2 ([G, L, E](../environments.md#shared-definitions)) while the ball is on the plate, and
+    0 while it is more than 2 cm above it. In `info`, `reward_near` is the half with L, `reward_placed` that
+    with G.
 
     ## Starting State
-    Everything is at rest. The plate is tilted by U(0, 0.05) rad, and the ball lies on it, anywhere within
-    0.25 m of its axis. The place starts anywhere on its circle of radius U(0.05, 0.2) m, and moves either way
-    at U(0.4, 1.2) rad/s. `reset(options={"tilt": …, "away": …, "radius": …, "rate": …})` sets any of them.
+    At rest, the ball lies within 0.25 m of the axis of the plate, which is tilted by U(0, 0.05) rad. The
+    place starts anywhere on its circle of radius U(0.05, 0.2) m, and moves either way at U(0.4, 1.2) rad/s.
+    `reset(options={"tilt": …, "away": …, "radius": …, "rate": …})` sets them.
 
     ## Episode End
-    Termination: the ball is 2 cm below the plate's plane or 0.3 m above it, the plate tilted by 0.7 rad, or
-    the simulation diverged (`info["diverged"]`; reward 0). Truncation: 500 steps, 10 s. `info["is_success"]`:
-    e < 0.05 m, the ball on the plate, for the last 50 steps.
+    Termination: the ball is 2 cm below the plate's plane or 0.3 m above it, or the plate is tilted by 0.7
+    rad. Truncation: 500 steps, 10 s. `info["is_success"]`: e < 0.05 m, the ball on the plate, for the last 50
+    steps.
 
     ## Information
-    `error` e [m], `tilt` of the plate [rad], `gap` between ball and plate's plane [m], `energy` and
-    `energy_drift` [J], `strain`. Five entries describe the pairs of bodies. `pairs_touching` counts those
-    that touch now. Since the start of the episode, `pairs_impulse` is their impulse [N·s], `pairs_least_gap`
-    their least gap [m], at most the reach of their contact, `pairs_missed` counts contacts that were
-    found too late,
-    and `too_fast` those that the step does not compute well.
+    `error` e [m], `tilt` of the plate [rad], `gap` between ball and plate's plane [m], `pairs_…`.
 
     ## Arguments
-    - `observation`: see above.
     - `restitution=0.8`: a ball that bounces more than the usual one (0.3).
     - `hard=True`: torques up to 1.5 N·m, and a place that moves at U(1.2, 2) rad/s.
-    - `integrator` ("verlet"), `step` (1.67e-3 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
-      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`. The factor `scale` leaves the ball as it
-      is.
-
-    ## Version History
-    - v0: first.
+    - `randomize`: the factor `scale` leaves the ball as it is.
     """
 
     task_type = SpringBalance

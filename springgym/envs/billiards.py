@@ -221,30 +221,25 @@ class SpringBilliardsEnv(SpringEnv, gym.Env):
     """
     ## Description
     Strike a ball once, so that it sends another one into a pocket. The table has no cushions, and friction
-    slows both balls by 0.49 m/s². There is no second stroke: the direction and the strength of the first one
-    decide. Each ball is a single particle with a radius of 3 cm and a mass of 170 g. It is smooth, and slides
-    without turning. A net holds a ball that has fallen into the pocket.
+    slows both balls by 0.49 m/s². Each ball is a single particle with a radius of 3 cm and a mass of 170 g.
+    It slides without turning, and stays in the pocket.
 
-    The task is hard because balls are round: the second ball leaves along the line between their centres. So
-    if the stroke is off by an angle δ, the second ball is off by δ d/2R, where d is the distance between the
-    balls and R their radius: 12 times as much at 0.7 m. The pocket reaches 6 cm to each side, 0.6 m away.
-    Therefore δ must be less than 0.01 rad, and even less for a cut. By chance, hardly one stroke in a hundred
-    is that good, and an agent sees only a second later whether it was.
+    There is no second stroke. The second ball leaves along the line between the centres, which multiplies an
+    angular error of the stroke by d/2R: 12 times for balls of radius R at a distance d = 0.7 m. To hit the
+    pocket, ±6 cm at 0.6 m, the stroke must be precise to 0.01 rad, and more for a cut. Hardly one random
+    stroke in a hundred is that good, and an agent sees the result only a second later.
 
     ## Action Space
-    `Box(-1, 1, (2,), float32)`, held for a control period of 20 ms.
+    Actions are held for a control period of 20 ms.
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
     | `"stroke"` | 0, 1 | force on the first ball along x, y, for a period: 2.3 m/s at 1 | ±20 N |
 
-    The first action larger than 0.1 is the stroke. Later actions have no effect except their cost. Actions
-    outside of ±1 are clipped.
+    The first action larger than 0.1 is the stroke. Later actions have no effect except their cost.
 
     ## Observation Space
-    `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.
-
-    | `observation` | entries | meaning | unit of 1.0 |
+    | `observation` | entries | meaning | scale |
     |---|---|---|---|
     | `"particles"` | 0–3 | positions x, y of both balls | 0.5 m |
     | | 4–7 | their velocities x, y | 1 m/s |
@@ -258,10 +253,9 @@ class SpringBilliardsEnv(SpringEnv, gym.Env):
     | | 9 | whether the ball is in the pocket | 1 |
 
     ## Rewards
-    With G(x; b, m) = 0.1^(d²), d = max(|x| − b, 0)/m, the distance e of the second ball from the pocket and
-    the effort E = 1 − 0.1 mean(a²), the reward is 0 before the stroke, 0.2 E G(e; 0.06, 0.5) after it, and E
-    once the ball is in the pocket: from 0 to 1. Its terms in `info` are `reward_near`, until the ball is in
-    the pocket, and `reward_potted`.
+    With the distance e of the second ball from the pocket, the reward is 0 before the stroke, 0.2 E
+    G(e; 0.06, 0.5) ([G, L, E](../environments.md#shared-definitions)) after it, and E once the ball is in the
+    pocket. Its terms in `info` are `reward_near`, until the ball is in the pocket, and `reward_potted`.
 
     ## Starting State
     Both balls rest. The second one is within U(−0.2, 0.2) m of the middle along x and y, U(0.5, 0.8) m from
@@ -270,24 +264,15 @@ class SpringBilliardsEnv(SpringEnv, gym.Env):
 
     ## Episode End
     Termination, if the ball is not in the pocket: the stroke is made and both balls are slower than 0.02 m/s,
-    or a ball is more than 2 m from the middle; or the simulation diverged (`info["diverged"]`; reward 0).
-    Truncation: 200 steps, 4 s. `info["is_success"]`: the ball is in the pocket, for the last 50 steps. It
-    falls if its centre is less than 0.06 m from that of the pocket at the end of a control period.
+    or a ball is more than 2 m from the middle. Truncation: 200 steps, 4 s. `info["is_success"]`: the ball is
+    in the pocket, for the last 50 steps. It falls if its centre is less than 0.06 m from that of the pocket
+    at the end of a control period.
 
     ## Information
-    `away` e [m], `speed` of the faster ball [m/s], `energy` and `energy_drift` [J], `strain`. Five
-    entries describe the pair of balls. `pairs_touching` tells whether it touches now. Since the start of the
-    episode, `pairs_impulse` is its impulse [N·s], `pairs_least_gap` its least gap [m], at most the reach of
-    its contact, `pairs_missed` counts contacts that were found too late, and `too_fast` those that the step
-    does not compute well.
+    `away` e [m], `speed` of the faster ball [m/s], `pairs_…`.
 
     ## Arguments
-    - `observation`: see above.
-    - `integrator` ("verlet"), `step` (5e-4 s), `dtype`, `randomize`, `sparse`, `render_mode`: see
-      `springgym.envs.base.SpringEnv`.
-
-    ## Version History
-    - v0: first.
+    None of its own.
     """
 
     task_type = SpringBilliards

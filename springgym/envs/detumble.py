@@ -196,19 +196,15 @@ class SpringDetumbleEnv(SpringEnv, gym.Env):
     over and over. Bring it to rest. A spring joins every pair of its eight particles, whose masses differ.
 
     ## Action Space
-    `Box(-1, 1, (k,), float32)`, held for a control period of 20 ms in axes that turn with the body.
+    Actions are held for a control period of 20 ms in axes that turn with the body.
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
     | `"torque"` | 0–2 | torque about the body's axes | ±0.35 N·m |
     | `"thrusters"` | 0–3 | impulses at corners 1, 2 (along z), 4, 6 (along y) | ±0.012 N·s |
 
-    Actions outside of ±1 are clipped.
-
     ## Observation Space
-    `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.
-
-    | `observation` | entries | meaning | unit of 1.0 |
+    | `observation` | entries | meaning | scale |
     |---|---|---|---|
     | `"particles"` | 0–23 | positions of the corners, from the centre of mass | distance from it |
     | | 24–47 | their velocities, less that of the centre of mass | 4 rad/s × distance |
@@ -216,38 +212,28 @@ class SpringDetumbleEnv(SpringEnv, gym.Env):
     | `"frame"` | 0–2 | angular velocity in the body's axes | 4 rad/s |
     | | 3–5 | angular momentum in the body's axes | 1 kg·m²/s |
 
-    The angular momentum is a product of positions and velocities, which small networks learn poorly. So it is
-    observed, too.
+    Small networks learn poorly the product of positions and velocities that the angular momentum is.
 
     ## Rewards
-    With G(x; b, m) = 0.1^(d²), d = max(|x| − b, 0)/m, and the effort E = 1 − 0.1 mean(a²), the reward is
-    S [1 + 3 G(|ω|; 0.05, 0.2)] with S = G(|ω|; 0.05, 2) E / 4: from 0 to 1. Its terms are `reward_slow` and
-    `reward_still` in `info`.
+    With S = G(|ω|; 0.05, 2) E / 4, the reward is S [1 + 3 G(|ω|; 0.05, 0.2)] ([G, L,
+    E](../environments.md#shared-definitions)), the sum of `reward_slow` and `reward_still` in `info`.
 
     ## Starting State
-    The box has any orientation and turns at |ω| = U(2, 6) rad/s. In half of the episodes it turns about any
-    direction, in the others within about 0.1 rad of the middle principal axis. `reset(options={"speed": …})`
-    sets |ω|.
+    The box has any orientation and turns at |ω| = U(2, 6) rad/s, in half of the episodes about any direction,
+    in the others within about 0.1 rad of the middle principal axis. `reset(options={"speed": …})` sets |ω|.
 
     ## Episode End
-    Termination: only if the simulation diverged (`info["diverged"]`; reward 0). Truncation: 400 steps, 8 s.
-    `info["is_success"]`: |ω| < 0.15 rad/s for the last 50 steps. The fastest flat spin takes
-    6.4 s of full torque to stop.
+    Termination: only by divergence. Truncation: 400 steps, 8 s. `info["is_success"]`: |ω| < 0.15 rad/s for
+    the last 50 steps. The fastest flat spin takes 6.4 s of full torque to stop.
 
     ## Information
-    `speed` |ω| [rad/s], `energy` and `energy_drift` [J], `strain`.
+    `speed` |ω| [rad/s].
 
     ## Arguments
-    - `observation`, `action`: see above.
     - `start="flat"`: rotation about the axis of the largest moment, within about 0.1 rad, the flat spin that
       dissipation leaves.
     - `momentum=False`: particles without the angular momentum.
     - `body`: arguments of `springgym.bodies.box`.
-    - `integrator` ("verlet"), `step`, `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
-      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
-
-    ## Version History
-    - v0: first.
     """
 
     task_type = SpringDetumble

@@ -352,23 +352,21 @@ class SpringDuelEnv(SpringEnv, gym.Env):
     """
     ## Description
     Two spinning tops stand in a bowl, within a ring. Knock the other one over, or out of the ring, and stay.
-    The agent pushes its own top at the crown, and an opponent pushes the other one. Each top has 14 particles
-    and 37 springs, and spins fast enough to stand by itself. The tops strike each other with their rims, and
-    exchange spin.
+    The agent pushes its own top at the crown, and an opponent pushes the other one. Each top (14 particles,
+    37 springs) spins fast enough to stand by itself. Tops strike each other with their rims, and exchange
+    spin.
 
     ## Action Space
-    `Box(-1, 1, (2,), float32)`, held for a control period of 20 ms.
+    Actions are held for a control period of 20 ms.
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
     | `"push"` | 0, 1 | force on the crown of one's own top along x, y | ±40 N |
 
-    Nothing drives the spin. Actions outside of ±1 are clipped.
+    Nothing drives the spin.
 
     ## Observation Space
-    `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.
-
-    | `observation` | entries | meaning | unit of 1.0 |
+    | `observation` | entries | meaning | scale |
     |---|---|---|---|
     | `"particles"` | 0–83 | positions of ring particles 0–11, crown and tip, one's own top first | 0.7 m |
     | | 84–167 | their velocities | 30 rad/s × its distance from the axis + 1 m/s |
@@ -386,48 +384,37 @@ class SpringDuelEnv(SpringEnv, gym.Env):
     | | 20, 21 | its angular momentum x, y | 6 kg·m²/s |
 
     ## Rewards
-    With G(x; b, m) = 0.1^(d²), d = max(|x| − b, 0)/m, the tilt θ of one's own top, its distance a and the
-    other's b from the middle, at most 1.1 m, and the effort E = 1 − 0.1 mean(a²) of its actions, every step
-    earns 0.002 G(θ; 0.1, 0.6) G(a; 0.3, 0.8) E b/1.1 m, and the step that wins earns 0.998 more: from 0 to 1.
-    So waiting pays less than winning. The terms in `info` are `reward_driven` and `reward_won`.
+    With the tilt θ of one's own top, its distance a from the middle and the other's distance b ≤ 1.1 m, every
+    step earns 0.002 G(θ; 0.1, 0.6) G(a; 0.3, 0.8) E b/1.1 m ([G, L,
+    E](../environments.md#shared-definitions)), and the step that wins earns 0.998 more. So waiting pays less
+    than winning. The terms in `info` are `reward_driven` and `reward_won`.
 
     ## Starting State
     The tops stand 0.65 m from the middle on opposite sides, in any direction. They are tilted by U(0, 0.08)
     rad and spin at U(22, 30) rad/s, each of either sign. Below 10 rad/s a top does not stand by itself.
-    `reset(options={"tilt": …, "spin": …, "other_tilt": …, "other_spin": …})` sets any of them.
+    `reset(options={"tilt": …, "spin": …, "other_tilt": …, "other_spin": …})` sets them.
 
     ## Episode End
-    Termination: a top is tilted by more than 0.7 rad, or its centre of mass more than 1.1 m from the middle,
-    or the simulation diverged (`info["diverged"]`; reward 0). A top that is down loses. If both go down in
-    the same step, both lose. Truncation: 500 steps, 10 s. `info["is_success"]`: the other top is down, and
-    one's own is not: the duel is won.
+    Termination: a top is down, because it is tilted by more than 0.7 rad, or its centre of mass is more than
+    1.1 m from the middle. If both go down in the same step, both lose. Truncation: 500 steps, 10 s.
+    `info["is_success"]`: the other top is down, and one's own is not.
 
     ## Information
-    `tilt` θ [rad], `away` a [m], `other_away` b [m], `energy` and `energy_drift` [J], `strain`. Five entries
-    describe the pairs of bodies. `pairs_touching` counts those that touch now. Since the start of the
-    episode, `pairs_impulse` is their impulse [N·s], `pairs_least_gap` their least gap [m], at most the reach
-    of their contact, `pairs_missed` counts contacts that were found too late,
-    and `too_fast` those that the step does not compute well.
+    `tilt` θ [rad], `away` a [m], `other_away` b [m], `pairs_…`.
 
     ## Arguments
-    - `observation`: see above.
-    - `opponent="still"`: an opponent that does nothing, in place of the usual `"script"`, which attacks with
-      20 N and returns to the middle with 20 N a metre.
-    - `opponent="guard"`: an opponent that returns to the middle, and rights its top.
-    - `opponent="strong"`: an opponent that attacks with full force, on the side on which its top rolls off
-      the other one. It also rights its top and keeps to the middle, as classical control does.
-    - `opponent` can also be a function of your own. It receives observations as `"frame"` (n, 22), in axes
-      that are turned by half a turn, so that both players see the same duel, and returns actions (n, 2).
-      Agents trained with `observation="frame"` are such functions, see `springgym.envs.agent`.
-    - `integrator` ("verlet"), `step` (1e-3 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
-      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
+    - `opponent="still"`: does nothing, while the usual `"script"` attacks with 20 N and returns to the middle
+      with 20 N a metre.
+    - `opponent="guard"`: returns to the middle, and rights its top.
+    - `opponent="strong"`: attacks with full force, on the side on which its top rolls off the other one,
+      rights its top and keeps to the middle, as classical control does.
+    - `opponent` can also be a function of observations as `"frame"` (n, 22) that returns actions (n, 2). Its
+      axes are turned by half a turn, so that both players see the same duel. Agents trained with
+      `observation="frame"` are such functions, see `springgym.envs.agent`.
 
-    `springgym.envs.parallel("SpringDuel-v0")` is the same duel for two agents, as PettingZoo's `ParallelEnv`.
-    So is `pettingzoo.make("parallel", "SpringDuel-v0")`, if `pettingzoo` has a registry. Import `pettingzoo`
-    before `springgym`, or call `springgym.register()` afterwards.
-
-    ## Version History
-    - v0: first.
+    `springgym.envs.parallel("SpringDuel-v0")`, or `pettingzoo.make("parallel", "SpringDuel-v0")` where
+    `pettingzoo` has a registry, is the same duel for two agents, as PettingZoo's `ParallelEnv`. Import
+    `pettingzoo` before `springgym`, or call `springgym.register()` afterwards.
     """
 
     task_type = SpringDuel

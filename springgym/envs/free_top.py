@@ -222,24 +222,20 @@ class SpringFreeTopEnv(SpringEnv, gym.Env):
     """
     ## Description
     A spinning top stands with its bare tip on a floor almost as smooth as ice, too slow to stand by itself.
-    Keep it upright, at 8 rad/s, in a small circle. 37 stiff springs hold a ring of 12 particles, a crown and
-    a tip, as in McDonald's top, but this one is low and wide and not pinned. A push on the crown moves the
-    whole top. To tilt the top so that it comes back, an agent has to push it away first.
+    Keep it upright, at 8 rad/s, in a small circle. 37 springs hold a ring of 12 particles, a crown and a tip,
+    as in SpringTop, but this top is low, wide and not pinned. A push on the crown moves the whole top, so an
+    agent has to push the top away first to tilt it back.
 
     ## Action Space
-    `Box(-1, 1, (3,), float32)`, held for a control period of 20 ms.
+    Actions are held for a control period of 20 ms.
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
     | `"push"` | 0, 1 | force on the crown along the world's x, y | ±40 N |
     | | 2 | torque about the top's axis | ±10 N·m, which turns the ring by ±8 rad/s² |
 
-    Actions outside of ±1 are clipped.
-
     ## Observation Space
-    `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.
-
-    | `observation` | entries | meaning | unit of 1.0 |
+    | `observation` | entries | meaning | scale |
     |---|---|---|---|
     | `"particles"` | 0–41 | positions of ring particles 0–11, crown and tip, from the middle | 0.5 m |
     | | 42–83 | their velocities | 8 rad/s × its distance from the axis + 0.5 m/s |
@@ -250,37 +246,30 @@ class SpringFreeTopEnv(SpringEnv, gym.Env):
     | | 9, 10 | its velocity x, y | 0.5 m/s |
 
     ## Rewards
-    With G(x; b, m) = 0.1^(d²), d = max(|x| − b, 0)/m, the tilt θ of the axis, the horizontal distance e of
-    the centre of mass from the middle and the effort E = 1 − 0.1 mean(a²), the reward is
-    U (0.3 + 0.7 G(e; 0.05, 0.4)) (0.5 + 0.5 G(ω₃ − 8; 0.25, 3)) with U = G(θ; 0.03, 0.3) E: from 0 to 1.
-    Its terms in `info` are `reward_upright` = 0.15 U, `reward_inside` = 0.35 U G(e) and `reward_spin`, the
-    rest.
+    With the tilt θ of the axis, the horizontal distance e of the centre of mass from the middle and U =
+    G(θ; 0.03, 0.3) E, the reward is U (0.3 + 0.7 G(e; 0.05, 0.4)) (0.5 + 0.5 G(ω₃ − 8; 0.25, 3)) ([G, L,
+    E](../environments.md#shared-definitions)). Its terms in `info` are `reward_upright` = 0.15 U,
+    `reward_inside` = 0.35 U G(e) and `reward_spin`, the rest.
 
     ## Starting State
-    The top spins and is otherwise at rest, with its weight on the tip. Tilt U(0.02, 0.12) rad, spin U(5, 9)
-    rad/s, and the tip anywhere within 0.4 m of the middle. Below 10 rad/s the upright top is unstable.
-    `reset(options={"tilt": …, "spin": …, "error": …})` sets any of them.
+    The weight of the top rests on the tip, anywhere within 0.4 m of the middle. Tilt U(0.02, 0.12) rad, spin
+    U(5, 9) rad/s. Below 10 rad/s the upright top is unstable.
+    `reset(options={"tilt": …, "spin": …, "error": …})` sets them.
 
     ## Episode End
-    Termination: θ > 0.7 rad, e > 1 m, |ω₃ − 8| > 4.5 rad/s (a faster top would stand by itself), or the
-    simulation diverged (`info["diverged"]`; reward 0). Truncation: 500 steps, 10 s. `info["is_success"]`:
-    θ < 0.1 rad, e < 0.15 m and |ω₃ − 8| < 1 rad/s for the last 100 steps.
+    Termination: θ > 0.7 rad, e > 1 m, or |ω₃ − 8| > 4.5 rad/s (a faster top would stand by itself).
+    Truncation: 500 steps, 10 s. `info["is_success"]`: θ < 0.1 rad, e < 0.15 m and |ω₃ − 8| < 1 rad/s for the
+    last 100 steps.
 
     ## Information
-    `tilt` θ [rad], `error` e [m], `spin` ω₃ [rad/s], `energy` and `energy_drift` [J], `strain`.
+    `tilt` θ [rad], `error` e [m], `spin` ω₃ [rad/s].
 
     ## Arguments
-    - `observation`: see above.
     - `surface="bowl"`: a spherical bowl of 4 m radius instead of a floor.
     - `friction=0.1`: more friction than the usual 0.02; from about 0.05 on, the tip sticks and the top has to
       be balanced differently.
     - `hard=True`: tilt U(0.02, 0.16) rad, spin U(4, 7) rad/s, within 0.6 m.
     - `body`: arguments of `springgym.bodies.top`.
-    - `integrator` ("verlet"), `step`, `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
-      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
-
-    ## Version History
-    - v0: first.
     """
 
     task_type = SpringFreeTop

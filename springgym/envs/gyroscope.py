@@ -201,24 +201,20 @@ class GyroscopeOptions(EnvOptions, total=False):
 class SpringGyroscopeEnv(SpringEnv, gym.Env):
     """
     ## Description
-    A rotor spins on an axle that is pinned at its centre of mass. Turn the axle to a given direction and
-    hold it there. A gyroscope moves at a right angle to a torque: if you push the axle towards the target, it
-    moves aside. 50 springs hold the rotor, a ring of 12 particles, a centre and two axle ends.
+    A rotor spins on an axle that is pinned at its centre of mass. Turn the axle to a given direction and hold
+    it there. A push towards the target moves the axle perpendicular to it. 50 springs hold the rotor: a ring
+    of 12 particles, a centre and two axle ends.
 
     ## Action Space
-    `Box(-1, 1, (3,), float32)`, held for a control period of 20 ms.
+    Actions are held for a control period of 20 ms.
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
     | `"torque"` | 0–2 | torque about the world's x, y, z, its part along the axle removed | ±20 N·m |
-    | `"impulse"` | 0–2 | impulse on the axle's head along x, y, z, spread evenly over the period | ±0.8 N·s |
-
-    Actions outside of ±1 are clipped.
+    | `"impulse"` | 0–2 | impulse on the axle's head along x, y, z, spread over the period | ±0.8 N·s |
 
     ## Observation Space
-    `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.
-
-    | `observation` | entries | meaning | unit of 1.0 |
+    | `observation` | entries | meaning | scale |
     |---|---|---|---|
     | `"particles"` | 0–41 | positions x, y, z of ring particles 0–11, head, foot | distance from the centre |
     | | 42–83 | their velocities | 35 rad/s × distance from the axle + 2 rad/s × distance |
@@ -229,33 +225,27 @@ class SpringGyroscopeEnv(SpringEnv, gym.Env):
     | | 7–9 | target direction | 1 |
 
     ## Rewards
-    With G(x; b, m) = 0.1^(d²), L(x; b, m) = 1/(1 + 9d²), d = max(|x| − b, 0)/m, the angle α between axle and
-    target and the effort E = 1 − 0.1 mean(a²), the reward is A [1 + 3 G(α; 0.03, 0.15) G(|ω⊥|; 0.1, 0.3)]
-    with A = L(α; 0.03, 0.5) E / 4: from 0 to 1. Its terms are `reward_aligned` and `reward_calm` in `info`.
+    With the angle α between axle and target and A = L(α; 0.03, 0.5) E / 4, the reward is A [1 + 3
+    G(α; 0.03, 0.15) G(|ω⊥|; 0.1, 0.3)] ([G, L, E](../environments.md#shared-definitions)), the sum of
+    `reward_aligned` and `reward_calm` in `info`.
 
     ## Starting State
-    The axle points in any direction. The rotor spins at U(25, 45) rad/s and is otherwise at rest, stretched
-    as in steady rotation. The target is U(0.5, 1.5) rad away. `reset(options={"spin": …, "angle": …})` sets
-    spin and distance of the target.
+    The axle points in any direction. The rotor spins at U(25, 45) rad/s, its springs at their steady-rotation
+    equilibrium. The target is U(0.5, 1.5) rad away. `reset(options={"spin": …, "angle": …})` sets spin and
+    distance of the target.
 
     ## Episode End
-    Termination: only if the simulation diverged (`info["diverged"]`; reward 0). Truncation: 400 steps, 8 s.
-    `info["is_success"]`: α < 0.1 rad and |ω⊥| < 0.3 rad/s for the last 50 steps.
+    Termination: only by divergence. Truncation: 400 steps, 8 s. `info["is_success"]`: α < 0.1 rad and |ω⊥| <
+    0.3 rad/s for the last 50 steps.
 
     ## Information
-    `angle` α [rad], `spin` ω₃ and `precession` |ω⊥| [rad/s], `energy` and `energy_drift` [J], `strain`.
+    `angle` α [rad], `spin` ω₃ and `precession` |ω⊥| [rad/s].
 
     ## Arguments
-    - `observation`, `action`: see above.
     - `hard=True`: spin of either sign; with the other sign, the same push moves the axle the other way.
     - `body`: arguments of `springgym.bodies.gyroscope`.
-    - `goals=True`, with `sparse=True`: observations [tell the goal apart](../features.md#goals).
-      Goals hold the axis, and the angular velocity across it [rad/s].
-    - `integrator` ("verlet"), `step`, `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
-      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
-
-    ## Version History
-    - v0: first.
+    - `goals=True`, with `sparse=True`: [goal environment](../features.md#goals). The goal is the axis and the
+      angular velocity across it [rad/s].
     """
 
     task_type = SpringGyroscope

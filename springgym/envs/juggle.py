@@ -260,26 +260,20 @@ class SpringJuggleEnv(SpringEnv, gym.Env):
     """
     ## Description
     A paddle hangs in the air and a ball falls onto it. Keep the ball bouncing, straight up, to a given
-    height. Each bounce takes some of the ball's energy, and a bounce off the middle throws it aside. So an
-    agent has to hit it at the right time and place, with the right speed and tilt. 19 springs hold the
-    paddle, a ring of 6 particles and a crown, flat above, and a tip below. The ball is solid and turns: six
-    particles, joined by 15 springs, carry a sphere of 5 cm. Friction (0.3) gives it spin where the paddle
-    hits it askew, and the spin throws it aside at the next hit.
+    height. Each bounce takes energy, and one off the middle throws the ball aside. 19 springs hold the
+    paddle: a ring of 6 particles and a crown, flat above, and a tip below. Friction (0.3) spins the ball
+    (radius 5 cm) where the paddle hits it askew, and the spin throws it aside at the next hit.
 
     ## Action Space
-    `Box(-1, 1, (5,), float32)`, held for a control period of 20 ms.
+    Actions are held for a control period of 20 ms.
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
     | `"wrench"` | 0–2 | force on the paddle along the world's x, y, z, added to one that carries it | ±30 N |
-    | | 3, 4 | torque on it about the world's x, y, less the part along its axis | ±1.5 N·m |
-
-    Actions outside of ±1 are clipped.
+    | | 3, 4 | torque on it about the world's x, y, without the part along its axis | ±1.5 N·m |
 
     ## Observation Space
-    `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.
-
-    | `observation` | entries | meaning | unit of 1.0 |
+    | `observation` | entries | meaning | scale |
     |---|---|---|---|
     | `"particles"` | 0–20 | ring particles 0, 2, 4, crown, and three of the ball, from home | 0.25 m |
     | | 21–32 | velocities of the paddle's particles | 1 m/s |
@@ -298,45 +292,31 @@ class SpringJuggleEnv(SpringEnv, gym.Env):
     With `balls=2`, the other ball's entries follow those of the first.
 
     ## Rewards
-    The height of a flight is the largest height, z + v_z²/2g, that the ball's lowest point would reach above
-    the home of the paddle's upper side. With G(x; b, m) = 0.1^(d²) and L(x; b, m) = 1/(1 + 9d²), d = max(|x|
-    − b, 0)/m, its error e, the ball's distance r from the vertical through home, and the effort E = 1 − 0.1
-    mean(a²), the reward is E [L(e; 0.03, 0.3) + G(e; 0.03, 0.15) G(r; 0.05, 0.3)]/2, from 0 to 1. Its terms
-    in `info` are `reward_high` and `reward_true`, the half with L and the one with G. With two balls the
-    reward is the mean.
+    The height of a flight is z + v_z²/2g, which the ball's lowest point would reach above the home of the
+    paddle's upper side. With its error e and the ball's distance r from the vertical through home, the reward
+    is E [L(e; 0.03, 0.3) + G(e; 0.03, 0.15) G(r; 0.05, 0.3)]/2 ([G, L,
+    E](../environments.md#shared-definitions)). In `info`, `reward_high` is the half with L, `reward_true` the
+    other. With two balls the reward is the mean.
 
     ## Starting State
     The paddle rests at home, level. The ball is U(0.3, 0.7) m above it, up to 0.1 m off its middle, with
     U(−0.1, 0.1) m/s along x and y. The wanted height is U(0.4, 0.7) m.
-    `reset(options={"wanted": …, "height": …, "away": …})` sets any of them.
+    `reset(options={"wanted": …, "height": …, "away": …})` sets them.
 
     ## Episode End
-    Termination: the ball is below the paddle's plane or 0.5 m off the vertical through home, the paddle
-    0.25 m away from home, up, down or sideways, or tilted by 0.8 rad, or the simulation diverged
-    (`info["diverged"]`; reward 0). Truncation: 500 steps, 10 s. `info["is_success"]`: r < 0.1 m and, but
-    for the moments of a hit, |e| < 0.08 m for the last 100 steps.
+    Termination: the ball is below the paddle's plane or 0.5 m off the vertical through home, or the paddle is
+    0.25 m away from home, up, down or sideways, or tilted by 0.8 rad. Truncation: 500 steps, 10 s.
+    `info["is_success"]`: r < 0.1 m and, except during hits, |e| < 0.08 m for the last 100 steps.
 
     ## Information
-    `error` e [m], `aside` r [m], `tilt` of the paddle [rad], `energy` and `energy_drift` [J], `strain`. Five
-    entries describe the pairs of bodies. `pairs_touching` counts those that touch now. Since the start of the
-    episode, `pairs_impulse` is their impulse [N·s], `pairs_least_gap` their least gap [m], at most the reach
-    of their contact, `pairs_missed` counts contacts that were found too late,
-    and `too_fast` those that the step does not compute well.
+    `error` e [m], `aside` r [m], `tilt` of the paddle [rad], `pairs_…`.
 
     ## Arguments
-    - `observation`: see above.
     - `restitution=0.85`: a ball that loses more in each bounce than the usual one (0.95).
-    - `balls=2`: two balls that take turns. Each bounces on a vertical of its own, 0.12 m left or right of
-      home, and the text above holds for each. `error` and `aside` are those of the ball that
-      is farther off. The second ball starts
-      on its way up to the wanted height.
+    - `balls=2`: two balls in turn, each on a vertical 0.12 m left or right of home. The second one starts on
+      its way up to the wanted height. `error` and `aside` are those of the ball that is farther off.
     - `hard=True`: wanted heights of U(0.4, 1) m.
-    - `integrator` ("verlet"), `step` (3.13e-4 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
-      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`. The factor `scale` leaves the ball as it
-      is.
-
-    ## Version History
-    - v0: first.
+    - `randomize`: the factor `scale` leaves the ball as it is.
     """
 
     task_type = SpringJuggle

@@ -378,29 +378,21 @@ class SpringLabyrinthEnv(SpringEnv, gym.Env):
     """
     ## Description
     A ball rolls on a board that you tilt, as in the game. Bring it to the end of a path, past the holes
-    beside it. Every episode has another board: one of 3776 paths over a square of 4 × 4 cells, shifted at
-    random, and 18 holes, some of which overlap. The ball is solid and rolls: six particles, joined by 15
-    springs, carry a sphere of 2.5 cm.
-
-    The world's axes are those of the board. Tilting the board changes the direction of the weight, and the
-    task leaves out all inertial forces of the turning board. Along the board these would be ω²r, at most
-    0.06 m/s² at 0.4 rad/s and 0.36 m, while the weight gives up to 1.5 m/s². Perpendicular to the board they
-    would be 2ωv, some 0.2 m/s², and a push when the rate jumps. These two change how hard the ball presses on
-    the board, but not how it rolls.
+    beside it. Every episode has another board: one of 3776 paths over 4 × 4 cells, shifted at random, and 18
+    holes. The ball has a radius of 2.5 cm. The world's axes are those of the board, so tilting the board
+    turns the weight. Inertial forces of the turning board, at most 0.06 m/s² along it, are left out.
 
     ## Action Space
-    `Box(-1, 1, (2,), float32)`, held for a control period of 20 ms.
+    Actions are held for a control period of 20 ms.
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
     | `"tilt"` | 0, 1 | how fast the board turns, so that it leans towards x, y | ±0.4 rad/s |
 
-    Each angle stays within ±0.15 rad. Actions outside of ±1 are clipped.
+    Each angle stays within ±0.15 rad.
 
     ## Observation Space
-    `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.
-
-    | `observation` | entries | meaning | unit of 1.0 |
+    | `observation` | entries | meaning | scale |
     |---|---|---|---|
     | `"particles"` | 0–17 | positions of the ball's particles | 0.2 m |
     | | 18–35 | their velocities | 0.3 m/s |
@@ -417,38 +409,31 @@ class SpringLabyrinthEnv(SpringEnv, gym.Env):
     | | 17–24 | middles x, y of the four nearest holes, from the ball | 0.1 m |
 
     ## Rewards
-    The path has 13 points, and the ball starts at the first. It passes the next point when it is less than
-    5 cm from it. What remains is the distance to the next point, and all legs after it. The progress p is the
-    share of the path's length that does not remain. With G(x; b, m) = 0.1^(d²), d = max(|x| − b, 0)/m, the
-    distance e of the ball from the end, the effort E = 1 − 0.1 mean(a²), and K = 1 on the last leg, else 0,
-    the reward is E [p + K G(e; 0.02, 0.2)]/2, from 0 to 1. Its terms in `info` are `reward_way` and
-    `reward_end`, the halves with p and with G.
+    The path has 13 points; the ball starts at the first, and passes the next when it is less than 5 cm from
+    it. What remains is the distance to the next point and all legs after it; the progress p is the share of
+    the path that does not remain. With the distance e of the ball from the end, and K = 1 on the last leg,
+    else 0, the reward is E [p + K G(e; 0.02, 0.2)]/2 ([G, L, E](../environments.md#shared-definitions)). In
+    `info`, `reward_way` is the half with p, `reward_end` that with G.
 
     ## Starting State
     The ball rests at the first point of the path, and the board is level. The path goes from a cell of 18 cm
-    to a neighbouring one, twelve times, and visits no cell twice; all such paths are equally likely. The
-    middle of each cell is shifted by U(−1.5, 1.5) cm along x and y, and the first leg is shorter by a share
-    U(0, 0.6). Holes have a radius of 5.5 cm. They lie half-way between the middles of two or four cells, at
-    those of these points that are nearest to the path.
+    to a neighbour, twelve times, and visits no cell twice; all such paths are equally likely. The middle of
+    each cell is shifted by U(−1.5, 1.5) cm along x and y, and the first leg is shorter by a share U(0, 0.6).
+    The holes, of radius 5.5 cm, lie half-way between the middles of two or four cells, where nearest to the
+    path.
 
     ## Episode End
     Termination: the ball falls, because its centre is above a hole, or more than 0.36 m from the middle along
-    x or y; or the simulation diverged (`info["diverged"]`; reward 0). Truncation: 600 steps, 12 s.
-    `info["is_success"]`: the ball has passed all points, and e < 0.05 m, for the last 25 steps.
+    x or y. Truncation: 600 steps, 12 s. `info["is_success"]`: the ball has passed all points, and e < 0.05 m,
+    for the last 25 steps.
 
     ## Information
-    `left` [m], the remaining length of the path, `gap` between the ball's centre and the nearest hole's rim
-    [m], `tilt` of the board [rad], `energy` and `energy_drift` [J], `strain`.
+    `left`, the remaining length of the path [m], `gap` between the ball's centre and the nearest hole's rim
+    [m], `tilt` of the board [rad].
 
     ## Arguments
-    - `observation`: see above.
     - `hard=True`: a board that turns at up to 0.24 rad/s, and holes of 6 cm.
-    - `integrator` ("verlet"), `step` (5e-4 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
-      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`. The factor `actuator` multiplies the force
-      along the board.
-
-    ## Version History
-    - v0: first.
+    - `randomize`: the factor `actuator` multiplies the force along the board.
     """
 
     task_type = SpringLabyrinth

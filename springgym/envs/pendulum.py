@@ -166,24 +166,22 @@ class PendulumOptions(EnvOptions, total=False):
 class SpringPendulumEnv(SpringEnv, gym.Env):
     """
     ## Description
-    A cube hangs from one of its corners. Swing it up and hold it upside down, with half the torque that
-    would lift it. The cube is that of McDonald's paper: a spring joins every pair of its 8 particles.
+    A cube hangs from one of its corners. Swing it up and hold it upside down, with half the torque that would
+    lift it. A spring joins every pair of its 8 particles, as in McDonald's paper.
 
     ## Action Space
-    `Box(-1, 1, (3,), float32)`, held for a control period of 40 ms.
+    Actions are held for a control period of 40 ms.
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
     | `"torque"` | 0–2 | torque about the world's x, y, z, its part along the diagonal removed | ±4.25 N·m |
-    | `"impulse"` | 0–2 | impulse on the far corner along x, y, z, spread evenly over the period | ±0.1 N·s |
+    | `"impulse"` | 0–2 | impulse on the far corner along x, y, z, spread over the period | ±0.1 N·s |
 
-    The diagonal runs through the pin and the far corner. Neither mode can spin the cube about it, so the cube
-    cannot become a sleeping top. The weight exerts at most 8.5 N·m. Actions outside of ±1 are clipped.
+    The diagonal runs through the pin and the far corner. Neither mode can spin the cube about it. The weight
+    exerts at most 8.5 N·m.
 
     ## Observation Space
-    `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.
-
-    | `observation` | entries | meaning | unit of 1.0 |
+    | `observation` | entries | meaning | scale |
     |---|---|---|---|
     | `"particles"` | 0–20 | positions x, y, z of corners 1–7 | distance from the pin |
     | | 21–41 | their velocities | 4 rad/s × distance from the pin |
@@ -192,32 +190,25 @@ class SpringPendulumEnv(SpringEnv, gym.Env):
     | | 6 | angular velocity along it, ω₃ | 4 rad/s |
 
     ## Rewards
-    With G(x; b, m) = 0.1^(d²), d = max(|x| − b, 0)/m, the tilt θ of n from the upright and the effort
-    E = 1 − 0.1 mean(a²), the reward is R [1 + 3 G(θ; 0.05, 0.2) G(|ω|; 0.2, 0.8)] with
-    R = ((1 + n_z)/2)² E / 4: from 0 to 1. Its terms are `reward_raised` and `reward_held` in `info`.
+    With the tilt θ of n from the upright and R = ((1 + n_z)/2)² E / 4, the reward is R [1 + 3 G(θ; 0.05, 0.2)
+    G(|ω|; 0.2, 0.8)] ([G, L, E](../environments.md#shared-definitions)), the sum of `reward_raised` and
+    `reward_held` in `info`.
 
     ## Starting State
     The cube is at rest, U(0, 0.3) rad from hanging, and turned at random about the vertical and the diagonal.
     `reset(options={"tilt": …})` sets the tilt from the upright.
 
     ## Episode End
-    Termination: |ω| exceeds 8 rad/s (so that whirling the cube around does not help), or the simulation
-    diverged (`info["diverged"]`; reward 0). Truncation: 250 steps, 10 s. `info["is_success"]`: θ < 0.15 rad
-    and |ω| < 0.5 rad/s for the last 25 steps.
+    Termination: |ω| exceeds 8 rad/s, so that whirling the cube around does not help. Truncation: 250 steps,
+    10 s. `info["is_success"]`: θ < 0.15 rad and |ω| < 0.5 rad/s for the last 25 steps.
 
     ## Information
-    `tilt` θ [rad], `speed` |ω| and `spin` ω₃ [rad/s], `energy` and `energy_drift` [J], `strain`.
+    `tilt` θ [rad], `speed` |ω| and `spin` ω₃ [rad/s].
 
     ## Arguments
-    - `observation`, `action`: see above.
     - `start="mixed"`: half of the episodes start at any tilt U(0, π), the others near hanging; this is easier
       to learn.
     - `body`: arguments of `springgym.bodies.cube`.
-    - `integrator` ("verlet"), `step`, `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
-      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
-
-    ## Version History
-    - v0: first.
     """
 
     task_type = SpringPendulum

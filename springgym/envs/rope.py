@@ -203,18 +203,15 @@ class SpringRopeEnv(SpringEnv, gym.Env):
     """
     ## Description
     A load of 70 kg hangs by a 4 m rope from the trolley of an overhead crane. Bring it above the target, and
-    to rest. The rope consists of eight springs between beads of 0.1 kg, after McDonald's paper. It stretches,
-    bounces and swings.
+    to rest. The rope, after McDonald's paper, is eight springs between beads of 0.1 kg: it stretches, bounces
+    and swings.
 
     ## Action Space
-    `Box(-1, 1, (2,), float32)`, held for a control period of 50 ms. The entries are the acceleration of the
-    trolley along x and y: at ±1 ±3 m/s². Its speed along each axis is limited to 3 m/s. Actions outside of
-    ±1 are clipped.
+    Actions are held for a control period of 50 ms. The entries are the acceleration of the trolley along x
+    and y: at ±1 ±3 m/s². Its speed along each axis is limited to 3 m/s.
 
     ## Observation Space
-    `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.
-
-    | `observation` | entries | meaning | unit of 1.0 |
+    | `observation` | entries | meaning | scale |
     |---|---|---|---|
     | `"particles"` | 0–25 | positions of trolley (x, y), beads and load (x, y, z), from the target | 2 m |
     | | 26–51 | their velocities | 2 m/s |
@@ -224,36 +221,29 @@ class SpringRopeEnv(SpringEnv, gym.Env):
     | | 6–7 | velocity of the trolley | 2 m/s |
 
     ## Rewards
-    With G(x; b, m) = 0.1^(d²), L(x; b, m) = 1/(1 + 9d²), d = max(|x| − b, 0)/m, the load's horizontal
-    distance e from the target and horizontal speed s, and the effort E = 1 − 0.1 mean(a²), the reward is
-    N [1 + 3 G(e; 0.03, 0.15) G(s; 0.03, 0.15)] with N = [L(e; 0.05, 1) + G(e; 0.05, 3)] E / 8: from 0 to 1.
-    Its terms are `reward_near` and `reward_still` in `info`.
+    With the load's horizontal distance e from the target, its horizontal speed s and N = [L(e; 0.05, 1) +
+    G(e; 0.05, 3)] E / 8, the reward is N [1 + 3 G(e; 0.03, 0.15) G(s; 0.03, 0.15)] ([G, L,
+    E](../environments.md#shared-definitions)), the sum of `reward_near` and `reward_still` in `info`.
 
     ## Starting State
-    The trolley rests at the origin. The rope is stretched as it hangs, sways by U(0, 0.25) rad in any
+    The trolley rests at the origin. The rope is stretched by its load, sways by U(0, 0.25) rad in any
     direction and swings at U(−0.3, 0.3) rad/s about any horizontal axis. The target is U(1.5, 4) m away.
     `reset(options={"sway": …, "distance": …})` sets sway and distance.
 
     ## Episode End
-    Termination: e exceeds 10 m, or the simulation diverged (`info["diverged"]`; reward 0). Truncation:
-    200 steps, 10 s. `info["is_success"]`: e < 0.1 m and s < 0.1 m/s for the last 20 steps.
+    Termination: e exceeds 10 m. Truncation: 200 steps, 10 s. `info["is_success"]`: e < 0.1 m and s < 0.1 m/s
+    for the last 20 steps.
 
     ## Information
-    `error` e [m], `speed` s [m/s], `energy` and `energy_drift` [J], `strain`.
+    `error` e [m], `speed` s [m/s].
 
     ## Arguments
-    - `observation`: see above.
     - `hard=True`: sway U(0, 0.6) rad, U(−0.8, 0.8) rad/s, target U(1.5, 6) m away.
     - `material`, `diameter`: a cable in place of the paper's rope, as `"steel"` and 0.005 [m]. Steel hardly
       stretches; nylon bounces.
     - `body`: arguments of `springgym.bodies.rope`, or of `springgym.bodies.solid_rope` with a material.
-    - `goals=True`, with `sparse=True`: observations [tell the goal apart](../features.md#goals).
-      Goals hold x, y of the load [m] and of its velocity [m/s].
-    - `integrator` ("verlet"), `step`, `dtype`, `randomize`, `sparse`, `render_mode`: see
-      `springgym.envs.base.SpringEnv`. A rope has no rigid twin.
-
-    ## Version History
-    - v0: first.
+    - `goals=True`, with `sparse=True`: [goal environment](../features.md#goals). The goal is x, y of the load
+      [m] and of its velocity [m/s].
     """
 
     task_type = SpringRope

@@ -255,26 +255,21 @@ class SpringShoveEnv(SpringEnv, gym.Env):
     """
     ## Description
     A ball pushes a box over the floor. Bring the box to its place, and turn it to its heading. The ball can
-    only push. To move the box another way, it has to go around the box; to turn the box, it has to push
-    beside its middle. The box has 8 corners and 28 springs. The ball is solid and rolls: six particles,
-    joined by 15 springs, carry a sphere of 10 cm. It does not stop by itself.
-
-    The target lies at the origin and points along x: the world's axes are those of the target.
+    only push: it has to go around the box to move it another way, and to push beside its middle to turn it.
+    The box has 8 corners and 28 springs. The ball (radius 10 cm) does not stop by itself. The target lies at
+    the origin and points along x.
 
     ## Action Space
-    `Box(-1, 1, (2,), float32)`, held for a control period of 40 ms.
+    Actions are held for a control period of 40 ms.
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
     | `"push"` | 0, 1 | force on the ball's centre along x, y | ±12 N |
 
-    To push the box takes 5 N: 4 N against the friction of the floor, and 1 N because the ball rubs on the box
-    as it rolls. Actions outside of ±1 are clipped.
+    Pushing the box takes 5 N: 4 N against the floor's friction, 1 N against that of the ball.
 
     ## Observation Space
-    `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.
-
-    | `observation` | entries | meaning | unit of 1.0 |
+    | `observation` | entries | meaning | scale |
     |---|---|---|---|
     | `"particles"` | 0–8 | positions of three particles of the ball | 0.5 m |
     | | 9–16 | positions x, y of the box's upper corners 0–3 | 0.5 m |
@@ -289,42 +284,30 @@ class SpringShoveEnv(SpringEnv, gym.Env):
     | | 11, 12 | velocity x, y of the ball | 1 m/s |
 
     ## Rewards
-    With G(x; b, m) = 0.1^(d²) and L(x; b, m) = 1/(1 + 9d²), d = max(|x| − b, 0)/m, the distance e of the
-    box from its place, its heading φ, the distance a between ball and box and the effort
-    E = 1 − 0.1 mean(a²), the reward is E [0.05 G(a; 0.3, 0.5) + 0.95 N (1 + G(φ; 0.05, 0.8))/2] with
-    N = [L(e; 0.03, 0.3) + G(e; 0.03, 0.5)]/2: from 0 to 1. Its terms in `info` are `reward_approach`,
-    `reward_near` and `reward_heading`, its terms when multiplied out.
+    With the distance e of the box from its place, its heading φ, the distance a between ball and box and N =
+    [L(e; 0.03, 0.3) + G(e; 0.03, 0.5)]/2, the reward is E [0.05 G(a; 0.3, 0.5) + 0.95 N (1 +
+    G(φ; 0.05, 0.8))/2] ([G, L, E](../environments.md#shared-definitions)). Multiplied out, its terms in
+    `info` are `reward_approach`, `reward_near` and `reward_heading`.
 
     ## Starting State
     Both lie on the floor at rest. The box is U(0.3, 0.8) m from its place in any direction, and turned by
     U(−1, 1) rad. The ball is U(0.35, 0.6) m from the box on any side.
-    `reset(options={"error": …, "heading": …})` sets any of them.
+    `reset(options={"error": …, "heading": …})` sets them.
 
     ## Episode End
-    Termination: ball or box is more than 1.8 m from the place, the box is tipped over, or the simulation
-    diverged (`info["diverged"]`; reward 0). Truncation: 250 steps, 10 s. `info["is_success"]`: e < 0.08 m,
-    |φ| < 0.2 rad, and the box moves slower than 0.1 m/s (plus 0.2 m times its rate of turning), for the last
-    12 steps.
+    Termination: ball or box is more than 1.8 m from the place, or the box is tipped over. Truncation: 250
+    steps, 10 s. `info["is_success"]`: e < 0.08 m, |φ| < 0.2 rad, and the box moves slower than 0.1 m/s (plus
+    0.2 m times its rate of turning), for the last 12 steps.
 
     ## Information
-    `error` e [m], `heading` φ [rad], `speed` [m/s], `energy` and `energy_drift` [J], `strain`. Five entries
-    describe the pairs of bodies. `pairs_touching` counts those that touch now. Since the start of the
-    episode, `pairs_impulse` is their impulse [N·s], `pairs_least_gap` their least gap [m], at most the reach
-    of their contact, `pairs_missed` counts contacts that were found too late,
-    and `too_fast` those that the step does not compute well.
+    `error` e [m], `heading` φ [rad], `speed` [m/s], `pairs_…`.
 
     ## Arguments
-    - `observation`: see above.
     - `friction=0.3`: a smoother floor than the usual one (0.4).
     - `hard=True`: a box up to 1.2 m away, and turned any way.
-    - `goals=True`, with `sparse=True`: observations [tell the goal apart](../features.md#goals).
-      Goals hold x, y of the box [m], cosine and sine of its heading, and its speed [m/s].
-    - `integrator` ("verlet"), `step` (1.25e-3 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
-      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`. The factor `scale` leaves the ball as it
-      is.
-
-    ## Version History
-    - v0: first.
+    - `goals=True`, with `sparse=True`: [goal environment](../features.md#goals). The goal is x, y of the box
+      [m], cosine and sine of its heading, and its speed [m/s].
+    - `randomize`: the factor `scale` leaves the ball as it is.
     """
 
     task_type = SpringShove

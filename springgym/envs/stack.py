@@ -223,27 +223,21 @@ class SpringStackEnv(SpringEnv, gym.Env):
     """
     ## Description
     A box lies on a shelf, and beyond the shelf's edge a block stands on the floor. Push the box with a ball
-    over the edge, so that it lies on the block, parallel to it. The ball can only push, and it falls if
-    it follows too far. The box falls if it crosses the edge where there is no block. Box and block have 8
-    corners and 28 springs each. The shelf is fixed. The ball is solid and rolls: six particles, joined by 15
-    springs, carry a sphere of 10 cm. It does not stop by itself.
-
-    The shelf's edge is the y axis; the shelf lies at x < 0, 22 cm above the floor, and 5 mm above the block.
+    over the edge, so that it lies on the block, parallel to it. The ball can only push, and may fall, too.
+    Box and block have 8 corners and 28 springs each. The ball (radius 10 cm) does not stop by itself. The
+    fixed shelf lies at x < 0, 22 cm above the floor and 5 mm above the block.
 
     ## Action Space
-    `Box(-1, 1, (2,), float32)`, held for a control period of 40 ms.
+    Actions are held for a control period of 40 ms.
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
     | `"push"` | 0, 1 | force on the ball's centre along x, y | ±12 N |
 
-    To push the box takes 6.5 N: 4.7 N against the friction of the shelf, and 1.8 N because the ball rubs on
-    the box as it rolls. Actions outside of ±1 are clipped.
+    Pushing the box takes 6.5 N: 4.7 N against the shelf's friction, 1.8 N against that of the ball.
 
     ## Observation Space
-    `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.
-
-    | `observation` | entries | meaning | unit of 1.0 |
+    | `observation` | entries | meaning | scale |
     |---|---|---|---|
     | `"particles"` | 0–8 | positions of three particles of the ball | 0.5 m |
     | | 9–24 | positions x, y of the upper corners of box and block | 0.5 m |
@@ -260,42 +254,28 @@ class SpringStackEnv(SpringEnv, gym.Env):
     | | 15, 16 | ball x, y, from the middle of the shelf's edge | 0.5 m |
 
     ## Rewards
-    With G(x; b, m) = 0.1^(d²) and L(x; b, m) = 1/(1 + 9d²), d = max(|x| − b, 0)/m, the distance e between the
-    centres of box and block as seen from above, the angle φ by which the box is turned from the block, the
-    distance a between ball and box and the effort E = 1 − 0.1 mean(a²), the reward is
-    E [0.05 G(a; 0.3, 0.5) + 0.95 N (1 + G(φ; 0.05, 0.8))/2] with N = [L(e; 0.03, 0.3) + G(e; 0.03, 0.5)]/2:
-    from 0 to 1. Its terms in `info` are `reward_approach`, `reward_near` and `reward_heading`, its
-    terms when multiplied out.
+    Seen from above, e is the distance between the centres of box and block, φ the angle between them, and a
+    the distance between ball and box. With N = [L(e; 0.03, 0.3) + G(e; 0.03, 0.5)]/2, the reward is E [0.05
+    G(a; 0.3, 0.5) + 0.95 N (1 + G(φ; 0.05, 0.8))/2] ([G, L, E](../environments.md#shared-definitions)).
+    Multiplied out, its terms in `info` are `reward_approach`, `reward_near` and `reward_heading`.
 
     ## Starting State
     Everything is at rest. The middle of the box is U(0.5, 0.9) m from the edge, and U(−0.3, 0.3) m along the
     edge from the edge's middle. The box is turned by U(−0.5, 0.5) rad. The ball lies U(0.35, 0.5) m from it,
-    on the side away from the edge, by up to 60°. The block stands U(0.08, 0.1) m from the shelf and U(−0.3,
-    0.3) m from the edge's middle, parallel to the shelf. `reset(options={"heading": …})` sets the angle by
-    which the box is turned.
+    within 60° of straight away from the edge. The block stands U(0.08, 0.1) m from the shelf and U(−0.3, 0.3)
+    m from the edge's middle, parallel to the shelf. `reset(options={"heading": …})` sets the turn of the box.
 
     ## Episode End
-    Termination: the middle of box or ball is less than 0.1 m above that of the block, because it has fallen;
-    box or block is tipped over; or the simulation diverged (`info["diverged"]`; reward 0). Truncation:
-    300 steps, 12 s. `info["is_success"]`: e < 0.08 m, |φ| < 0.2 rad, and the box moves slower than 0.1 m/s
-    (plus 0.2 m times its rate of turning), for the last 12 steps. A box this close to the middle of the block
-    rests on the block alone, not on the shelf.
+    Termination: the middle of box or ball is less than 0.1 m above that of the block, or box or block is
+    tipped over. Truncation: 300 steps, 12 s. `info["is_success"]`: e < 0.08 m, |φ| < 0.2 rad, and the box
+    moves slower than 0.1 m/s (plus 0.2 m times its rate of turning), for the last 12 steps. Such a box rests
+    on the block alone.
 
     ## Information
-    `error` e [m], `heading` φ [rad], `speed` [m/s], `energy` and `energy_drift` [J], `strain`. Five entries
-    describe the pairs of bodies. `pairs_touching` counts those that touch now. Since the start of the
-    episode, `pairs_impulse` is their impulse [N·s], `pairs_least_gap` their least gap [m], at most the reach
-    of their contact, `pairs_missed` counts contacts that were found too late,
-    and `too_fast` those that the step does not compute well.
+    `error` e [m], `heading` φ [rad], `speed` [m/s], `pairs_…`.
 
     ## Arguments
-    - `observation`: see above.
-    - `integrator` ("verlet"), `step` (1.25e-3 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
-      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`. The factor `scale` leaves the ball as it
-      is.
-
-    ## Version History
-    - v0: first.
+    - `randomize`: the factor `scale` leaves the ball as it is.
     """
 
     task_type = SpringStack

@@ -194,26 +194,23 @@ class TopOptions(EnvOptions, total=False):
 class SpringTopEnv(SpringEnv, gym.Env):
     """
     ## Description
-    A spinning top stands on its pinned tip, tilted. Bring it upright, and to a spin of 50 rad/s. The top is
-    the flexible one of McDonald's "On flexible body approximations of rigid body dynamics": 37 stiff springs
-    hold a ring of 12 particles, a crown and a tip. It precesses and nutates like a rigid body. It moves at a
-    right angle to a push, so an agent must not push it where it should go.
+    A spinning top stands on its pinned tip, tilted. Bring it upright, and to a spin of 50 rad/s. In the top
+    of McDonald's paper, 37 stiff springs hold a ring of 12 particles, a crown and a tip. A push on the crown
+    moves the axis perpendicular to the push.
 
     ## Action Space
-    `Box(-1, 1, (3,), float32)`, held for a control period of 20 ms.
+    Actions are held for a control period of 20 ms.
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
     | `"torque"` | 0, 1 | torque about the world's x and y, its part along the top's axis removed | ±15 N·m |
     | | 2 | torque about the top's axis | ±15 N·m |
-    | `"impulse"` | 0–2 | impulse on the crown along x, y, z, spread evenly over the period | ±0.3 N·s |
+    | `"impulse"` | 0–2 | impulse on the crown along x, y, z, spread over the period | ±0.3 N·s |
 
-    The weight exerts a torque of 88 N·m sin(tilt). Actions outside of ±1 are clipped.
+    The weight exerts a torque of 88 N·m sin(tilt).
 
     ## Observation Space
-    `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.
-
-    | `observation` | entries | meaning | unit of 1.0 |
+    | `observation` | entries | meaning | scale |
     |---|---|---|---|
     | `"particles"` | 0–38 | positions x, y, z of ring particles 0–11 and crown | its distance from the tip |
     | | 39–77 | their velocities | 50 rad/s × its radius + 2 rad/s × its distance |
@@ -222,41 +219,32 @@ class SpringTopEnv(SpringEnv, gym.Env):
     | | 6 | spin ω₃ − 50 rad/s | 20 rad/s |
 
     ## Rewards
-    With L(x; b, m) = 1/(1 + 9d²), d = max(|x| − b, 0)/m, the tilt θ of the axis and the effort
-    E = 1 − 0.1 mean(a²), the reward is U [1 + L(|ω⊥|; 0.1, 1.5) + 2 L(ω₃ − 50; 1, 15)] with
-    U = L(θ; 0.02, 0.3) E / 4: from 0 to 1. Its terms are `reward_upright`, `reward_calm` and
-    `reward_spin` in `info`. An impulse on the crown cannot change the spin: with `action="impulse"` the
-    last L is 1.
+    With the tilt θ of the axis and U = L(θ; 0.02, 0.3) E / 4, the reward is U [1 + L(|ω⊥|; 0.1, 1.5) + 2
+    L(ω₃ − 50; 1, 15)] ([G, L, E](../environments.md#shared-definitions)), the sum of `reward_upright`,
+    `reward_calm` and `reward_spin` in `info`. With `action="impulse"`, which cannot change the spin, the last
+    L is 1.
 
     ## Starting State
-    The top spins, and is otherwise at rest. Its springs are stretched as in steady rotation. Tilt U(0.1, 0.6)
-    rad, azimuth U(−π, π), spin U(30, 60) rad/s (with impulses U(40, 60)). Below 39 rad/s the upright top is
-    unstable. `reset(options={"tilt": …, "azimuth": …, "spin": …})` sets any of them.
+    The top spins at U(30, 60) rad/s (with impulses U(40, 60)), tilted by U(0.1, 0.6) rad in a direction
+    U(−π, π). Springs start at their steady-rotation equilibrium. Below 39 rad/s the upright top is unstable.
+    `reset(options={"tilt": …, "azimuth": …, "spin": …})` sets them.
 
     ## Episode End
-    Termination: the tilt exceeds 1.2 rad, or the simulation diverged (`info["diverged"]`; reward 0).
-    Truncation: 500 steps, 10 s. `info["is_success"]`: tilt < 0.1, |ω⊥| < 0.3 rad/s and |ω₃ − 50| < 3 rad/s
-    (not asked with impulses) for the last 50 steps.
+    Termination: the tilt exceeds 1.2 rad. Truncation: 500 steps, 10 s. `info["is_success"]`: tilt < 0.1, |ω⊥|
+    < 0.3 rad/s and |ω₃ − 50| < 3 rad/s (spin not required for `action="impulse"`) for the last 50 steps.
 
     ## Information
-    `tilt` [rad], `spin` ω₃ and `precession` |ω⊥| [rad/s], `energy` and `energy_drift` [J] (what the
-    integrator added to the energy balance since the start), `strain` (largest of any spring).
+    `tilt` [rad], `spin` ω₃ and `precession` |ω⊥| [rad/s].
 
     ## Arguments
-    - `observation`, `action`: see above.
     - `hard=True`: spin U(20, 60) rad/s and torques up to 10 N·m.
-    - `body={"scaled": {0: 1.1}}`: an unbalanced top, with a particle of its ring 10 % heavier; from some 20 %
-      on it wobbles more than success allows.
+    - `body={"scaled": {0: 1.1}}`: an unbalanced top, with a ring particle 10 % heavier; beyond some 20 % it
+      wobbles too much for success.
     - `body={"height": 1.25}`: an elongated top (1 m), whose weight exerts a larger torque at the same spin.
     - `body` with a `material`, as `{"material": "beech"}`: a solid cone with the arguments of
-      `springgym.bodies.solid_top`, its radius 0.61 m and its height 1 m if not given. Torques and impulses
-      at ±1 grow with the moment of its weight, and its heart, two thirds up the axis, stands for the crown.
+      `springgym.bodies.solid_top` (defaults: radius 0.61 m, height 1 m). Actions at ±1 grow with the moment
+      of its weight; its heart, two thirds up the axis, replaces the crown.
     - `body`: any other arguments of `springgym.bodies.top`.
-    - `integrator` ("verlet"), `step` (5e-4 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
-      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
-
-    ## Version History
-    - v0: first.
     """
 
     task_type = SpringTop

@@ -275,32 +275,26 @@ class SpringTowerEnv(SpringEnv, gym.Env):
     """
     ## Description
     Blocks stand on the floor around another one. Stack them on it, one after the other, so that a tower
-    stands. A crane lifts them. It pulls at the middle of the upper face of one block, so that the block
-    swings like a pendulum. The crane lets go of each block once, and then takes the next one. A block that it
-    has let go must stay in its place, although the next one may knock it down. Each block is 16 cm wide and
-    24 cm high, has a mass of 1 kg, and consists of 8 corners and 28 springs. Only friction holds the tower
-    together.
-
-    The force F of the crane acts l = 12 cm above the centre of mass. With the moment of inertia
-    I = 0.0208 kg m², the horizontal position X and the tilt n obey M X'' = F and I n'' = l (F − M g n). So a
-    block that hangs swings at 7.5 rad/s, and only the crane can damp this motion.
+    stands. A crane pulls at the middle of the upper face of one block, lets go of it once, and takes the
+    next. Each block is 16 cm wide and 24 cm high, has a mass of 1 kg, and consists of 8 corners and 28
+    springs. Only friction holds the tower together. The crane pulls 12 cm above the centre of mass, so a
+    hanging block swings at 7.5 rad/s, and only the crane can damp this motion.
 
     ## Action Space
-    `Box(-1, 1, (4,), float32)`, held for a control period of 40 ms.
+    Actions are held for a control period of 40 ms.
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
     | `"crane"` | 0–2 | force of the crane along x, y, z, beside 0.9 of the block's weight | ±6 N |
     | | 3 | above 0.5, the crane lets go at the end of the period | 1 |
 
-    Actions outside of ±1 are clipped. After the last block, they have no effect but their cost.
+    After the last block, actions have no effect but their cost.
 
     ## Observation Space
-    `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped. "The block" is the one that
-    the crane holds, or the last one when all are let go. Its place is one block's height above the centre of
-    the block below.
+    "The block" is the one held, or the last one when all are let go. Its place is one block's height above
+    the centre of the block below.
 
-    | `observation` | entries | meaning | unit of 1.0 |
+    | `observation` | entries | meaning | scale |
     |---|---|---|---|
     | `"particles"` | 0–95 | positions of the corners of all blocks, from the lowest to the last | 0.5 m |
     | | 96–191 | their velocities | 0.5 m/s |
@@ -323,41 +317,29 @@ class SpringTowerEnv(SpringEnv, gym.Env):
     the number of blocks.
 
     ## Rewards
-    With G(x; b, m) = 0.1^(d²) and L(x; b, m) = 1/(1 + 9d²), d = max(|x| − b, 0)/m, the distance e of a block
-    from its place, N(e) = [L(e; 0.03, 0.5) + G(e; 0.03, 0.3)]/2 and the effort E = 1 − 0.1 mean(a²), the
-    reward is E Σ w N(e), over the blocks that the crane holds or has let go, from 0 to 1. With b blocks above
-    the lowest, block k has the weight w = 2^(k−1)/(2^b − 1), twice that of the block below. While the crane
-    holds a block, its weight is a quarter of this. The terms in `info` are `reward_carried`, that of the
-    block that the crane holds, and `reward_built`, the sum of the others.
+    With the distance e of a block from its place and N(e) = [L(e; 0.03, 0.5) + G(e; 0.03, 0.3)]/2, the reward
+    is E Σ w N(e) ([G, L, E](../environments.md#shared-definitions)), over the blocks that are held or let go.
+    Of b blocks above the lowest, block k has the weight w = 2^(k−1)/(2^b − 1), and a quarter of this while it
+    is held. In `info`, `reward_carried` is the term of the held block and `reward_built` the sum of the
+    others.
 
     ## Starting State
     Everything is at rest. The lowest block is within U(−0.1, 0.1) m of the middle along x and y. The others
-    stand U(0.45, 0.7) m from it, evenly around it, except for random shifts of up to a fifth of their
-    spacing. The direction of the first one is uniform, and so are the headings of all blocks.
+    stand U(0.45, 0.7) m from it, evenly around it but for random shifts of up to a fifth of their spacing.
+    The direction of the first and all headings are uniform.
 
     ## Episode End
     Termination: a block that has been let go lies 5 cm lower than its place in the tower, or leans by more
-    than 37°; a block is more than 2 m from the middle, or more than 2 m high; or the simulation diverged
-    (`info["diverged"]`; reward 0). Truncation: 500 steps, 20 s. `info["is_success"]`: all blocks are let go,
-    each is less than 0.06 m aside from the one below, and none moves faster than 0.1 m/s, for the last 25
-    steps.
+    than 37°; or a block is more than 2 m from the middle, or more than 2 m high. Truncation: 500 steps, 20 s.
+    `info["is_success"]`: all blocks are let go, each is less than 0.06 m aside from the one below, and none
+    moves faster than 0.1 m/s, for the last 25 steps.
 
     ## Information
-    `held`, the number of the block that the crane holds; `error`, the largest horizontal distance between a
-    block of the tower and the one below [m]; `speed` of the fastest block [m/s]; `energy` and `energy_drift`
-    [J], `strain`. Five entries describe the pairs of bodies. `pairs_touching` counts those that touch now.
-    Since the start of the episode, `pairs_impulse` is their impulse [N·s], `pairs_least_gap` their least gap
-    [m], at most the reach of their contact, `pairs_missed` counts contacts that were found too late, and
-    `too_fast` those that the step does not compute well.
+    `held`, the number of the held block; `error`, the largest horizontal distance of a tower block from the
+    one below [m]; `speed` of the fastest block [m/s]; `pairs_…`.
 
     ## Arguments
-    - `observation`: see above.
     - `blocks` (4): how many there are, from 2 to 5.
-    - `integrator` ("verlet"), `step` (2.5e-3 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
-      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
-
-    ## Version History
-    - v0: first.
     """
 
     task_type = SpringTower

@@ -252,12 +252,11 @@ class SpringTumbleEnv(SpringEnv, gym.Env):
     """
     ## Description
     An irregular tetrahedron drops to the floor. Bring it to a target, and onto one of its faces, which is
-    drawn each time. The force is half of the weight, so the body cannot hover. It is less than static
-    friction, so the body does not slide unless it is lifted as well. An agent has to roll it, edge over edge.
-    A spring joins every pair of the four corners and the centre.
+    drawn each time. The force is half of the weight and less than static friction, so an agent has to roll
+    the body, edge over edge. A spring joins every pair of the four corners and the centre.
 
     ## Action Space
-    `Box(-1, 1, (k,), float32)`, held for a control period of 20 ms, in the axes of the world.
+    Actions are held for a control period of 20 ms, in the axes of the world.
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
@@ -265,12 +264,10 @@ class SpringTumbleEnv(SpringEnv, gym.Env):
     | | 3–5 | torque about the centre of mass | ±9 N·m |
     | `"impulses"` | 0–11 | impulses on corners 0–3 along x, y, z, spread over the period | ±0.175 N·s |
 
-    The weight is 69 N. Actions outside of ±1 are clipped.
+    The weight is 69 N.
 
     ## Observation Space
-    `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.
-
-    | `observation` | entries | meaning | unit of 1.0 |
+    | `observation` | entries | meaning | scale |
     |---|---|---|---|
     | `"particles"` | 0–14 | positions x, y, z of corners 0–3 and centre, from the target | 0.5 m |
     | | 15–29 | their velocities | 2 m/s |
@@ -283,41 +280,32 @@ class SpringTumbleEnv(SpringEnv, gym.Env):
     | | 15–17 | third axis of the body, from the centre particle to corner 0 | 1 |
 
     ## Rewards
-    With G(x; b, m) = 0.1^(d²) and L(x; b, m) = 1/(1 + 9d²), d = max(|x| − b, 0)/m, the horizontal distance
-    e of the centre of mass from the target, C the cosine between the face's normal and straight down, the
-    largest speed s of a particle and the effort E = 1 − 0.1 mean(a²), the reward is
-    N [0.4 + 0.6 G(e; 0.05, 0.3) G(1 − C; 0.02, 0.3) (0.3 + 0.7 G(s; 0.1, 1))] with
-    N = [L(e; 0.05, 0.5) + G(e; 0.05, 1.2)]/2 · (1 + C)/2 · E: from 0 to 1. Its terms in `info` are
-    `reward_near`, `reward_placed` and `reward_still`, the products with 0.4, 0.3 and 0.7.
+    With the horizontal distance e of the centre of mass from the target, C the cosine between the face's
+    normal and straight down, the largest speed s of a particle and N = [L(e; 0.05, 0.5) + G(e; 0.05, 1.2)]/2
+    · (1 + C)/2 · E, the reward is N [0.4 + 0.6 G(e; 0.05, 0.3) G(1 − C; 0.02, 0.3) (0.3 + 0.7 G(s; 0.1, 1))]
+    ([G, L, E](../environments.md#shared-definitions)). Its terms in `info` are `reward_near`, `reward_placed`
+    and `reward_still`, the products with 0.4, 0.3 and 0.7.
 
     ## Starting State
-    The body has any orientation. Its centre of mass is U(0.5, 0.9) m above the middle of the floor and at
-    rest; the body turns at U(−4, 4) rad/s about each axis. The target is U(0.5, 1.2) m away. Any of the four
-    corners is to point up, so that the opposite face lies down.
-    `reset(options={"height": …, "distance": …, "corner": …})` sets any of them.
+    The body has any orientation and turns at U(−4, 4) rad/s about each axis. Its centre of mass is at rest,
+    U(0.5, 0.9) m above the middle of the floor. The target is U(0.5, 1.2) m away. Any of the four corners is
+    to point up, so that the opposite face lies down.
+    `reset(options={"height": …, "distance": …, "corner": …})` sets them.
 
     ## Episode End
-    Termination: the centre of mass is beyond ±4 m in x or y, or the simulation diverged
-    (`info["diverged"]`; reward 0). Truncation: 250 steps, 5 s. `info["is_success"]`: e < 0.1 m, C > 0.97
-    and s < 0.15 m/s for the last 25 steps.
+    Termination: the centre of mass is beyond ±4 m in x or y. Truncation: 250 steps, 5 s.
+    `info["is_success"]`: e < 0.1 m, C > 0.97 and s < 0.15 m/s for the last 25 steps.
 
     ## Information
-    `error` e [m], `angle` between the face's normal and straight down [rad], `speed` s [m/s], `energy` and
-    `energy_drift` [J], `strain`.
+    `error` e [m], `angle` between the face's normal and straight down [rad], `speed` s [m/s].
 
     ## Arguments
-    - `observation`, `action`: see above.
-    - `friction=0.3`: a floor that is half as rough as the usual one (0.6), on which the body slides.
-    - `hard=True`: forces up to 28 N, torques up to 7.5 N·m and impulses up to 0.14 N·s, the target
-      U(0.5, 2) m away.
-    - `goals=True`, with `sparse=True`: observations [tell the goal apart](../features.md#goals).
-      Goals hold x, y of the centre of mass [m], the direction that points down, along the axes of the
-      body (the third axis, and the first, are those of `"frame"`), and the speed s [m/s].
-    - `integrator` ("verlet"), `step` (6.7e-4 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
-      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
-
-    ## Version History
-    - v0: first.
+    - `friction=0.3`: a floor half as rough as the usual one (0.6), on which the body slides.
+    - `hard=True`: forces up to 28 N, torques up to 7.5 N·m and impulses up to 0.14 N·s, the target U(0.5, 2)
+      m away.
+    - `goals=True`, with `sparse=True`: [goal environment](../features.md#goals). The goal is x, y of the
+      centre of mass [m], the direction that points down, along the axes of the body (the third axis, and the
+      first, are those of `"frame"`), and the speed s [m/s].
     """
 
     task_type = SpringTumble

@@ -168,16 +168,8 @@ SpringRopeSparse-v0:
 
 def test_resumed_run_with_hindsight(tmp_path, capsys):
     """Goals as observations, a buffer that relabels them: goes on as if it had not stopped, and plays."""
-    (tmp_path / "her.yaml").write_text(HER)
-    asked = [
-        "SpringRopeSparse-v0",
-        "--algo",
-        "her",
-        "--config",
-        str(tmp_path / "her.yaml"),
-        "--episodes",
-        "0",
-    ]
+    (settings := tmp_path / "her.yaml").write_text(HER)
+    asked = ["SpringRopeSparse-v0", "--algo", "her", "--config", str(settings), "--episodes", "0"]
     one, two = tmp_path / "one", tmp_path / "two"
     assert train.main([*asked, "--run", str(one), "--timesteps", "400"]) == 0
     assert train.main([*asked, "--run", str(two)]) == 0
@@ -236,15 +228,6 @@ def test_a_learning_rate_falls_to_nothing(tmp_path):
     log.Reload()
     rates = [event.value for event in log.Scalars("train/learning_rate")]
     np.testing.assert_allclose(rates, 3e-3 * (1 - np.arange(1, len(rates) + 1) / 4), rtol=1e-6)
-
-
-@pytest.mark.slow
-def test_finished_run_trains_on_for_longer(tmp_path):
-    folder = tmp_path / "run"
-    assert train.main(start(folder, "--timesteps", "1024", "--episodes", "4")) == 0
-    assert train.main(["--resume", str(folder), "--timesteps", "2048", "--episodes", "4"]) == 0
-    assert [row["timesteps"] for row in rows(folder)] == ["512", "1024", "1536", "2048"]
-    assert runs.open_run(folder).config.total_timesteps == 2048
 
 
 @pytest.mark.slow
@@ -498,44 +481,6 @@ def test_a_run_is_not_overwritten(finished, capsys):
     assert train.main(start(finished)) == 2
     assert f"continue it with --resume {finished}" in capsys.readouterr().err
     assert (finished / "model.zip").read_bytes() == before
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        ([], "give an environment id, or --resume and a run folder"),
-        (["A-v0", "--resume", "x"], "give an environment id, or --resume and a run folder"),
-        (["--resume", "x", "--set", "a=1"], "configuration of the run: leave out --set"),
-        (
-            ["--resume", "x", "--seed", "0", "--algo", "ppo"],
-            "configuration of the run: leave out --algo, --seed",
-        ),
-        (["A-v0", "--seed", "1000000"], "--seed: '1000000' must be a whole number from 0 to 999999"),
-        (["A-v0", "--episodes", "-1"], "--episodes: '-1' must be a whole number from 0"),
-    ],
-)
-def test_contradicting_arguments(arguments, says, capsys):
-    with pytest.raises(SystemExit):
-        train.main(arguments)
-    assert says in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (["Absent-v0"], "Unknown environment 'Absent-v0'"),
-        (["toy_env:Toy-v0", "--config", str(HERE / "toy_ppo.yaml"), "--set", "lr=1"], "key 'lr'"),
-        (["--resume", "absent"], "absent/config.yaml: cannot read it"),
-        (["SpringTop-v0", "--timesteps", "0"], "total_timesteps: must lie between 1 and inf, got 0"),
-        (["SpringTop-v0", "--set", "env_kwargs.obs=frame"], "SpringTop-v0: "),
-        (["SpringTop-v0", "--set", "env_kwargs.observation=fram"], "observation is 'fram'"),
-    ],
-)
-def test_wrong_configuration(arguments, says, capsys, monkeypatch, tmp_path):
-    monkeypatch.chdir(tmp_path)
-    assert train.main(arguments) == 2
-    assert says in capsys.readouterr().err
-    assert not list(tmp_path.iterdir())  # so that the next attempt starts afresh
 
 
 @pytest.mark.parametrize(

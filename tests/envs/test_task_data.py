@@ -141,7 +141,7 @@ def impulses(action: str) -> bool:
 @each_row
 def test_limits_of_the_hard_variant(row: Row) -> None:
     """Such as "…torques up to 10 N·m" of hard=True: what is told is what it does, for every action."""
-    bullet = re.search(r"- `hard=True`: (.*?)\n    - ", documentation(row), re.S)
+    bullet = re.search(r"- `hard=True`: (.*?)\n    (?:- |$)", documentation(row), re.S)
     if bullet is None:
         pytest.skip("it has no hard variant")
     told = [float(n) for n in re.findall(r"(\d+(?:\.\d+)?) (?:N|rad/s)", bullet[1])]
