@@ -68,7 +68,9 @@ REASONS = {
     "SpringPendulumSparse": "reward only while the cube stands upside down and rests",
     "SpringDetumbleSparse": "reward only while the box is at rest",
     "SpringRopeSparse": "reward only while the load rests at its target",
-    "SpringDetumbleParticles": "angular momentum is not observed; it is a product of positions and velocities",
+    "SpringDetumbleParticles": (
+        "angular momentum is not observed; it is a product of positions and velocities"
+    ),
     "SpringPendulumWeak": "a quarter of the torque that would lift the cube, so swing-up takes many periods",
     "SpringTopHard": "slower initial spin, too slow for some tops to stand by themselves; weaker torques",
     "SpringTopImpulseHard": "slower initial spin; pushes on the crown cannot speed the top up",
@@ -81,7 +83,9 @@ REASONS = {
     "SpringShoveHard": "longer distance and any heading, so the box must be turned on the way",
     "SpringShoveSparse": "reward only while the box rests at its place and heading",
     "SpringLabyrinthHard": "the board turns more slowly, and holes are larger",
-    "SpringDuelStrong": "the opponent is as good as classical control: it strikes hard, rolls off, and rights itself",
+    "SpringDuelStrong": (
+        "the opponent is as good as classical control: it strikes hard, rolls off, and rights itself"
+    ),
 }
 """The reasons for the tiers of variants."""
 
@@ -112,6 +116,8 @@ VARIANTS = tuple(
     Variant(f"{name}{suffix}-v0", f"{name}-v0", arguments, tier, REASONS[name + suffix])
     for name, suffix, arguments, tier in _CHANGED
 )
+
+ALL_IDS = (*(row.id for row in ENVIRONMENTS), *(variant.id for variant in VARIANTS))
 
 
 def find(env_id: str) -> tuple[Row, dict[str, Any]] | None:
@@ -168,7 +174,7 @@ def register() -> None:
     for env_id in PARALLEL if hasattr(zoo, "parallel_registry") else ():
         if env_id not in zoo.parallel_registry:
             zoo.register("parallel", env_id, entry_point="springgym.envs.players:registered")
-    for env_id in (known.id for known in (*ENVIRONMENTS, *VARIANTS)):
+    for env_id in ALL_IDS:
         if env_id not in gym.registry and (found := find(env_id)):
             row, arguments = found
             gym.register(

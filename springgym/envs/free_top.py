@@ -155,18 +155,15 @@ class SpringFreeTop(Task):
             away = number(own, "error", self.farthest * math.sqrt(share), 0.0, ARENA)
             height = self._height(varied)
             poses.append((azimuth, tilt, spin))
-            feet.append(self._foot(away, bearing, height))
+            high = height
+            if self.surface == "bowl":
+                away, high = above_bowl(BOWL, away, height)
+            feet.append((away * math.cos(bearing), away * math.sin(bearing), high))
             heights.append(height)
         arms, velocities = standing(self._shape, self._tip, np.array(poses), factors)
         positions = np.array(feet)[:, None] + arms
         positions[:, :, 2] += self._lift(positions, np.array(heights)[:, None])
         return Start(positions, velocities)
-
-    def _foot(self, away: float, bearing: float, height: float) -> tuple[float, float, float]:
-        """Find where a tip stands that is ``height`` above the surface [m]."""
-        if self.surface == "bowl":
-            away, height = above_bowl(BOWL, away, height)
-        return away * math.cos(bearing), away * math.sin(bearing), height
 
     def _lift(self, positions: np.ndarray, height: np.ndarray) -> np.ndarray:
         """Find how far to lift tops whose rings are in the surface, so that they lie on them [m], (k, 1)."""
@@ -214,7 +211,6 @@ class SpringFreeTop(Task):
 class FreeTopOptions(EnvOptions, total=False):
     """`SpringFreeTopEnv` takes these options, see there."""
 
-    observation: Observation
     action: Literal["push"]
     surface: Literal["floor", "bowl"]
     friction: float

@@ -193,7 +193,6 @@ class SpringGyroscope(Task):
 class GyroscopeOptions(EnvOptions, total=False):
     """`SpringGyroscopeEnv` takes these options, see there."""
 
-    observation: Observation
     action: Literal["torque", "impulse"]
     hard: bool
     body: Mapping[str, Any] | None

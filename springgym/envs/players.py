@@ -237,7 +237,7 @@ class ParallelDuel(_OneCopy, ParallelEnv):
         return out
 
     def _infos(self, out: np.ndarray) -> dict[str, dict[str, Any]]:
-        always = _plain(self.episodes.told())
+        always = _plain(self.episodes.info_arrays())
         return {
             name: always
             | {"is_success": bool(out[n, MET] > 0)}

@@ -322,7 +322,7 @@ def make_sb3(
 
 
 def _has_native_copies(env_id: str | EnvSpec) -> bool:
-    """Tell whether an environment has a batch of its own that resets copies as SB3 expects it.
+    """Return whether an environment has a native batch that resets copies as SB3 expects it.
 
     Gymnasium's own batches, as that of CartPole, take no ``autoreset_mode``. An unknown id has one: its error
     is that of Gymnasium.

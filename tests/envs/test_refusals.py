@@ -23,7 +23,7 @@ from springgym.envs.observation import Situation
 from springgym.envs.scene import SceneTask
 from springgym.envs.trained import PUBLISHED
 from springgym.measures import MeasuresOfBodies
-from springgym.registration import ENVIRONMENTS, VARIANTS
+from springgym.registration import ALL_IDS
 from springgym.scene import Scene, ThrustActuator
 from springgym.scenes import load
 from springgym.simulator import STRAIN_LIMIT
@@ -75,7 +75,7 @@ MEANT = {
 
 @pytest.mark.parametrize(
     ("env_id", "wrong"),
-    list(zip([row.id for row in (*ENVIRONMENTS, *VARIANTS)], cycle(MEANT), strict=False)),
+    list(zip(ALL_IDS, cycle(MEANT), strict=False)),
 )
 def test_an_argument_that_no_environment_has_is_named(env_id: str, wrong: str) -> None:
     """By `gymnasium.make` and by both kinds of `gymnasium.make_vec`, with the argument that may be meant."""

@@ -186,8 +186,8 @@ def test_an_edited_state_is_refused_by_name_and_changes_nothing(env_id: str) -> 
 
 # --- Calls that break off -----------------------------------------------------------------------------
 
-STEPS = ["driven_by", "actuate", "advance", "_advance", "_evaluate", "_finish", "observe", "told"]
-RESETS = ["place", "_read", "_clear", "_evaluate", "observe", "told"]
+STEPS = ["driven_by", "actuate", "advance", "_advance", "_evaluate", "_finish", "observe", "info_arrays"]
+RESETS = ["place", "_read", "_reset_rows", "_evaluate", "observe", "info_arrays"]
 PLACES = [*((True, where) for where in STEPS), *((False, where) for where in RESETS)]
 
 

@@ -27,7 +27,7 @@ from springgym.scenes.checks import (
 )
 from springgym.scenes.checks.basis import applies, within
 from springgym.scenes.recording import record
-from springgym.simulating import table
+from springgym.simulate import table
 from tests.params import slow_unless
 from tests.scenes.conftest import marked, recorded
 from tests.scenes.sabotage import SABOTAGE, after, notices
