@@ -119,7 +119,7 @@ def baselines(row: Row, report: Report) -> list[str]:
     return [
         "## Baselines\n",
         f"Return per {'episode' if unit else 'step'} and success: {'; '.join(told)}. "
-        f"{'Some results are older. ' if old else ''}[All](../baselines.md)\n",
+        f"[All{', some older' if old else ''}](../baselines.md)\n",
         *learning_curves(row, report),
     ]
 

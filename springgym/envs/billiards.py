@@ -256,7 +256,7 @@ class SpringBilliardsEnv(SpringEnv, gym.Env):
     ## Rewards
     With the distance e of the second ball from the pocket, the reward is 0 before the stroke, 0.2 E
     G(e; 0.06, 0.5) ([G, L, E](../environments.md#shared-definitions)) after it, and E once the ball is in the
-    pocket. Its terms in `info` are `reward_near`, until the ball is in the pocket, and `reward_potted`.
+    pocket. Its terms are `reward_near`, until the ball is in the pocket, and `reward_potted`.
 
     ## Starting State
     Both balls rest. The second one is within U(−0.2, 0.2) m of the middle along x and y, U(0.5, 0.8) m from
