@@ -274,6 +274,8 @@ class SpringJuggleEnv(SpringEnv, gym.Env):
     | | 3, 4 | torque on it about the world's x, y, its axial part removed | ±1.5 N·m |
 
     ## Observation Space
+    Home is the paddle's starting place.
+
     | `observation` | entries | meaning | scale |
     |---|---|---|---|
     | `"particles"` | 0–20 | ring particles 0, 2, 4, crown, and three of the ball, from home | 0.25 m |
