@@ -3,11 +3,11 @@
     python agents/plan.py --tasks SpringTop-v0 --episodes 5
     python agents/plan.py --tasks SpringTop-v0 --samples 256 --iterations 4
 
-A plan is a sequence of actions with linear interpolation. Every --spacing seconds, many plans are simulated from
-the environment's state in a native batch, and improved by the cross-entropy method of Pinneri et al. (2020,
-*Sample-efficient cross-entropy method for real-time planning*, arXiv:2008.06389): noise is correlated in
-time, elites are kept, and the last plan is shifted. The episodes of a task are played at once, with the same
-results as one by one.
+A plan is a sequence of actions with linear interpolation. Every --spacing seconds, many plans are simulated
+from the environment's state in a native batch, and improved by the cross-entropy method of Pinneri et al.
+(2020, *Sample-efficient cross-entropy method for real-time planning*, arXiv:2008.06389): noise is
+correlated in time, elites are kept, and the last plan is shifted. The episodes of a task are played at
+once, with the same results as one by one.
 
 The return is that of ``agents/evaluate.py``: the mean reward per step, if an episode that ends early earns
 nothing for the rest. Plans are compared by the terms of the reward, which a sparse variant reports in

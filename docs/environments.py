@@ -96,10 +96,10 @@ def in_short(row: Row, report: Report) -> list[str]:
     (own,) = (own for env_id, options, own in _errors(report) if env_id == row.id and not options)
     shapes = [f"{space.shape}" for space in (particles.action_space, particles.observation_space)]
     return [
-        f"Actions {shapes[0]}; observations {shapes[1]} or, as frame, {frame.observation_space.shape}; "
-        f"[{row.tier}](../environments.md#tiers-and-harder-variants); "
-        f"sub-steps {own['step_ms']:.3g} ms; [error](../features.md#error-of-a-control-period) of a step "
-        f"{own['median']:.1e} (median).\n",
+        f"Action shape {shapes[0]}; observation shape {shapes[1]}, {frame.observation_space.shape} as "
+        f'`"frame"`; tier [{row.tier}](../environments.md#tiers-and-harder-variants); sub-step '
+        f"{own['step_ms']:.3g} ms; median [error](../features.md#error-of-a-control-period) of a step "
+        f"{own['median']:.1e}.\n",
     ]
 
 
@@ -119,7 +119,7 @@ def baselines(row: Row, report: Report) -> list[str]:
     return [
         "## Baselines\n",
         f"Return per {'episode' if unit else 'step'} and success: {'; '.join(told)}. "
-        f"{'Some results are older. ' if old else ''}[All](../baselines.md)\n",
+        f"[All results](../baselines.md){'; some are outdated.' if old else '.'}\n",
         *learning_curves(row, report),
     ]
 
@@ -563,14 +563,15 @@ monitor. `springgym.set_state(env, state)` restores it, in the same environment 
 what follows is bit-identical. Both work for what `gymnasium.make`, `gymnasium.make_vec`,
 `springgym.envs.parallel` and `springgym.envs.sb3.make_sb3` make.
 
-For some environments of a batch, `springgym.get_state(envs, copies)` returns their states, and
-`springgym.set_state(envs, state, copies)` sets as many. A single state is set into all that you name, as
-planning needs. Each then continues as its original would, resets included, because it also gets the
-original's random generator. New seeds make them differ.
+In a batch, `springgym.get_state(envs, copies)` returns the states of the environments with the indices
+`copies`. `springgym.set_state(envs, state, copies)` sets as many states or, as planning needs, one state in
+all of them. Each then continues as its original would, resets included, because the state includes the
+random generator. New seeds make them differ.
 
 - A state of an environment made differently, say with another friction, step or variant, is refused with a
   message that names the difference. Only the time limit and `error` may differ. A state that was edited is
-  refused, too: reset options change an episode, and `place`, `vary` and `actuate` change a `Simulator`.
+  refused, too. To change an episode, use reset options; to change a `Simulator`, `place`, `vary` and
+  `actuate`.
 - A state is set as a whole or not at all.
 - `env.unwrapped.set_state` leaves the counter of `gymnasium.make`'s time limit alone;
   `springgym.set_state` sets it.

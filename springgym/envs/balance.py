@@ -223,7 +223,7 @@ class SpringBalanceEnv(SpringEnv, gym.Env):
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
-    | `"torque"` | 0, 1 | torque about the world's x, y, without the part along the plate's axis | ±3 N·m |
+    | `"torque"` | 0, 1 | torque on the plate about the world's x, y, its axial part removed | ±3 N·m |
 
     ## Observation Space
     | `observation` | entries | meaning | scale |
@@ -242,8 +242,7 @@ class SpringBalanceEnv(SpringEnv, gym.Env):
     ## Rewards
     With the horizontal distance e of the ball from the place, the reward is E [L(e; 0.02, 0.3) +
     G(e; 0.02, 0.15)]/2 ([G, L, E](../environments.md#shared-definitions)) while the ball is on the plate, and
-    0 while it is more than 2 cm above it. In `info`, `reward_near` is the half with L, `reward_placed` that
-    with G.
+    0 while it is more than 2 cm above it. `reward_near` is the half with L, `reward_placed` that with G.
 
     ## Starting State
     At rest, the ball lies within 0.25 m of the axis of the plate, which is tilted by U(0, 0.05) rad. The

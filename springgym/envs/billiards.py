@@ -244,18 +244,18 @@ class SpringBilliardsEnv(SpringEnv, gym.Env):
     | `"particles"` | 0–3 | positions x, y of both balls | 0.5 m |
     | | 4–7 | their velocities x, y | 1 m/s |
     | | 8, 9 | the pocket x, y | 1 m |
-    | | 10, 11 | whether the stroke is left, whether the ball is in the pocket | 1 |
+    | | 10, 11 | 1 before the stroke, 1 with the ball in the pocket | 1 |
     | `"frame"` | 0, 1 | second ball x, y, from the first | 0.5 m |
     | | 2, 3 | the pocket x, y, from the second ball | 0.5 m |
     | | 4, 5 | velocity x, y of the first ball | 1 m/s |
     | | 6, 7 | velocity x, y of the second ball | 1 m/s |
-    | | 8 | whether the stroke is left | 1 |
-    | | 9 | whether the ball is in the pocket | 1 |
+    | | 8 | 1 before the stroke | 1 |
+    | | 9 | 1 with the ball in the pocket | 1 |
 
     ## Rewards
     With the distance e of the second ball from the pocket, the reward is 0 before the stroke, 0.2 E
     G(e; 0.06, 0.5) ([G, L, E](../environments.md#shared-definitions)) after it, and E once the ball is in the
-    pocket. Its terms in `info` are `reward_near`, until the ball is in the pocket, and `reward_potted`.
+    pocket. Its terms are `reward_near`, until the ball is in the pocket, and `reward_potted`.
 
     ## Starting State
     Both balls rest. The second one is within U(−0.2, 0.2) m of the middle along x and y, U(0.5, 0.8) m from

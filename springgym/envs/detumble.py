@@ -216,7 +216,7 @@ class SpringDetumbleEnv(SpringEnv, gym.Env):
 
     ## Rewards
     With S = G(|ω|; 0.05, 2) E / 4, the reward is S [1 + 3 G(|ω|; 0.05, 0.2)] ([G, L,
-    E](../environments.md#shared-definitions)), the sum of `reward_slow` and `reward_still` in `info`.
+    E](../environments.md#shared-definitions)): `reward_slow` + `reward_still`.
 
     ## Starting State
     The box has any orientation and turns at |ω| = U(2, 6) rad/s, in half of the episodes about any direction,

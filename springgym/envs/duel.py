@@ -387,7 +387,7 @@ class SpringDuelEnv(SpringEnv, gym.Env):
     With the tilt θ of one's own top, its distance a from the middle and the other's distance b ≤ 1.1 m, every
     step earns 0.002 G(θ; 0.1, 0.6) G(a; 0.3, 0.8) E b/1.1 m ([G, L,
     E](../environments.md#shared-definitions)), and the step that wins earns 0.998 more. So waiting pays less
-    than winning. The terms in `info` are `reward_driven` and `reward_won`.
+    than winning. Its terms are `reward_driven` and `reward_won`.
 
     ## Starting State
     The tops stand 0.65 m from the middle on opposite sides, in any direction. They are tilted by U(0, 0.08)

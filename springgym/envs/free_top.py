@@ -248,8 +248,8 @@ class SpringFreeTopEnv(SpringEnv, gym.Env):
     ## Rewards
     With the tilt θ of the axis, the horizontal distance e of the centre of mass from the middle and U =
     G(θ; 0.03, 0.3) E, the reward is U (0.3 + 0.7 G(e; 0.05, 0.4)) (0.5 + 0.5 G(ω₃ − 8; 0.25, 3)) ([G, L,
-    E](../environments.md#shared-definitions)). Its terms in `info` are `reward_upright` = 0.15 U,
-    `reward_inside` = 0.35 U G(e) and `reward_spin`, the rest.
+    E](../environments.md#shared-definitions)). Its terms are `reward_upright` = 0.15 U, `reward_inside` =
+    0.35 U G(e) and `reward_spin`, the rest.
 
     ## Starting State
     The weight of the top rests on the tip, anywhere within 0.4 m of the middle. Tilt U(0.02, 0.12) rad, spin

@@ -226,8 +226,8 @@ class SpringGyroscopeEnv(SpringEnv, gym.Env):
 
     ## Rewards
     With the angle α between axle and target and A = L(α; 0.03, 0.5) E / 4, the reward is A [1 + 3
-    G(α; 0.03, 0.15) G(|ω⊥|; 0.1, 0.3)] ([G, L, E](../environments.md#shared-definitions)), the sum of
-    `reward_aligned` and `reward_calm` in `info`.
+    G(α; 0.03, 0.15) G(|ω⊥|; 0.1, 0.3)] ([G, L, E](../environments.md#shared-definitions)): `reward_aligned` +
+    `reward_calm`.
 
     ## Starting State
     The axle points in any direction. The rotor spins at U(25, 45) rad/s, its springs at their steady-rotation

@@ -270,9 +270,11 @@ class SpringJuggleEnv(SpringEnv, gym.Env):
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
     | `"wrench"` | 0–2 | force on the paddle along the world's x, y, z, added to one that carries it | ±30 N |
-    | | 3, 4 | torque on it about the world's x, y, without the part along its axis | ±1.5 N·m |
+    | | 3, 4 | torque on it about the world's x, y, its axial part removed | ±1.5 N·m |
 
     ## Observation Space
+    Home is the paddle's starting place.
+
     | `observation` | entries | meaning | scale |
     |---|---|---|---|
     | `"particles"` | 0–20 | ring particles 0, 2, 4, crown, and three of the ball, from home | 0.25 m |
@@ -295,8 +297,8 @@ class SpringJuggleEnv(SpringEnv, gym.Env):
     The height of a flight is z + v_z²/2g, which the ball's lowest point would reach above the home of the
     paddle's upper side. With its error e and the ball's distance r from the vertical through home, the reward
     is E [L(e; 0.03, 0.3) + G(e; 0.03, 0.15) G(r; 0.05, 0.3)]/2 ([G, L,
-    E](../environments.md#shared-definitions)). In `info`, `reward_high` is the half with L, `reward_true` the
-    other. With two balls the reward is the mean.
+    E](../environments.md#shared-definitions)). `reward_high` is the half with L, `reward_true` the other.
+    With two balls the reward is the mean.
 
     ## Starting State
     The paddle rests at home, level. The ball is U(0.3, 0.7) m above it, up to 0.1 m off its middle, with

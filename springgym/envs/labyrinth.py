@@ -412,8 +412,8 @@ class SpringLabyrinthEnv(SpringEnv, gym.Env):
     The path has 13 points; the ball starts at the first, and passes the next when it is less than 5 cm from
     it. What remains is the distance to the next point and all legs after it; the progress p is the share of
     the path that does not remain. With the distance e of the ball from the end, and K = 1 on the last leg,
-    else 0, the reward is E [p + K G(e; 0.02, 0.2)]/2 ([G, L, E](../environments.md#shared-definitions)). In
-    `info`, `reward_way` is the half with p, `reward_end` that with G.
+    else 0, the reward is E [p + K G(e; 0.02, 0.2)]/2 ([G, L, E](../environments.md#shared-definitions)).
+    `reward_way` is the half with p, `reward_end` that with G.
 
     ## Starting State
     The ball rests at the first point of the path, and the board is level. The path goes from a cell of 18 cm

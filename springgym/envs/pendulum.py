@@ -191,8 +191,7 @@ class SpringPendulumEnv(SpringEnv, gym.Env):
 
     ## Rewards
     With the tilt θ of n from the upright and R = ((1 + n_z)/2)² E / 4, the reward is R [1 + 3 G(θ; 0.05, 0.2)
-    G(|ω|; 0.2, 0.8)] ([G, L, E](../environments.md#shared-definitions)), the sum of `reward_raised` and
-    `reward_held` in `info`.
+    G(|ω|; 0.2, 0.8)] ([G, L, E](../environments.md#shared-definitions)): `reward_raised` + `reward_held`.
 
     ## Starting State
     The cube is at rest, U(0, 0.3) rad from hanging, and turned at random about the vertical and the diagonal.

@@ -223,7 +223,7 @@ class SpringRopeEnv(SpringEnv, gym.Env):
     ## Rewards
     With the load's horizontal distance e from the target, its horizontal speed s and N = [L(e; 0.05, 1) +
     G(e; 0.05, 3)] E / 8, the reward is N [1 + 3 G(e; 0.03, 0.15) G(s; 0.03, 0.15)] ([G, L,
-    E](../environments.md#shared-definitions)), the sum of `reward_near` and `reward_still` in `info`.
+    E](../environments.md#shared-definitions)): `reward_near` + `reward_still`.
 
     ## Starting State
     The trolley rests at the origin. The rope is stretched by its load, sways by U(0, 0.25) rad in any

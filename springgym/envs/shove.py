@@ -286,8 +286,8 @@ class SpringShoveEnv(SpringEnv, gym.Env):
     ## Rewards
     With the distance e of the box from its place, its heading φ, the distance a between ball and box and N =
     [L(e; 0.03, 0.3) + G(e; 0.03, 0.5)]/2, the reward is E [0.05 G(a; 0.3, 0.5) + 0.95 N (1 +
-    G(φ; 0.05, 0.8))/2] ([G, L, E](../environments.md#shared-definitions)). Multiplied out, its terms in
-    `info` are `reward_approach`, `reward_near` and `reward_heading`.
+    G(φ; 0.05, 0.8))/2] ([G, L, E](../environments.md#shared-definitions)). Multiplied out, its terms are
+    `reward_approach`, `reward_near` and `reward_heading`.
 
     ## Starting State
     Both lie on the floor at rest. The box is U(0.3, 0.8) m from its place in any direction, and turned by

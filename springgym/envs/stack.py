@@ -257,7 +257,7 @@ class SpringStackEnv(SpringEnv, gym.Env):
     Seen from above, e is the distance between the centres of box and block, φ the angle between them, and a
     the distance between ball and box. With N = [L(e; 0.03, 0.3) + G(e; 0.03, 0.5)]/2, the reward is E [0.05
     G(a; 0.3, 0.5) + 0.95 N (1 + G(φ; 0.05, 0.8))/2] ([G, L, E](../environments.md#shared-definitions)).
-    Multiplied out, its terms in `info` are `reward_approach`, `reward_near` and `reward_heading`.
+    Multiplied out, its terms are `reward_approach`, `reward_near` and `reward_heading`.
 
     ## Starting State
     Everything is at rest. The middle of the box is U(0.5, 0.9) m from the edge, and U(−0.3, 0.3) m along the

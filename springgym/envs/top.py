@@ -220,9 +220,8 @@ class SpringTopEnv(SpringEnv, gym.Env):
 
     ## Rewards
     With the tilt θ of the axis and U = L(θ; 0.02, 0.3) E / 4, the reward is U [1 + L(|ω⊥|; 0.1, 1.5) + 2
-    L(ω₃ − 50; 1, 15)] ([G, L, E](../environments.md#shared-definitions)), the sum of `reward_upright`,
-    `reward_calm` and `reward_spin` in `info`. With `action="impulse"`, which cannot change the spin, the last
-    L is 1.
+    L(ω₃ − 50; 1, 15)] ([G, L, E](../environments.md#shared-definitions)): `reward_upright` + `reward_calm` +
+    `reward_spin`. With `action="impulse"`, which cannot change the spin, the last L is 1.
 
     ## Starting State
     The top spins at U(30, 60) rad/s (with impulses U(40, 60)), tilted by U(0.1, 0.6) rad in a direction

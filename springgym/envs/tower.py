@@ -320,8 +320,7 @@ class SpringTowerEnv(SpringEnv, gym.Env):
     With the distance e of a block from its place and N(e) = [L(e; 0.03, 0.5) + G(e; 0.03, 0.3)]/2, the reward
     is E Σ w N(e) ([G, L, E](../environments.md#shared-definitions)), over the blocks that are held or let go.
     Of b blocks above the lowest, block k has the weight w = 2^(k−1)/(2^b − 1), and a quarter of this while it
-    is held. In `info`, `reward_carried` is the term of the held block and `reward_built` the sum of the
-    others.
+    is held. `reward_carried` is the term of the held block and `reward_built` the sum of the others.
 
     ## Starting State
     Everything is at rest. The lowest block is within U(−0.1, 0.1) m of the middle along x and y. The others

@@ -283,8 +283,8 @@ class SpringTumbleEnv(SpringEnv, gym.Env):
     With the horizontal distance e of the centre of mass from the target, C the cosine between the face's
     normal and straight down, the largest speed s of a particle and N = [L(e; 0.05, 0.5) + G(e; 0.05, 1.2)]/2
     · (1 + C)/2 · E, the reward is N [0.4 + 0.6 G(e; 0.05, 0.3) G(1 − C; 0.02, 0.3) (0.3 + 0.7 G(s; 0.1, 1))]
-    ([G, L, E](../environments.md#shared-definitions)). Its terms in `info` are `reward_near`, `reward_placed`
-    and `reward_still`, the products with 0.4, 0.3 and 0.7.
+    ([G, L, E](../environments.md#shared-definitions)). Its terms are `reward_near`, `reward_placed` and
+    `reward_still`, the products with 0.4, 0.3 and 0.7.
 
     ## Starting State
     The body has any orientation and turns at U(−4, 4) rad/s about each axis. Its centre of mass is at rest,
