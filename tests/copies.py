@@ -22,8 +22,12 @@ def check_alone(
     calls: Sequence[int],
     chosen: Sequence[int],
     alone: int = 1,
+    calls_alone: Sequence[int] | None = None,
 ) -> Simulator:
-    """Compare chosen copies of a batch, advanced in several calls, with simulators of ``alone`` copies."""
+    """Compare chosen copies of a batch, advanced in several calls, with simulators of ``alone`` copies.
+
+    These are advanced in one call, if none are given.
+    """
     batch = make(len(x))
     batch.place(x, v)
     for steps in calls:
@@ -31,7 +35,8 @@ def check_alone(
     for n in chosen:
         one = make(alone)
         one.place(x[n], v[n])
-        one.advance(sum(calls))
+        for steps in calls_alone or [sum(calls)]:
+            one.advance(steps)
         assert reported(one, 0) == reported(batch, n), n
     assert reported(batch, chosen[0]) != reported(batch, chosen[1])
     return batch

@@ -283,7 +283,7 @@ def test_every_copy_has_the_bits_of_a_single_one_through_bounces_and_rest() -> N
         some = InitialState(*(array[:copies] for array in began))
         return throw(some, contact(0.6, 0.5), 1e-3)
 
-    batch = check_alone(make, *began, [10] * 50, range(11))
+    batch = check_alone(make, *began, [10] * 50, range(11), calls_alone=[10] * 50)
     assert (batch.measure().contact_loss > 0.1).all()
 
 
