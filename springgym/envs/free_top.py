@@ -165,7 +165,7 @@ class SpringFreeTop(Task):
         return Start(positions, velocities)
 
     def _lift(self, positions: np.ndarray, height: np.ndarray) -> np.ndarray:
-        """Find how far to lift tops whose rings are in the surface, so that they lie on them [m], (k, 1)."""
+        """Heights (k, 1) [m] by which to lift tops whose rings are in the surface, so that they lie on it."""
         ground = height
         if self.surface == "bowl":
             across = positions[:, self._others, :2]
