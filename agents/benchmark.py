@@ -5,17 +5,16 @@
     python agents/benchmark.py --local --jobs 1                   # without Ray
     python agents/benchmark.py --address auto                     # on the Ray cluster that runs here
 
-Each run equals one of ``agents/train.py`` with the same arguments, on one core and one thread. It has a
-folder under ``--runs``, with its output in ``log.txt``. At the end, its agent plays 100 held-out episodes,
-and a row is added to ``--json``. If the benchmark was stopped, start the same command again. Runs that have
-a row are skipped, and other runs continue from their newest checkpoint. A run is repeated if its
-configuration, its task or the protocol has changed since its row was written. docs/benchmark.md holds the
-protocol and describes the rows; rows of others are checked by
+Each run is one of ``agents/train.py`` with the same arguments, on one core and one thread, in a folder under
+``--runs`` with its output in ``log.txt``. At the end, its agent plays 100 held-out episodes, and a result (a
+row) is added to ``--json``. The same command continues a stopped benchmark: it skips runs with a result and
+continues others from their newest checkpoint. A run is repeated if its configuration, its task or the
+protocol has changed. docs/benchmark.md holds the protocol and describes the results. Check those of others by
 
     python agents/benchmark.py --check rows.json --agents FOLDER
 
-The same works on a cluster, if all its nodes see this checkout under this path. If they also see the run
-folders, another node continues the runs of a node that fails. Otherwise these runs start again.
+On a cluster, all nodes must see this checkout under this path. If they also share the run folders, another
+node continues the runs of a node that fails; otherwise these runs start again.
 """
 
 from __future__ import annotations
@@ -316,11 +315,11 @@ def add_hyperparameters(parser: argparse.ArgumentParser) -> None:
 def parsed(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> argparse.Namespace:
     """Parse the arguments, with those that say where cells are run."""
     parser.add_argument(
-        "--jobs", type=whole(1, 10_000), help="parallel runs on this machine (default: its cores)"
+        "--jobs", type=whole(1, 10_000), help="parallel runs on this machine (default: number of cores)"
     )
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--local", action="store_true", help="use this machine, without Ray")
-    where.add_argument("--address", help="address of a Ray cluster; auto for the one on this machine")
+    where.add_argument("--address", help="address of a Ray cluster (auto: this machine's)")
     options = parser.parse_args(arguments)
     if getattr(options, "check", None):
         return options
@@ -359,16 +358,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         default=EPISODES,
         help="episodes of the evaluation (default: 100)",
     )
-    parser.add_argument(
-        "--runs", type=Path, default=Path("runs/benchmark"), help="folder for the run folders"
-    )
-    parser.add_argument("--json", type=Path, help="file for the rows (default: RUNS/baselines.json)")
-    parser.add_argument("--check", type=Path, metavar="FILE", help="run nothing: check the rows of this file")
+    parser.add_argument("--runs", type=Path, default=Path("runs/benchmark"), help="parent of the run folders")
+    parser.add_argument("--json", type=Path, help="results file (default: RUNS/baselines.json)")
+    parser.add_argument("--check", type=Path, metavar="FILE", help="only check the results of this file")
     parser.add_argument(
         "--agents",
         type=Path,
         metavar="FOLDER",
-        help="with --check: folder of run folders ID-ALGORITHM-SEED; their agents play the episodes again",
+        help="with --check: parent of run folders ID-ALGORITHM-SEED, whose agents replay the episodes",
     )
     add_hyperparameters(parser)
     options = parsed(parser, arguments)

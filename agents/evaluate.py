@@ -1,15 +1,14 @@
-"""Evaluate agents side by side on held-out seeds, one episode each, deterministically.
+"""Evaluate agents on the same held-out episodes, without exploration.
 
     springgym evaluate runs/SpringTop-v0-ppo-0 zero random classical
     springgym evaluate classical --env SpringTop-v0 --set action=impulse --episodes 200
     springgym evaluate SpringTop-v0
 
 An agent is a run folder, an environment id (for the published agent of that environment), the name of a
-baseline (zero, random, classical), or ``module:function``, a function from observations to actions. All
-agents play the same episodes. The return is the sum of rewards divided by the time limit: the mean reward
-per step, if an episode that ends early earns nothing for the rest. Duels are scored per episode instead. The
-other columns are means over the episodes of what the environment reports in the last step of an episode. The
-number after ± is the standard deviation over the episodes, and – stands for what the environment lacks.
+baseline (zero, random, classical), or ``module:function``, a function from observations to actions. The
+return is the sum of rewards divided by the time limit, so an episode that ends early earns nothing for the
+rest; duels are scored per episode. The other columns are means over the episodes of entries of the last
+``info``. The number after ± is the standard deviation over the episodes, – means not defined.
 """
 
 from __future__ import annotations
@@ -243,7 +242,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "evaluate.py") -
     parser.add_argument(
         "agents", nargs="+", help="run folders; environment ids; zero, random, classical; module:function"
     )
-    parser.add_argument("--env", help="environment id, unless an agent belongs to one")
+    parser.add_argument("--env", help="environment id (default: that of an agent)")
     parser.add_argument("--episodes", type=whole(1, MOST_EPISODES), default=100)
     parser.add_argument(
         "--seed", type=whole(0, LAST_SEED), default=HELD_OUT_SEED, help="seed of the first episode"

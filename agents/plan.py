@@ -1,14 +1,13 @@
-"""Plan with the exact model, as a reference for every task, without learning.
+"""Plan with the exact simulator, as a reference for every task, without learning.
 
     python agents/plan.py --tasks SpringTop-v0 --episodes 5
     python agents/plan.py --tasks SpringTop-v0 --samples 256 --iterations 4
 
-A plan is a sequence of actions, and straight lines between them. Whenever the environment has taken the first
-of them, its state is set in many copies of a native batch. Each copy tries a plan, and the plans move towards
-the best of them, by the cross-entropy method with additions of Pinneri et al. (2020, *Sample-efficient
-cross-entropy method for real-time planning*, arXiv:2008.06389): noise is correlated in time, elites are kept,
-and the plan is shifted from one time to the next. The episodes of a task are played at once, and are the same
-as one by one.
+A plan is a sequence of actions with linear interpolation. Every --spacing seconds, many plans are simulated from
+the environment's state in a native batch, and improved by the cross-entropy method of Pinneri et al. (2020,
+*Sample-efficient cross-entropy method for real-time planning*, arXiv:2008.06389): noise is correlated in
+time, elites are kept, and the last plan is shifted. The episodes of a task are played at once, with the same
+results as one by one.
 
 The return is that of ``agents/evaluate.py``: the mean reward per step, if an episode that ends early earns
 nothing for the rest. Plans are compared by the terms of the reward, which a sparse variant reports in
@@ -304,10 +303,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--seed", type=whole(0, 2**31), default=HELD_OUT_SEED, help="seed of the first episode"
     )
     for name, least, most in (("samples", 2, 100_000), ("iterations", 1, 1000)):
-        parser.add_argument(f"--{name}", type=whole(least, most), help=f"({getattr(default, name)})")
+        parser.add_argument(
+            f"--{name}", type=whole(least, most), help=f"number of {name} (default: {getattr(default, name)})"
+        )
     for name, told_ in (
-        ("horizon", f"how far a plan reaches [s] ({default.horizon:g})"),
-        ("spacing", f"from one action of a plan to the next [s] ({default.spacing:g})"),
+        ("horizon", f"length of a plan [s] (default: {default.horizon:g})"),
+        ("spacing", f"time between actions of a plan [s] (default: {default.spacing:g})"),
         ("temperature", "weigh all plans by their returns, instead of choosing the best"),
     ):
         parser.add_argument(f"--{name}", type=number(0.001, 1000), help=told_)

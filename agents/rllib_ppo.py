@@ -178,10 +178,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("env_id", help="environment id")
     parser.add_argument(
-        "--runners", type=whole(1, 10_000), default=2, help="number of processes that step (default: 2)"
+        "--runners", type=whole(1, 10_000), default=2, help="number of environment processes (default: 2)"
     )
     parser.add_argument(
-        "--copies", type=whole(1, 100_000), default=32, help="copies in each process (default: 32)"
+        "--copies", type=whole(1, 100_000), default=32, help="environments per process (default: 32)"
     )
     parser.add_argument(
         "--timesteps", type=whole(1, 10**12), help="number of steps (default: that in configs/ppo.yaml)"
@@ -192,7 +192,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--run", type=Path, help="run folder (default: runs/<env id>-rllib-<seed>)")
     parser.add_argument("--resume", action="store_true", help="continue this run")
-    parser.add_argument("--address", help="address of a Ray cluster; auto for the one on this machine")
+    parser.add_argument("--address", help="address of a Ray cluster (auto: this machine's)")
     options = parser.parse_args(arguments)
     return guarded("rllib_ppo.py", lambda: learn(options), (*MENDABLE, ImportError))
 

@@ -4,10 +4,10 @@
     python agents/self_play.py runs/duel --timesteps 5_000_000
     python agents/self_play.py runs/duel --rate               # only rate
 
-PPO plays the first top. A league plays the second one: in half of the copies its newest agent, and in the
-others its earlier agents and the scripts in turn. Every --every steps, the agent joins the league, in
-RUN/league. If the training was stopped, start the same command again: it continues from the last agent of the
-league. This unpickles RUN/model.zip, so do it with your own runs only.
+PPO plays the first top, a league the second one: its newest agent in half of the environments, its earlier
+agents and the scripts in turn in the others. Every --every steps, the agent joins the league, in RUN/league.
+The same command continues a stopped training from the last agent of the league. This unpickles
+RUN/model.zip, so do it with your own runs only.
 
 Then up to ten of these agents, spread over the training, and all scripts play each other with
 `springgym.envs.parallel`, PettingZoo's environment of two agents, with the same number of duels on either
@@ -259,7 +259,7 @@ def main(given: Sequence[str] | None = None) -> int:
         "--every",
         type=whole(1, 10**9),
         default=200_000,
-        help="steps between two players that are kept (default: 200,000)",
+        help="steps between agents that join the league (default: 200,000)",
     )
     parser.add_argument(
         "--duels", type=whole(1, 10_000), default=25, help="duels of each pair on either side (default: 25)"

@@ -1,4 +1,4 @@
-"""Train an agent, compare it with the baselines and film it.
+"""Train an agent, compare it with the baselines and record a video.
 
     springgym train SpringTop-v0
     springgym train SpringTop-v0 --algo sac --seed 1 --run runs/sac-frame \\
@@ -6,9 +6,9 @@
     springgym train --resume runs/SpringTop-v0-ppo-0
 
 Hyperparameters come from configs/<algo>.yaml of the package or the clone. The run folder holds all results,
-and config.yaml there holds the hyperparameters of the run. If a run was stopped, --resume continues it from
-its newest checkpoint, with the same configuration. If the environment can save its state, the run continues
-exactly as if it had never stopped. --resume unpickles the checkpoint, so use it with your own runs only.
+with the hyperparameters in config.yaml. --resume continues a run from its newest checkpoint, with the same
+configuration; if the environment can save its state, results are bit-identical to an uninterrupted run.
+--resume unpickles the checkpoint, so use it with your own runs only.
 """
 
 from __future__ import annotations
@@ -58,10 +58,12 @@ def main(arguments: Sequence[str] | None = None, program: str = "train.py") -> i
     parser.add_argument("env_id", nargs="?", help="environment id")
     parser.add_argument("--algo", choices=sorted(ONLINE), help="algorithm (default: ppo)")
     parser.add_argument(
-        "--seed", type=whole(0, HELD_OUT_SEED - 1), help="seed, below those of the evaluation (default: 0)"
+        "--seed",
+        type=whole(0, HELD_OUT_SEED - 1),
+        help=f"training seed (must be < {HELD_OUT_SEED:,}; default: 0)",
     )
-    parser.add_argument("--run", type=Path, help="run folder (default: runs/<env id>-<algo>-<seed>)")
-    parser.add_argument("--config", type=Path, help="file of hyperparameters (default: configs/<algo>.yaml)")
+    parser.add_argument("--run", type=Path, help="output folder (default: runs/<env id>-<algo>-<seed>)")
+    parser.add_argument("--config", type=Path, help="hyperparameter file (default: configs/<algo>.yaml)")
     add_overrides(parser, "change hyperparameters")
     parser.add_argument("--timesteps", type=whole(0, 10**12), help="same as --set total_timesteps=...")
     parser.add_argument("--resume", type=Path, metavar="RUN", help="continue this run")

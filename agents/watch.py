@@ -1,4 +1,4 @@
-"""Watch an agent in a window or in the browser until Ctrl-C, or write a GIF, an MP4 or a page.
+"""Watch an agent in a window or the browser, or write a GIF, an MP4 or a page.
 
     springgym watch runs/SpringTop-v0-ppo-0
     springgym watch classical --env SpringTop-v0 --browser
@@ -87,12 +87,14 @@ def show(env: gym.Env, policy: Policy, seed: int) -> None:
             for _ in play_episode(env, policy, episode):
                 if pygame.display.get_driver() == "offscreen":  # which SDL takes where it finds no display
                     raise ConfigError(
-                        "there is no display for a window; use --out to write a film, or --browser"
+                        "no display available; write a film with --out top.mp4, or use --browser"
                     )
                 if pygame.event.peek(pygame.QUIT):
                     return
     except pygame.error as error:  # such as no display
-        raise ConfigError(f"cannot open a window: {error}; use --out to write a film") from error
+        raise ConfigError(
+            f"no display available ({error}); write a film with --out top.mp4, or use --browser"
+        ) from error
 
 
 def record(
@@ -118,20 +120,18 @@ def main(arguments: Sequence[str] | None = None, program: str = "watch.py") -> i
         program, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument(
-        "agent", help="a run folder, an environment id, zero, random, classical or module:function"
+        "agent", help="run folder, environment id, zero, random, classical or module:function"
     )
-    parser.add_argument("--env", help="environment id, unless the agent belongs to one")
+    parser.add_argument("--env", help="environment id (default: that of the agent)")
     parser.add_argument("--seed", type=whole(0, LAST_SEED), default=HELD_OUT_SEED)
     parser.add_argument(
-        "--out", type=Path, help="write a film (.gif, .mp4) or a page (.html), and open no window"
+        "--out", type=Path, help="write a video (.gif, .mp4) or a page (.html) instead of opening a window"
     )
-    parser.add_argument(
-        "--browser", action="store_true", help="show the agent in the browser, where you can turn and slow it"
-    )
+    parser.add_argument("--browser", action="store_true", help="show the agent in the browser")
     add_overrides(parser)
     options = parser.parse_args(arguments)
     if options.out and options.browser:
-        parser.error("--out and --browser are both given; give one of them")
+        parser.error("pass either --out or --browser, not both")
     if options.out and options.out.suffix.lower() not in (".gif", ".mp4", PAGE):
         parser.error(f"--out {options.out}: the name must end in .gif, .mp4 or {PAGE}")
     if options.out and not options.out.absolute().parent.is_dir():

@@ -263,7 +263,7 @@ def table_of_tops(materials: Iterable[str]) -> Iterator[str]:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command, and return its exit status."""
     parser = argparse.ArgumentParser(
-        "benchmarks.top_models", description="Find the cheapest model of a top within an error."
+        "benchmarks.top_models", description="Find the cheapest top model that meets an error tolerance."
     )
     parser.add_argument(
         "scene", nargs="?", help="name of a scene with a top, such as steel-top, or a YAML file"

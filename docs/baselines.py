@@ -192,10 +192,9 @@ give bit-identical curves.
   observes particles, and the other algorithms `"frame"`. A variant uses the hyperparameters of its
   environment.
 - In some tasks, PPO first [imitates](training.md#warm-starting-from-the-classical-controller) classical
-  control: in the first 400,000 steps of `SpringDuel-v0` and `SpringDuelStrong-v0`, and in the first 250,000 steps of
-  `SpringShove-v0` and `SpringStack-v0`.
-- Seconds are processor time of one core, so they do not depend on what else the
-  machine does.
+  control: in the first 400,000 steps of `SpringDuel-v0` and `SpringDuelStrong-v0`, and in the first
+  250,000 steps of `SpringShove-v0` and `SpringStack-v0`.
+- Seconds are processor time of one core, so they do not depend on what else the machine does.
 {older}
 The results are in `docs/baselines.json`; [the protocol](benchmark.md) describes its entries.
 """

@@ -25,17 +25,17 @@ COMMANDS = {
     "simulate": (
         "springgym.simulate",
         "scenes",
-        "simulate a scene; plot it, film it, compare it with theory",
+        "simulate a scene; plot it, record a video, compare it with theory",
     ),
-    "view": ("springgym.view", "view", "show a scene or an episode in the browser, where you can change it"),
-    "compile": ("springgym.compile_all", "", "compile environments ahead of their first step"),
+    "view": ("springgym.view", "view", "view and change a scene or an episode in the browser"),
+    "compile": ("springgym.compile_all", "", "compile environments in advance"),
 }
 """Name of each subcommand, its module, the extra that holds what it needs, and a line of help."""
 
 SCRIPTS = {
-    "train": ("agents", "train an agent, compare it with baselines and film it"),
-    "evaluate": ("agents", "compare agents on the same held-out episodes"),
-    "watch": ("render", "watch an agent in a window, in the browser or as a film"),
+    "train": ("agents", "train an agent, compare it with baselines and record a video"),
+    "evaluate": ("agents", "evaluate agents on the same held-out episodes"),
+    "watch": ("render", "watch an agent in a window, in the browser or as a video"),
 }
 """Subcommands that run the script of their name in ``agents/``, the extras that they need, a line of help."""
 

@@ -34,27 +34,27 @@ LEVELS = ("host", "x86-64-v3", "x86-64-v4", "skylake-avx512")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of ``springgym compile``."""
     parser.add_argument(
-        "ids", nargs="*", metavar="ID", help="environments to compile, module:ID for your own (default: all)"
+        "ids", nargs="*", metavar="ID", help="environment ids; module:ID for your own (default: all)"
     )
     parser.add_argument(
         "--cpu",
         choices=LEVELS,
         default=os.environ.get("SPRINGGYM_CPU") or "host",
-        help="processors to compile for: this one (host), or a level (default: SPRINGGYM_CPU, or host)",
+        help="target processor: host, or a level (default: SPRINGGYM_CPU, or host)",
     )
     parser.add_argument(
         "--to",
         type=Path,
         metavar="FOLDER",
-        help="folder to write to (default: the folder where programs look)",
+        help="output folder (default: the cache that programs use)",
     )
     parser.add_argument(
         "--only",
         choices=sorted(KINDS),
-        help="compile for gymnasium.make (single), or for make_vec (batch); default: both",
+        help="compile for gymnasium.make (single) or make_vec (batch) alone (default: both)",
     )
     parser.add_argument("--dtype", choices=DTYPES, default="float64", help="precision of batches")
-    parser.add_argument("--jobs", type=int, default=1, help="environments to compile at once (default: 1)")
+    parser.add_argument("--jobs", type=int, default=1, help="parallel compilations (default: 1)")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -62,41 +62,27 @@ ENVIRONMENTS = (
 )
 
 REASONS = {
-    "SpringGyroscopeHard": "the spin has either sign, and the same push moves the axle the other way",
-    "SpringTopSparse": "nothing is rewarded before the top stands, is calm and has its spin, all at once",
-    "SpringGyroscopeSparse": "nothing is rewarded before the axle points to its target and rests",
-    "SpringPendulumSparse": "nothing is rewarded before the cube stands upside down and rests",
-    "SpringDetumbleSparse": "nothing is rewarded before the box is at rest",
-    "SpringRopeSparse": "nothing is rewarded before the load is at its target and at rest",
+    "SpringGyroscopeHard": "spin of either sign, which reverses the effect of a push",
+    "SpringTopSparse": "reward only while the top is upright, calm and at its spin, all at once",
+    "SpringGyroscopeSparse": "reward only while the axle points to its target and rests",
+    "SpringPendulumSparse": "reward only while the cube stands upside down and rests",
+    "SpringDetumbleSparse": "reward only while the box is at rest",
+    "SpringRopeSparse": "reward only while the load rests at its target",
     "SpringDetumbleParticles": (
-        "the rotation has to be told from positions and velocities, of which it is a product"
+        "angular momentum is not observed; it is a product of positions and velocities"
     ),
-    "SpringPendulumWeak": (
-        "with a quarter of the torque that would lift it, the cube has to be swung up over many periods"
-    ),
-    "SpringTopHard": "the top may start too slow to stand by itself, and torques are weaker",
-    "SpringTopImpulseHard": (
-        "the top may start too slow to stand by itself, and pushes on its crown cannot speed it up"
-    ),
-    "SpringDetumbleFlat": (
-        "all of the rotation is about the axis of the largest moment, where it takes longest to stop"
-    ),
-    "SpringTumbleHard": "the way is longer, and forces and torques are weaker",
-    "SpringTumbleSparse": (
-        "nothing is rewarded before the body rests at its target on the face that is asked for"
-    ),
-    "SpringFreeTopRough": "the tip sticks: it has to be moved by leaning the top, not by pushing it",
-    "SpringJuggleTwo": "two balls have to be hit in turn, each on its own vertical, with time between them",
-    "SpringFreeTopSparse": "nothing is rewarded outside of the circle, or at another spin",
-    "SpringShoveHard": (
-        "the box is farther away, and turned any way: it has to be turned about while it is brought"
-    ),
-    "SpringShoveSparse": (
-        "nothing is rewarded before the box lies at its place, turned as it should, and at rest"
-    ),
-    "SpringLabyrinthHard": (
-        "the board turns slowly, so that it has to be turned back early, and the holes leave less room"
-    ),
+    "SpringPendulumWeak": "a quarter of the torque that would lift the cube, so swing-up takes many periods",
+    "SpringTopHard": "slower initial spin, too slow for some tops to stand by themselves; weaker torques",
+    "SpringTopImpulseHard": "slower initial spin; pushes on the crown cannot speed the top up",
+    "SpringDetumbleFlat": "rotation about the axis of the largest moment, which takes longest to stop",
+    "SpringTumbleHard": "longer distance, weaker forces and torques",
+    "SpringTumbleSparse": "reward only while the body rests at its target on the given face",
+    "SpringFreeTopRough": "the tip sticks: an agent moves it by leaning the top, not by pushing",
+    "SpringJuggleTwo": "two balls in turn, each on its own vertical",
+    "SpringFreeTopSparse": "reward only inside the circle, upright and at the given spin",
+    "SpringShoveHard": "longer distance and any heading, so the box must be turned on the way",
+    "SpringShoveSparse": "reward only while the box rests at its place and heading",
+    "SpringLabyrinthHard": "the board turns more slowly, and holes are larger",
     "SpringDuelStrong": (
         "the opponent is as good as classical control: it strikes hard, rolls off, and rights itself"
     ),

@@ -136,8 +136,8 @@ class Placed(ReadOnly):
             indices("thrust.particles", self.thrust.particles, count)
             if self.thrust.turns and not body.oriented:
                 raise ValueError(
-                    f"thrust cannot turn with body {body.name!r}: its markers {body.markers} "
-                    "lie on one line and define no orientation; it must be fixed in the world"
+                    f"body-fixed thrust needs a body with an orientation, but markers {body.markers} of body "
+                    f"{body.name!r} lie on one line; use turns=False"
                 )
         object.__setattr__(self, "forces", checked_forces("forces", self.forces, count))
         if self.drive and self.forces:
@@ -265,7 +265,7 @@ class Scene(ReadOnly):
     gravity : (3,) or None
         [m/s²]
     surfaces
-        Surfaces that bound the free particles, see `springgym.surfaces`.
+        Surfaces that free particles collide with, see `springgym.surfaces`.
     contact
         The contact of bodies with surfaces, a `Contact` or `PaperContact`.
     bodies

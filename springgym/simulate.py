@@ -36,26 +36,24 @@ UNCOVERED = 3
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of the command."""
-    parser.add_argument("scene", nargs="?", help="name of a scene (see --list), or a YAML file")
-    parser.add_argument("--list", action="store_true", help="list the scenes in the package")
-    parser.add_argument("--duration", type=float, metavar="S", help="seconds to simulate")
+    parser.add_argument("scene", nargs="?", help="scene name (see --list) or YAML file")
+    parser.add_argument("--list", action="store_true", help="list the scenes")
+    parser.add_argument("--duration", type=float, metavar="S", help="simulated time in seconds")
     parser.add_argument("--integrator", choices=METHODS, help="integrator, instead of the scene's")
-    parser.add_argument("--step", type=float, metavar="S", help="step in seconds")
+    parser.add_argument("--step", type=float, metavar="S", help="time step in seconds")
     parser.add_argument(
         "--method",
         choices=("default", "paper"),
         default="default",
         help="paper: the paper's method, rk4 at 5e-4 s, with its clamp and capped friction",
     )
-    parser.add_argument("--trace", type=Path, metavar="FILE", help="write all states to a .npz or .csv file")
-    parser.add_argument(
-        "--plot", type=Path, metavar="FILE", help="draw the figure of the scene, .png or .svg"
-    )
-    parser.add_argument("--video", type=Path, metavar="FILE", help="write a film, .mp4 or .gif")
+    parser.add_argument("--trace", type=Path, metavar="FILE", help="write all states (.npz or .csv)")
+    parser.add_argument("--plot", type=Path, metavar="FILE", help="write a figure (.png or .svg)")
+    parser.add_argument("--video", type=Path, metavar="FILE", help="write a video (.mp4 or .gif)")
     parser.add_argument(
         "--check",
         action="store_true",
-        help=f"compare with theory; exit status 1 if it fails, {UNCOVERED} if theory does not cover it",
+        help=f"compare with theory; exit with 1 on failure, {UNCOVERED} if no theory applies",
     )
 
 

@@ -128,7 +128,7 @@ def test_scripts_are_commands(tmp_path):
 
 def test_without_a_command_it_shows_the_help(capsys):
     assert main([]) == 2
-    assert "evaluate  compare ag" in capsys.readouterr().err
+    assert "evaluate  evaluate ag" in capsys.readouterr().err
 
 
 def test_version(capsys):
@@ -150,7 +150,7 @@ def test_an_unknown_option_is_answered_by_its_command(command, capsys):
 def test_the_words_of_a_script_are_its_own(capsys):
     for words, says in (
         (["train", "--help"], "usage: springgym train "),
-        (["--help"], "evaluate  compare ag"),
+        (["--help"], "evaluate  evaluate ag"),
     ):
         with pytest.raises(SystemExit) as ended:
             main(words)

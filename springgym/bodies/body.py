@@ -202,8 +202,8 @@ class Body(ReadOnly):
             raise ValueError(f"body {self.name!r} is in pieces: nothing joins particle {stray} to particle 0")
         if not self.floppy and (free := self.floppy_modes()) > 0:
             raise ValueError(
-                f"body {self.name!r} can change shape in {free} ways without stretching a spring; "
-                "add springs, or set floppy=True if this is intended"
+                f"body {self.name!r} is under-constrained ({free} zero-energy mode{'s' * (free > 1)}); "
+                "add springs or pass floppy=True"
             )
 
     def floppy_modes(self, pinned: tuple[int, ...] = ()) -> int:

@@ -518,7 +518,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         if not isinstance(mask, np.ndarray) or mask.dtype != bool or mask.shape != (self.num_envs,):
             raise ValueError(f"reset_mask must be a bool array of shape ({self.num_envs},), not {mask!r}")
         if not mask.any():
-            raise ValueError("reset_mask resets no copy")
+            raise ValueError("reset_mask must select at least one environment")
         if self.episodes.unready and not mask.all():
             raise ValueError(f"reset_mask leaves out copies, and {self.episodes.unready}: reset all copies")
         return mask.copy(), {name: value for name, value in options.items() if name != "reset_mask"}

@@ -313,10 +313,7 @@ class SceneTask(Task):
             )
         if achieved is not None:
             if succeeded is not None:
-                raise ValueError(
-                    "achieved and succeeded are both given; give one of them: the aim is met where the "
-                    "goal is reached"
-                )
+                raise ValueError("pass either achieved or succeeded, not both")
             self.achieve = self._reached  # type: ignore[misc]
             self._goals = Goals(self.aims)
         self.memory = checks.array("memory", memory, (None,)).tolist()  # type: ignore[misc]

@@ -1,4 +1,4 @@
-"""Strict reading of scene files: every key is known, has the right type, and occurs once."""
+"""Scene-file parser with strict validation: every key is known, has the right type, and occurs once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Surfaces that bound the free particles, and the contact of bodies with them. Frozen data, checked once.
+"""Surfaces and contact parameters: frozen data, checked once.
 
 Each kind of surface is one file, see `springgym.surfaces.surface`, and a line of `SURFACES`.
 """

@@ -42,28 +42,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "what",
         nargs="?",
         default="top",
-        help="a scene (springgym simulate --list), a YAML file, or the id of an environment",
+        help="scene (springgym simulate --list), YAML file, or environment id",
     )
     parser.add_argument(
         "--agent",
-        help="a run folder of springgym train, or the id of a published agent; or zero, random",
+        help="run folder of springgym train, id of a published agent, zero or random",
     )
     parser.add_argument("--seed", type=int, default=0, help="seed of the first episode")
     parser.add_argument(
         "--save",
         type=Path,
         metavar="FILE",
-        help="write a page that plays by itself (.html), or data for a saved viewer (.viser)",
+        help="write a stand-alone page (.html), or data for a viser client (.viser)",
     )
-    parser.add_argument(
-        "--port", type=int, default=PORT, help="take the first free port from this one on; 0 takes any"
-    )
+    parser.add_argument("--port", type=int, default=PORT, help="first port to try (0: any free port)")
     parser.add_argument(
         "--address",
-        help="let others in the network open the page by the printed address, which holds a token; give an "
-        "IPv4 address of this machine, or 0.0.0.0 for all of them",
+        help="IPv4 address to listen on (0.0.0.0: all); other machines connect with the printed URL, which "
+        "holds a token",
     )
-    parser.add_argument("--no-browser", action="store_true", help="print the address and open nothing")
+    parser.add_argument("--no-browser", action="store_true", help="only print the URL")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -186,30 +186,6 @@ def test_resumed_run_with_hindsight(tmp_path, capsys):
     assert not (tmp_path / "bad").exists()
 
 
-@pytest.mark.slow
-def test_stop_while_a_checkpoint_is_written(tmp_path, monkeypatch):
-    """The old checkpoint stays whole until the new one is."""
-    folder = tmp_path / "run"
-    options = ["--timesteps", "4096", "--episodes", "4"]
-    with monkeypatch.context() as patch:
-        done = []
-
-        def stop_at_the_second(temporary, path):
-            if path.name == "model.zip" and True in done:
-                temporary.write_bytes(temporary.read_bytes()[:1000])
-                raise KeyboardInterrupt
-            done.append(path.name == "model.zip")
-            replace(temporary, path)
-
-        replace = os.replace
-        patch.setattr(os, "replace", stop_at_the_second)
-        assert train.main(start(folder, *options)) == 130
-    assert weights(folder)[0] == 1024
-    assert train.main(["--resume", str(folder), "--episodes", "4"]) == 0
-    assert train.main(start(tmp_path / "reference", *options)) == 0
-    assert_same_run(folder, tmp_path / "reference")
-
-
 def test_stop_before_the_first_checkpoint(tmp_path, monkeypatch):
     folder = tmp_path / "run"
     monkeypatch.setattr(toy_env, "interrupt_at", 100)
@@ -240,35 +216,6 @@ def test_environment_without_state_resumes_with_new_episodes(tmp_path, monkeypat
     assert train.main(["--resume", str(folder), "--episodes", "4"]) == 0
     assert "cannot save its state: the episodes under way start anew" in capsys.readouterr().out
     assert [int(row["timesteps"]) for row in rows(folder)] == [512 * i for i in range(1, 7)]
-
-
-@pytest.mark.slow
-def test_copies_end_at_different_times_in_resumed_runs_too(tmp_path, monkeypatch):
-    """The checkpoint lies where most first episodes, shortened to spread the ends, are still under way."""
-    monkeypatch.setattr(train, "report", lambda *arguments: 0)
-    monkeypatch.setattr(recorder, "save_checkpoint", kept := Kept(recorder.save_checkpoint))
-    settings = ["n_envs=4", "n_steps=64", "batch_size=64", "n_epochs=1", "log_every=1", "net_arch=[8]"]
-    options = ["SpringTop-v0", "--set", *settings, "--timesteps"]
-    assert train.main([*options, "768", "--run", str(tmp_path / "one")]) == 0
-    whole, *middle, last = kept.shortened.pop()
-    assert not whole
-    assert any(middle)  # 192 of 500 steps were taken
-    assert not last  # it ended after 125
-    assert train.main([*options, "512", "--run", str(tmp_path / "two")]) == 0
-    assert train.main(["--resume", str(tmp_path / "two"), "--timesteps", "768"]) == 0
-    assert kept.shortened[1] == [whole, *middle, last]
-    assert_same_run(tmp_path / "two", tmp_path / "one")
-
-
-class Kept:
-    """Saves checkpoints, and notes which copies were in a shortened episode."""
-
-    def __init__(self, save):
-        self.save, self.shortened = save, []
-
-    def __call__(self, run, env, model, recorder):
-        self.save(run, env, model, recorder)
-        self.shortened.append(env.shortened.tolist())
 
 
 @pytest.fixture
@@ -311,7 +258,7 @@ def test_a_process_that_is_killed_lets_the_folder_go(tmp_path):
 
 def zipped(**members):
     file = io.BytesIO()
-    with zipfile.ZipFile(file, "w") as archive:
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, content in members.items():
             archive.writestr(name.replace("__", "."), content)
     return file.getvalue()

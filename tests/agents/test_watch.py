@@ -87,7 +87,7 @@ def test_without_a_display_it_says_so(monkeypatch, capsys):
     pytest.importorskip("pygame")
     monkeypatch.setenv("SDL_VIDEODRIVER", "offscreen")
     assert watch.main(["zero", "--env", "SpringTop-v0"]) == 2
-    assert "there is no display for a window; use --out to write a film" in capsys.readouterr().err
+    assert "no display available; write a film with --out" in capsys.readouterr().err
 
 
 def test_a_page_of_classical_control(tmp_path, capsys):

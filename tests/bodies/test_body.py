@@ -58,7 +58,7 @@ def test_lengths_are_those_of_the_shape():
         ({"springs": [(0, 1), (1, 2), (2, 2)]}, "spring 2 of body 'triangle' joins particle 2 to itself"),
         ({"springs": [(0, 1), (1, 2), (1, 0)]}, "spring 2 of body 'triangle' joins particles 1 and 0, which"),
         ({"springs": [(0, 1)]}, "nothing joins particle 2 to particle 0"),
-        ({"springs": [(0, 1), (1, 2)]}, "can change shape in 1 ways"),
+        ({"springs": [(0, 1), (1, 2)]}, "1 zero-energy mode)"),
         ({"markers": (0, 1)}, "body 'triangle': markers is (0, 1), of shape (2,)"),
         ({"markers": ()}, "body 'triangle': markers is (), of shape (0,)"),
         (
@@ -80,7 +80,7 @@ def test_large_bodies_are_checked_fast_or_refused():
     assert top(ring=MOST_PARTICLES // 2).floppy_modes() == 0  # by the square of the rigidity matrix
     unbraced = top(ring=EXACT + 1)
     kept = [s for s in range(len(unbraced.springs)) if 0 not in unbraced.springs[s] or s == 0]
-    with pytest.raises(ValueError, match="can change shape in 2 ways"):
+    with pytest.raises(ValueError, match="2 zero-energy modes"):
         unbraced.with_(springs=unbraced.springs[kept], stiffness=1e6, damping=0.0, lengths=None)
     for make in (lambda n: top(ring=n), lambda n: gyroscope(ring=n), lambda n: rope(beads=n)):
         for count in (MOST_PARTICLES + 1, 10**9, 10**400):
@@ -159,7 +159,7 @@ def test_floppy_modes_are_counted():
 def test_whether_a_body_can_change_shape_does_not_depend_on_its_size(size):
     body = cube(size)
     assert body.floppy_modes() == body.floppy_modes((0,)) == body.floppy_modes((0, 1)) == 0
-    with pytest.raises(ValueError, match="can change shape in 5 ways"):
+    with pytest.raises(ValueError, match="5 zero-energy modes"):
         body.with_(springs=body.springs[:13], stiffness=1e5, damping=0.0, lengths=None)
     rates, _ = vibrations(body)
     assert rates == pytest.approx(vibrations(cube())[0], rel=1e-9)
