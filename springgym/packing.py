@@ -257,7 +257,7 @@ def _collisions(scene: Scene, options: Options) -> Collisions | None:
 
 
 def _as_the_scene_says(scene: Scene) -> np.ndarray:
-    """Return which pairs collide by the scene's contact, and vary with it."""
+    """Mask (pairs,) of the pairs that collide by the scene's contact, and vary with it."""
     return scene.meetings.by(scene.contact)
 
 
@@ -307,7 +307,7 @@ def workspaces(
 
 
 def search_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> tuple[Lists, ContactRows]:
-    """Return what a thread finds contacts in, and the list of those that it finds."""
+    """Return the workspace in which a thread finds contacts, and the list of those that it finds."""
     most = most_contacts(scene.meetings, scene.shapes)[1]
     resisted = np.zeros(len(scene.bodies), bool)
     for of in (pairs.first, pairs.second):

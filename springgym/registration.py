@@ -139,7 +139,7 @@ def nearest_id(env_id: str) -> str | None:
 
 
 def spec_of(env_id: str) -> EnvSpec:
-    """Return what is registered under an id, after importing the module of an id ``module:ID``.
+    """Return the spec registered under an id, after importing the module of an id ``module:ID``.
 
     Raises
     ------

@@ -58,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do what the arguments ask for; the exit status."""
+    """Run the command with its arguments; return the exit status."""
     if args.list:
         for name in scene_names():
             print(f"{name:20} {document(name).at(('title',))}")  # read, not built: that takes a second each

@@ -346,7 +346,7 @@ class Simulator:
 
     @cached_property
     def _emptied(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Return what is zero where copies start, with a row of zeros: ledger, and what is left of steps."""
+        """Arrays that `place` sets to zero, each with a row of zeros: the ledger and the reset flags."""
         ledger = [] if self._ledger is None else [self._ledger]
         emptied = map(flat_numbers, (*ledger, *packing.reset_flags(self._terms)))
         return [(lanes, np.zeros((1, lanes.shape[1]))) for lanes in emptied]
@@ -367,7 +367,7 @@ class Simulator:
         return (*self._twin, self._terms) if self._twin else self._terms
 
     def _actuated(self) -> dict[str, tuple[tuple[int, ...], np.ndarray]]:
-        """Return what `actuate` sets, by name: the shape of its values, and `flat_numbers` to write to."""
+        """Shapes of the values that `actuate` sets, by name, with the `flat_numbers` to write to."""
         several = len(self._packed) > 1
         return {
             f"{placed.name}.{name}" if several else name: (
@@ -938,7 +938,7 @@ class Simulator:
 
     @guarded
     def pairs(self, *, forget: bool = False) -> PairReadings:
-        """Return what happened between colliding bodies since the copies were placed or last forgotten.
+        """Return impulses, losses and counts of pairs of bodies since copies were placed or last forgotten.
 
         There is an entry for each pair, so 1000 bodies have half a million entries. `contacts` returns only
         those that touch.

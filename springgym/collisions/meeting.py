@@ -100,7 +100,7 @@ class Meetings(ReadOnly):
         return (self[pair] for pair in range(len(self)))
 
     def of_contacts(self, name: str) -> np.ndarray:
-        """Return what a field of its `Contact` says for each pair, (pairs,)."""
+        """Value of a field of its `Contact` for each pair, (pairs,)."""
         return np.array([getattr(contact, name) for contact in self.contacts])[self.how]
 
     def by(self, contact: Any) -> np.ndarray:
@@ -205,7 +205,7 @@ def _meetings(
     how = np.searchsorted(used, how)
 
     def given(name: str) -> np.ndarray:
-        """Return what contacts say for each pair, not a number where they say nothing."""
+        """Value of a contact's field for each pair; not a number where it is None."""
         return np.array([getattr(contact, name) for contact in contacts], float)[how]
 
     def of_both(values: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:

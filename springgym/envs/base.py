@@ -511,7 +511,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         return [_seed(f"seed[{n}]", given) for n, given in enumerate(seed)]
 
     def _mask(self, options: Mapping[str, Any] | None) -> tuple[np.ndarray, Mapping[str, Any] | None]:
-        """Return which copies are reset, and the other options."""
+        """Return a mask of the copies to reset, and the other options."""
         if not isinstance(options, Mapping) or "reset_mask" not in options:
             return np.ones(self.num_envs, bool), options
         mask = options["reset_mask"]

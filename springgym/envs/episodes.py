@@ -415,9 +415,9 @@ class Episodes:
         return result, seen
 
     def driven_by(self, actions: np.ndarray) -> dict[str, np.ndarray]:
-        """Return what the actuators do in the next control period, by actions (n, A) in [−1, 1] and others'.
+        """Return actuator values by name for the next control period, from actions (n, A) in [−1, 1].
 
-        The actions are scaled by `strength` already. Those of others are scaled here.
+        The actions are scaled by `strength` already. Those of opponents are added, and scaled here.
         """
         acting = self.task.actuate(actions)
         for name, values in self.task.respond(*self._whole[:2]).items():
@@ -509,7 +509,7 @@ class Episodes:
         return {"observation": seen, "achieved_goal": achieved, "desired_goal": desired}
 
     def _achieved(self, own: Part) -> tuple[np.ndarray, np.ndarray]:
-        """Return what some copies have achieved and what is desired, (n, K) each."""
+        """Achieved and desired goals of some copies, (n, K) each."""
         assert self.goals is not None
         assert self._achieve is not None
         achieved, desired = np.empty((2, len(own.out), self.goals.size))

@@ -155,18 +155,17 @@ class SpringFreeTop(Task):
             away = number(own, "error", self.farthest * math.sqrt(share), 0.0, ARENA)
             height = self._height(varied)
             poses.append((azimuth, tilt, spin))
-            high = height
-            if self.surface == "bowl":
-                away, high = above_bowl(BOWL, away, height)
-            feet.append((away * math.cos(bearing), away * math.sin(bearing), high))
             heights.append(height)
+            if self.surface == "bowl":
+                away, height = above_bowl(BOWL, away, height)
+            feet.append((away * math.cos(bearing), away * math.sin(bearing), height))
         arms, velocities = standing(self._shape, self._tip, np.array(poses), factors)
         positions = np.array(feet)[:, None] + arms
         positions[:, :, 2] += self._lift(positions, np.array(heights)[:, None])
         return Start(positions, velocities)
 
     def _lift(self, positions: np.ndarray, height: np.ndarray) -> np.ndarray:
-        """Find how far to lift tops whose rings are in the surface, so that they lie on them [m], (k, 1)."""
+        """Heights (k, 1) [m] by which to lift tops whose rings are in the surface, so that they lie on it."""
         ground = height
         if self.surface == "bowl":
             across = positions[:, self._others, :2]

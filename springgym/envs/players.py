@@ -223,7 +223,7 @@ class ParallelDuel(_OneCopy, ParallelEnv):
         return {"first": self.episodes.observe()[0], "second": second[0]}
 
     def _outcomes(self) -> np.ndarray:
-        """Return what `Task.evaluate` says of both, (2, columns)."""
+        """Outcomes of both agents by `Task.evaluate`, (2, columns)."""
         episodes, task = self.episodes, self.task
         out = np.zeros((2, len(task.outcome)))
         out[FIRST] = episodes.out[0]

@@ -116,7 +116,7 @@ class SB3VecEnv(Stateful, VecEnv):
         return deepcopy(observations)
 
     def step_async(self, actions: np.ndarray) -> None:
-        """Keep the actions ``(n, ...)`` for :meth:`step_wait`."""
+        """Store the actions ``(n, ...)`` for :meth:`step_wait`."""
         self._actions = actions
 
     def step_wait(self) -> VecEnvStepReturn:

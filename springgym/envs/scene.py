@@ -590,7 +590,7 @@ def _checked_aims(given: object, goal_size: int) -> tuple[Aim, ...]:
 
 
 def _most(name: str, given: Most) -> np.ndarray:
-    """Return what an actuator does at 1 on each axis, (3,)."""
+    """Return the strength of an actuator at action 1 on each axis, (3,)."""
     if not isinstance(given, (Sequence, np.ndarray)) or isinstance(given, str) or np.ndim(given) == 0:
         return np.full(3, checks.number(name, given, TINY))
     most = checks.array(name, given, (3,), low=0.0)
@@ -633,7 +633,7 @@ def _warning_unless_diverged(m: Measures) -> AbstractContextManager[None]:
 
 
 def _numbers(name: str, given: object, shape: tuple[int | None, ...], m: Measures) -> np.ndarray:
-    """Return what a function gave, as numbers that are finite where the copy has not diverged."""
+    """Return the numbers of a user's function, checked to be finite where the copy has not diverged."""
     values = _of_shape(name, given, shape, "biuf", "numbers")
     if not math.isfinite(np.vdot(values, values)):  # or they are huge
         wrong = ~np.isfinite(values).reshape(len(values), -1).all(axis=1)

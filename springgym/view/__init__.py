@@ -65,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do what the arguments ask for; the exit status."""
+    """Run the command with its arguments; return the exit status."""
     if args.save is None:
         show(_subject(args), args.port, browser=not args.no_browser, address=args.address)
         return 0
