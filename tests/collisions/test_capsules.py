@@ -63,7 +63,7 @@ def test_others_meet_two_equal_balls_about_particles_as_a_capsule() -> None:
     twice = (sphere(RADIUS, ends[0]), sphere(RADIUS, ends[0]))
     partly = (sphere(RADIUS, ends[0], (0, 1, 2, 4)), sphere(RADIUS, ends[1]))
     for rounds in (unequal, beside, twice, partly):
-        with pytest.raises(ValueError, match="two spheres of one radius about two particles"):
+        with pytest.raises(ValueError, match="two of one radius about two particles"):
             scene(body_at(CAPSULE.with_(rounds=rounds), (0, 0, 0)))
     with pytest.raises(ValueError, match="pin all or none"):
         scene(Placed(CAPSULE, pinned=(0,)))

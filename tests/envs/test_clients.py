@@ -43,7 +43,7 @@ def test_films_play_in_real_time(env_id: str) -> None:
         make_vec(env_id, 2, "native", "NextStep").metadata,
     ):
         assert metadata["render_fps"] == rate
-    assert env.unwrapped._renderer("rgb_array").fps == rate
+    assert env.unwrapped._renderer("rgb_array", 0).fps == rate
 
 
 def test_frame_rates() -> None:
