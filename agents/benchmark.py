@@ -59,7 +59,7 @@ from tqdm import tqdm
 
 from springgym.cli import INTERRUPTED, guarded
 from springgym.extras import install
-from springgym.registration import ENVIRONMENTS, VARIANTS, spec_of
+from springgym.registration import ALL_IDS, spec_of
 from springgym.strict_yaml import read_yaml
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -343,9 +343,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    tasks = [task.id for task in (*ENVIRONMENTS, *VARIANTS)]
     parser.add_argument(
-        "--tasks", nargs="+", default=tasks, metavar="ID", help="environment ids (default: all)"
+        "--tasks", nargs="+", default=list(ALL_IDS), metavar="ID", help="environment ids (default: all)"
     )
     parser.add_argument(
         "--algorithms", nargs="+", default=ALGORITHMS, choices=ALGORITHMS, help="algorithms (default: all)"

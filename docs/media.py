@@ -127,7 +127,7 @@ def played(env: gym.Env, policy: Policy, still: int) -> Iterator[np.ndarray]:
             yield env.render()  # type: ignore[misc]
             observation, _, terminated, truncated, info = env.step(policy(observation[None])[0])
             over = terminated or truncated
-            left -= bool(info["is_success"])
+            left -= bool(info.get("is_success"))
 
 
 def write(frames: Iterable[np.ndarray], path: Path, rate: float, pixels: int = PIXELS) -> None:

@@ -23,12 +23,12 @@ from springgym.extras import install
 
 COMMANDS = {
     "simulate": (
-        "springgym.simulating",
+        "springgym.simulate",
         "scenes",
         "simulate a scene; plot it, record a video, compare it with theory",
     ),
     "view": ("springgym.view", "view", "view and change a scene or an episode in the browser"),
-    "compile": ("springgym.precompiling", "", "compile environments in advance"),
+    "compile": ("springgym.compile_all", "", "compile environments in advance"),
 }
 """Name of each subcommand, its module, the extra that holds what it needs, and a line of help."""
 

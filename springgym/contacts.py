@@ -1,4 +1,4 @@
-"""Return which bodies touch at a node, as arrays over the copies, from the results of kernels there."""
+"""Contacts of a node as arrays over the copies, from the results of kernels there."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from springgym.packing import Packed
 from springgym.scene import Scene
 
 
-class Pace(NamedTuple):
+class StepSettings(NamedTuple):
     """The method of a simulator, its step, and the largest step that is stable."""
 
     method: Integrator
@@ -39,11 +39,13 @@ class Dynamics(NamedTuple):
     settled: Callable[[Packed, np.ndarray, np.ndarray], np.ndarray] | None
     """returns the positions (k, N, 3) of particles that are placed in copies (k,); None if they do not
     change"""
-    follow: Callable[[Packed, np.ndarray, Mapping[str, np.ndarray], Pace], Any]
+    follow: Callable[[Packed, np.ndarray, Mapping[str, np.ndarray], StepSettings], Any]
     """checks parameters for copies (k,), and returns the values that `packing.vary` sets with them"""
 
 
-def _stable(packed: Packed, index: np.ndarray, given: Mapping[str, np.ndarray], pace: Pace) -> None:
+def _stable(
+    packed: Packed, index: np.ndarray, given: Mapping[str, np.ndarray], settings: StepSettings
+) -> None:
     """Refuse parameters of a body that push the stability limit of a copy below the step.
 
     With stiffness at most a times and masses at least 1/b times those of the scene, K ≤ a K₀ and
@@ -51,29 +53,29 @@ def _stable(packed: Packed, index: np.ndarray, given: Mapping[str, np.ndarray], 
     is found.
     """
     names = ("masses", "stiffness", "damping")
-    if not given.keys() & set(names) or pace.largest_step == np.inf:
+    if not given.keys() & set(names) or settings.largest_step == np.inf:
         return
     body = packed.scene.body
     now = {name: given.get(name, packing.values(packed, name, index)) for name in names}
     lighter = (body.masses / now["masses"]).max(axis=1)
     faster = np.sqrt(lighter * (now["stiffness"] / body.stiffness).max(axis=1, initial=0.0))
-    if np.isfinite(pace.method.real_limit):
+    if np.isfinite(settings.method.real_limit):
         damped = now["damping"] > body.damping
         with np.errstate(divide="ignore"):
             more = np.divide(now["damping"], body.damping, out=np.ones(damped.shape), where=damped)
         faster = np.maximum(faster, lighter * more.max(axis=1, initial=0.0))
-    for n in np.flatnonzero(pace.step * faster > stability.REFUSED * pace.largest_step):
+    for n in np.flatnonzero(settings.step * faster > stability.REFUSED * settings.largest_step):
         own = body.with_(**{name: values[n] for name, values in now.items()})
-        limit = stability.largest_step(packed.scene.with_(body=own), pace.method)
-        if stability.is_unstable(pace.step, limit):
+        limit = stability.largest_step(packed.scene.with_(body=own), settings.method)
+        if stability.is_unstable(settings.step, limit):
             raise ValueError(
-                f"these {', '.join(given)} make the step of {pace.step:g} s unstable in copy {index[n]}: "
-                f"{pace.method.name} allows at most {stability.REFUSED * limit:.4g} s there"
+                f"these {', '.join(given)} make the step of {settings.step:g} s unstable in copy {index[n]}: "
+                f"{settings.method.name} allows at most {stability.REFUSED * limit:.4g} s there"
             )
 
 
 def _shapes(
-    packed: Packed, index: np.ndarray, given: Mapping[str, np.ndarray], pace: Pace
+    packed: Packed, index: np.ndarray, given: Mapping[str, np.ndarray], settings: StepSettings
 ) -> list[dict[str, np.ndarray]]:
     """Return the values of rigid bodies of the given masses; raise ValueError if one has no inertia."""
     return [rigid.shape_values(packed.scene, masses) for masses in given.get("masses", ())]

@@ -17,7 +17,9 @@ def digest(value: object) -> str:
 
     def add(value: object) -> None:
         if isinstance(value, np.ndarray):
-            found.update(f"{value.dtype} {value.shape} ".encode() + value.tobytes())
+            found.update(f"{value.dtype.str} {value.shape} ".encode() + value.tobytes())
+        elif isinstance(value, (str, int, float)):
+            found.update(f"{value!r} ".encode())
         elif isinstance(value, Mapping):
             add(tuple(value.items()))
         elif isinstance(value, (tuple, list)):

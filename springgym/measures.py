@@ -30,6 +30,7 @@ from springgym.forces.memory import stored_in_contact
 from springgym.integrators.record import Phase
 from springgym.terms import Terms
 
+
 class Measures(NamedTuple):
     """Measures of all copies, for a body or for all bodies together; scalars (copies,), vectors (copies, 3).
 
@@ -238,7 +239,7 @@ def read(block: int, phase: Phase, reading: Reading, terms: Terms) -> None:
 
 @compiled
 def read_bodies(block: int, phase: Phase, reading: Reading, terms: Nested) -> None:
-    """Do the same as `read`, for several bodies."""
+    """Write measures, positions and velocities of a block as `read` does, for several bodies."""
     x, v, ledger = phase
     readout, space, markers = reading
     whole, own = space[0], space[1]

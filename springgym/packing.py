@@ -257,7 +257,7 @@ def _collisions(scene: Scene, options: Options) -> Collisions | None:
 
 
 def _as_the_scene_says(scene: Scene) -> np.ndarray:
-    """Return which pairs collide by the scene's contact, and vary with it."""
+    """Mask (pairs,) of the pairs that collide by the scene's contact, and vary with it."""
     return scene.meetings.by(scene.contact)
 
 
@@ -307,7 +307,7 @@ def workspaces(
 
 
 def search_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> tuple[Lists, ContactRows]:
-    """Return what a thread finds contacts in, and the list of those that it finds."""
+    """Return the workspace in which a thread finds contacts, and the list of those that it finds."""
     most = most_contacts(scene.meetings, scene.shapes)[1]
     resisted = np.zeros(len(scene.bodies), bool)
     for of in (pairs.first, pairs.second):
@@ -489,8 +489,8 @@ def values(packed: Packed, name: str, index: np.ndarray) -> np.ndarray:
     return found
 
 
-def marks(terms: Terms) -> list[np.ndarray]:
-    """Return the arrays that are zero in copies which begin anew from where they are and how they move."""
+def reset_flags(terms: Terms) -> list[np.ndarray]:
+    """Arrays of the flags that are zero in copies just reset, whose positions and velocities alone count."""
     kept: list[np.ndarray | Ragged] = [term.marks for term in (terms.memory, terms.cycle) if term is not None]
     found = [of.values if isinstance(of, Ragged) else of for of in kept]
     if terms.collisions is not None and terms.collisions.warm is not None:
@@ -499,8 +499,8 @@ def marks(terms: Terms) -> list[np.ndarray]:
 
 
 def renew(terms: Terms, index: np.ndarray) -> None:
-    """Let some copies (k,) of one body or of all begin anew from where they are and how they move."""
-    for array in marks(terms):
+    """Reset the memory of some copies (k,), of one body or of all: positions and velocities stay."""
+    for array in reset_flags(terms):
         set_copies(array, index, 0.0)
 
 

@@ -61,148 +61,63 @@ ENVIRONMENTS = (
     Row("SpringDuel-v0", "duel", "SpringDuel", 500, 0.7, "standard", "episode"),
 )
 
-VARIANTS = (
-    Variant(
-        "SpringGyroscopeHard-v0",
-        "SpringGyroscope-v0",
-        {"hard": True},
-        "hard",
-        "spin of either sign, which reverses the effect of a push",
+REASONS = {
+    "SpringGyroscopeHard": "spin of either sign, which reverses the effect of a push",
+    "SpringTopSparse": "reward only while the top is upright, calm and at its spin, all at once",
+    "SpringGyroscopeSparse": "reward only while the axle points to its target and rests",
+    "SpringPendulumSparse": "reward only while the cube stands upside down and rests",
+    "SpringDetumbleSparse": "reward only while the box is at rest",
+    "SpringRopeSparse": "reward only while the load rests at its target",
+    "SpringDetumbleParticles": (
+        "angular momentum is not observed; it is a product of positions and velocities"
     ),
-    Variant(
-        "SpringTopSparse-v0",
-        "SpringTop-v0",
-        {"sparse": True},
-        "sparse",
-        "reward only while the top is upright, calm and at its spin, all at once",
+    "SpringPendulumWeak": "a quarter of the torque that would lift the cube, so swing-up takes many periods",
+    "SpringTopHard": "slower initial spin, too slow for some tops to stand by themselves; weaker torques",
+    "SpringTopImpulseHard": "slower initial spin; pushes on the crown cannot speed the top up",
+    "SpringDetumbleFlat": "rotation about the axis of the largest moment, which takes longest to stop",
+    "SpringTumbleHard": "longer distance, weaker forces and torques",
+    "SpringTumbleSparse": "reward only while the body rests at its target on the given face",
+    "SpringFreeTopRough": "the tip sticks: an agent moves it by leaning the top, not by pushing",
+    "SpringJuggleTwo": "two balls in turn, each on its own vertical",
+    "SpringFreeTopSparse": "reward only inside the circle, upright and at the given spin",
+    "SpringShoveHard": "longer distance and any heading, so the box must be turned on the way",
+    "SpringShoveSparse": "reward only while the box rests at its place and heading",
+    "SpringLabyrinthHard": "the board turns more slowly, and holes are larger",
+    "SpringDuelStrong": (
+        "the opponent is as good as classical control: it strikes hard, rolls off, and rights itself"
     ),
-    Variant(
-        "SpringGyroscopeSparse-v0",
-        "SpringGyroscope-v0",
-        {"sparse": True},
-        "sparse",
-        "reward only while the axle points to its target and rests",
-    ),
-    Variant(
-        "SpringPendulumSparse-v0",
-        "SpringPendulum-v0",
-        {"sparse": True},
-        "sparse",
-        "reward only while the cube stands upside down and rests",
-    ),
-    Variant(
-        "SpringDetumbleSparse-v0",
-        "SpringDetumble-v0",
-        {"sparse": True},
-        "sparse",
-        "reward only while the box is at rest",
-    ),
-    Variant(
-        "SpringRopeSparse-v0",
-        "SpringRope-v0",
-        {"sparse": True},
-        "sparse",
-        "reward only while the load rests at its target",
-    ),
-    Variant(
-        "SpringDetumbleParticles-v0",
-        "SpringDetumble-v0",
-        {"momentum": False},
-        "hard",
-        "angular momentum is not observed; it is a product of positions and velocities",
-    ),
-    Variant(
-        "SpringPendulumWeak-v0",
-        "SpringPendulum-v0",
-        {"randomize": {"actuator": (0.5, 0.5)}},
-        "hard",
-        "a quarter of the torque that would lift the cube, so swing-up takes many periods",
-    ),
-    Variant(
-        "SpringTopHard-v0",
-        "SpringTop-v0",
-        {"hard": True},
-        "harder",
-        "slower initial spin, too slow for some tops to stand by themselves; weaker torques",
-    ),
-    Variant(
-        "SpringTopImpulseHard-v0",
-        "SpringTop-v0",
-        {"action": "impulse", "hard": True},
-        "harder",
-        "slower initial spin; pushes on the crown cannot speed the top up",
-    ),
-    Variant(
-        "SpringDetumbleFlat-v0",
-        "SpringDetumble-v0",
-        {"start": "flat"},
-        "standard",
-        "rotation about the axis of the largest moment, which takes longest to stop",
-    ),
-    Variant(
-        "SpringTumbleHard-v0",
-        "SpringTumble-v0",
-        {"hard": True},
-        "standard",
-        "longer distance, weaker forces and torques",
-    ),
-    Variant(
-        "SpringTumbleSparse-v0",
-        "SpringTumble-v0",
-        {"sparse": True},
-        "sparse",
-        "reward only while the body rests at its target on the given face",
-    ),
-    Variant(
-        "SpringFreeTopRough-v0",
-        "SpringFreeTop-v0",
-        {"friction": 0.1},
-        "hard",
-        "the tip sticks: an agent moves it by leaning the top, not by pushing",
-    ),
-    Variant(
-        "SpringJuggleTwo-v0",
-        "SpringJuggle-v0",
-        {"balls": 2},
-        "standard",
-        "two balls in turn, each on its own vertical",
-    ),
-    Variant(
-        "SpringFreeTopSparse-v0",
-        "SpringFreeTop-v0",
-        {"sparse": True},
-        "sparse",
-        "reward only inside the circle, upright and at the given spin",
-    ),
-    Variant(
-        "SpringShoveHard-v0",
-        "SpringShove-v0",
-        {"hard": True},
-        "harder",
-        "longer distance and any heading, so the box must be turned on the way",
-    ),
-    Variant(
-        "SpringShoveSparse-v0",
-        "SpringShove-v0",
-        {"sparse": True},
-        "sparse",
-        "reward only while the box rests at its place and heading",
-    ),
-    Variant(
-        "SpringLabyrinthHard-v0",
-        "SpringLabyrinth-v0",
-        {"hard": True},
-        "harder",
-        "the board turns more slowly, and holes are larger",
-    ),
-    Variant(
-        "SpringDuelStrong-v0",
-        "SpringDuel-v0",
-        {"opponent": "strong"},
-        "harder",
-        "the opponent is as good as classical control: it strikes hard, rolls off, and rights itself",
-    ),
+}
+"""The reasons for the tiers of variants."""
+
+_CHANGED: tuple[tuple[str, str, dict[str, Any], Tier], ...] = (
+    ("SpringGyroscope", "Hard", {"hard": True}, "hard"),
+    ("SpringTop", "Sparse", {"sparse": True}, "sparse"),
+    ("SpringGyroscope", "Sparse", {"sparse": True}, "sparse"),
+    ("SpringPendulum", "Sparse", {"sparse": True}, "sparse"),
+    ("SpringDetumble", "Sparse", {"sparse": True}, "sparse"),
+    ("SpringRope", "Sparse", {"sparse": True}, "sparse"),
+    ("SpringDetumble", "Particles", {"momentum": False}, "hard"),
+    ("SpringPendulum", "Weak", {"randomize": {"actuator": (0.5, 0.5)}}, "hard"),
+    ("SpringTop", "Hard", {"hard": True}, "harder"),
+    ("SpringTop", "ImpulseHard", {"action": "impulse", "hard": True}, "harder"),
+    ("SpringDetumble", "Flat", {"start": "flat"}, "standard"),
+    ("SpringTumble", "Hard", {"hard": True}, "standard"),
+    ("SpringTumble", "Sparse", {"sparse": True}, "sparse"),
+    ("SpringFreeTop", "Rough", {"friction": 0.1}, "hard"),
+    ("SpringJuggle", "Two", {"balls": 2}, "standard"),
+    ("SpringFreeTop", "Sparse", {"sparse": True}, "sparse"),
+    ("SpringShove", "Hard", {"hard": True}, "harder"),
+    ("SpringShove", "Sparse", {"sparse": True}, "sparse"),
+    ("SpringLabyrinth", "Hard", {"hard": True}, "harder"),
+    ("SpringDuel", "Strong", {"opponent": "strong"}, "harder"),
 )
+
+VARIANTS = tuple(
+    Variant(f"{name}{suffix}-v0", f"{name}-v0", arguments, tier, REASONS[name + suffix])
+    for name, suffix, arguments, tier in _CHANGED
+)
+
+ALL_IDS = (*(row.id for row in ENVIRONMENTS), *(variant.id for variant in VARIANTS))
 
 
 def find(env_id: str) -> tuple[Row, dict[str, Any]] | None:
@@ -224,7 +139,7 @@ def nearest_id(env_id: str) -> str | None:
 
 
 def spec_of(env_id: str) -> EnvSpec:
-    """Return what is registered under an id, after importing the module of an id ``module:ID``.
+    """Return the spec registered under an id, after importing the module of an id ``module:ID``.
 
     Raises
     ------
@@ -259,7 +174,7 @@ def register() -> None:
     for env_id in PARALLEL if hasattr(zoo, "parallel_registry") else ():
         if env_id not in zoo.parallel_registry:
             zoo.register("parallel", env_id, entry_point="springgym.envs.players:registered")
-    for env_id in (known.id for known in (*ENVIRONMENTS, *VARIANTS)):
+    for env_id in ALL_IDS:
         if env_id not in gym.registry and (found := find(env_id)):
             row, arguments = found
             gym.register(

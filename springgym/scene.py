@@ -13,18 +13,10 @@ from typing import Any, Self
 
 import numpy as np
 
-from springgym.bodies import Body, Round
+from springgym.bodies import Body
 from springgym.checks import TINY, array, chosen, flag, indices, instance, number, shown, whole, whole_array
-from springgym.collisions import (
-    Collisions,
-    Meetings,
-    Shape,
-    as_met,
-    check_apart,
-    meetings,
-    shape,
-)
-from springgym.collisions.meeting import ALL, Meeting, Named
+from springgym.collisions import Collisions, Meetings, Shape, as_met, check_apart, meetings, shape
+from springgym.collisions.meeting import ALL, BodyRef, Meeting
 from springgym.identity import digest
 from springgym.own_forces import checked_forces
 from springgym.records import ReadOnly, read_only
@@ -219,10 +211,6 @@ class Placed(ReadOnly):
         return f"{called}{self.body!r}{rest}"
 
 
-def _as_bytes(feature: Round) -> tuple[bytes, bytes, tuple[int, ...]]:
-    return feature.matrix.tobytes(), feature.centre.tobytes(), feature.particles
-
-
 def too_short(springs: np.ndarray, positions: np.ndarray) -> np.ndarray | None:
     """Return a mask (…, S) of springs too short to have a direction, or None if all are long enough.
 
@@ -371,7 +359,7 @@ class Scene(ReadOnly):
         for body in (placed.body for placed in self.bodies):
             if id(body) not in known:
                 given = tuple(np.asarray(getattr(body, name)).tobytes() for name in OF_A_BODY)
-                features = tuple(_as_bytes(feature) for feature in body.rounds)
+                features = tuple((f.matrix.tobytes(), f.centre.tobytes(), f.particles) for f in body.rounds)
                 key = (*given, body.radius, body.floppy, features)
                 known[id(body)] = kinds.setdefault(key, len(kinds))
         return tuple(known[id(placed.body)] for placed in self.bodies)
@@ -399,7 +387,7 @@ class Scene(ReadOnly):
     def meetings(self) -> Meetings:
         """Return the pairs of bodies that may meet, and how."""
         named = [
-            Named(
+            BodyRef(
                 placed.name,
                 self._different[kind],
                 bool(placed.free.any()),
@@ -598,7 +586,9 @@ class Scene(ReadOnly):
         doubtful = {0} if len(self.bodies) == 1 else set(self._held)
         short = None if len(self.bodies) == 1 else too_short(self.springs, positions)
         if short is not None:
-            doubtful |= set(self._springs_of[short.any(axis=tuple(range(positions.ndim - 2)))].tolist())
+            springs = np.flatnonzero(short.any(axis=tuple(range(positions.ndim - 2))))
+            ends = np.cumsum([len(placed.body.springs) for placed in self.bodies])
+            doubtful |= set(np.searchsorted(ends, springs, side="right").tolist())
         for n in sorted(doubtful):
             placed, own = self.bodies[n], self.slices[n]
             try:
@@ -633,11 +623,6 @@ class Scene(ReadOnly):
     def slices(self) -> tuple[slice, ...]:
         """Return for each body the slice of its particles."""
         return tuple(slice(first, last) for first, last in pairwise(self.starts.tolist()))
-
-    @cached_property
-    def _springs_of(self) -> np.ndarray:
-        """Return for each spring the index of its body, (S,)."""
-        return np.repeat(np.arange(len(self.bodies)), [len(placed.body.springs) for placed in self.bodies])
 
     @cached_property
     def _held(self) -> frozenset[int]:
@@ -740,7 +725,7 @@ class Scene(ReadOnly):
         return ", ".join(f"{met.first}–{met.second}" for met in self.meetings)
 
     def _kinds(self) -> str:
-        """Tell the bodies one by one or, if they are many, how many there are of each kind."""
+        """Return the reprs of the bodies or, if they are many, how many there are of each kind."""
         if len(self.bodies) <= MOST_TOLD:
             return " | ".join(map(repr, self.bodies))
         counts = Counter(repr(replace(placed, name=placed.body.name)) for placed in self.bodies)

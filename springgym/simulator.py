@@ -42,7 +42,7 @@ from springgym.core.blocks import (
 from springgym.core.compiling import SameTypes
 from springgym.core.kinds import Nested, Ragged
 from springgym.core.ragged import share, stacked
-from springgym.dynamics import DYNAMICS, Pace
+from springgym.dynamics import DYNAMICS, StepSettings
 from springgym.forces.ledger import ENTRIES
 from springgym.guard import Guard, guarded
 from springgym.identity import check_same, check_sealed, sealed
@@ -211,8 +211,10 @@ class Simulator:
             STRAIN_LIMIT if strain_limit is None else checks.number("strain_limit", strain_limit, low=TINY)
         )
         """share of its length beyond which a spring means that a copy has diverged"""
-        self._strained = self._strain_of_note(strain_limit is not None)
-        self._far = self._far_away()
+        shaped = not any(placed.body.floppy for placed in scene.bodies)
+        self._strained = STRAINED if shaped and strain_limit is None else math.inf
+        """strain from which to warn"""
+        self._far = self._far_for_dtype()
         self.time = np.zeros(self.copies)
         """[s], (copies,)"""
         self._x = self._blocks(particles, 3)
@@ -250,7 +252,7 @@ class Simulator:
         for array, start in ((self._x, scene.positions), (self._v, scene.velocities)):
             numbers(array)[:] = start[..., None]  # the padding of the last block, too
         self._settle(self._all)
-        self._meet(self._all)
+        self._find_touching(self._all)
 
     @classmethod
     def paper(cls, scene: Scene, **options: Any) -> Self:
@@ -344,9 +346,9 @@ class Simulator:
 
     @cached_property
     def _emptied(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Return what is zero where copies start, with a row of zeros: ledger, and what is left of steps."""
+        """Arrays that `place` sets to zero, each with a row of zeros: the ledger and the reset flags."""
         ledger = [] if self._ledger is None else [self._ledger]
-        emptied = map(flat_numbers, (*ledger, *packing.marks(self._terms)))
+        emptied = map(flat_numbers, (*ledger, *packing.reset_flags(self._terms)))
         return [(lanes, np.zeros((1, lanes.shape[1]))) for lanes in emptied]
 
     @cached_property
@@ -365,7 +367,7 @@ class Simulator:
         return (*self._twin, self._terms) if self._twin else self._terms
 
     def _actuated(self) -> dict[str, tuple[tuple[int, ...], np.ndarray]]:
-        """Return what `actuate` sets, by name: the shape of its values, and `flat_numbers` to write to."""
+        """Shapes of the values that `actuate` sets, by name, with the `flat_numbers` to write to."""
         several = len(self._packed) > 1
         return {
             f"{placed.name}.{name}" if several else name: (
@@ -440,7 +442,7 @@ class Simulator:
         if self._terms.collisions is not None:
             totals.empty_totals(self._terms.collisions, index)
             self.unresolved[index] = False
-        self._meet(index)
+        self._find_touching(index)
         self.time[index] = 0.0
         if read:
             self._read(index)
@@ -493,7 +495,7 @@ class Simulator:
             lanes = numbers(array)
             lanes[blocks] = np.where(placed[:, None, None], lanes[blocks], others)
 
-    def _meet(self, index: np.ndarray) -> None:
+    def _find_touching(self, index: np.ndarray) -> None:
         """Find which bodies of fresh copies touch, and the energy in the barriers between them."""
         if self._terms.collisions is not None:
             for first, last in self._block_ranges(index):
@@ -538,15 +540,15 @@ class Simulator:
             parts = [rows] * len(given) if shared else np.split(rows, ends[1:-1], axis=1)
             for own, shape, part in zip(given, shapes, parts, strict=True):
                 own[name] = part if shape or shared else part[:, 0]
-        pace = Pace(self.integrator, self.step, self.largest_step)
+        settings = StepSettings(self.integrator, self.step, self.largest_step)
         follows = [
-            self._kind.follow(packed, index, own, pace)
+            self._kind.follow(packed, index, own, settings)
             for packed, own in zip(self._packed, given, strict=True)
         ]
         for packed, own, of in zip(self._packed, given, follows, strict=True):
             packing.vary(packed, index, self.damping_every * self.step, own, of)
         packing.vary_pairs(self._terms.collisions, self.scene, index, given[0])
-        self._meet(index)
+        self._find_touching(index)
 
     @guarded
     def actuate(self, **values: Any) -> None:
@@ -680,7 +682,7 @@ class Simulator:
         """Compute the quantities that follow from a new state, but are not part of the state."""
         if self._terms.collisions is not None:
             totals.find_changing(self._terms.collisions)
-            self._tell_unresolved(self._terms.collisions, 0, len(self._x))
+            self._find_unresolved(self._terms.collisions, 0, len(self._x))
 
     @guarded
     def take_over(self, other: Simulator) -> None:
@@ -703,7 +705,7 @@ class Simulator:
         _set(own.values(), (theirs[name] for name in own))
         self._recall()
         packing.renew(self._terms, self._all)
-        self._meet(self._all)
+        self._find_touching(self._all)
 
     @cached_property
     def _changing(self) -> dict[str, np.ndarray]:
@@ -764,7 +766,7 @@ class Simulator:
             )
         if check.__class__ is not bool or read.__class__ is not bool:
             check, read = checks.flag("check", check), checks.flag("read", read)
-        self._share(steps, settles=True, reads=check or read, then=then)
+        self._run_threads(steps, settles=True, reads=check or read, then=then)
         if check:
             self._check()
 
@@ -783,18 +785,18 @@ class Simulator:
                 f"stability limit {self.largest_step:g} s"
             )
         if self._raises and self.unresolved.any():
-            raise UnresolvedContactError(self._what_is_unresolved(int(np.argmax(self.unresolved))))
+            raise UnresolvedContactError(self._unresolved_message(int(np.argmax(self.unresolved))))
         if (strain > self._strained).any():
             n = int(np.argmax(strain > self._strained))
             self._strained = math.inf
-            _tell(
+            _warn(
                 f"a spring of copy {n} is stretched or squeezed by {strain[n]:.2g} of its length at "
                 f"t = {self.time[n]:g} s, too much to keep the shape of its body; take stiffer springs, or "
                 "set strain_limit to the largest strain that you intend"
             )
         self._check_distance(self.readout.positions)
 
-    def _what_is_unresolved(self, copy: int) -> str:
+    def _unresolved_message(self, copy: int) -> str:
         """Return a message that names the bodies of a copy, how they met, and what would help."""
         collisions = self._terms.collisions
         assert collisions is not None
@@ -829,17 +831,12 @@ class Simulator:
             limit = self._far
             rounding = float(np.spacing(self.dtype.type(far)))
             self._far = math.inf
-            _tell(
+            _warn(
                 f"a particle is {far:.3g} m away from the origin, where positions in {self.dtype} are "
                 f"{rounding:.2g} m apart, and springs feel that; stay within {limit:.3g} m, or use float64"
             )
 
-    def _strain_of_note(self, meant: bool) -> float:
-        """Return the strain from which to warn; infinite for bodies that are meant to stretch, as ropes."""
-        shaped = not any(placed.body.floppy for placed in self.scene.bodies)
-        return STRAINED if shaped and not meant else math.inf
-
-    def _far_away(self) -> float:
+    def _far_for_dtype(self) -> float:
         """Return the distance from the origin [m] where rounding is `COARSE`; infinite for float64."""
         lengths = self.scene.of_bodies("lengths")
         if self._kind.rigid or not len(lengths) or self.dtype != np.float32:
@@ -866,10 +863,10 @@ class Simulator:
         collisions = self._terms.collisions
         if steps > 0 and collisions is not None:
             if reads:
-                self._count_shown(collisions, thread, first, last)
-            self._tell_unresolved(collisions, first, last)
+                self._count_overlaps(collisions, thread, first, last)
+            self._find_unresolved(collisions, first, last)
 
-    def _count_shown(self, collisions: Collisions, thread: int, first: int, last: int) -> None:
+    def _count_overlaps(self, collisions: Collisions, thread: int, first: int, last: int) -> None:
         """Count the pairs of bodies that are in each other where copies of blocks were read."""
         start = first * self.width
         copies = slice(start, min(last * self.width, self.copies))
@@ -879,7 +876,7 @@ class Simulator:
         if found:
             totals.count_shown(collisions, start, shown)
 
-    def _tell_unresolved(self, collisions: Collisions, first: int, last: int) -> None:
+    def _find_unresolved(self, collisions: Collisions, first: int, last: int) -> None:
         """Find in which copies of blocks what was counted is more than a step can resolve."""
         lanes, copies = numbers(collisions.totals)[first:last], slice(first * self.width, last * self.width)
         totals.tell_unresolved(lanes, collisions.pairs.reach, self.step, self.unresolved[copies])
@@ -941,7 +938,7 @@ class Simulator:
 
     @guarded
     def pairs(self, *, forget: bool = False) -> PairReadings:
-        """Return what happened between colliding bodies since the copies were placed or last forgotten.
+        """Return impulses, losses and counts of pairs of bodies since copies were placed or last forgotten.
 
         There is an entry for each pair, so 1000 bodies have half a million entries. `contacts` returns only
         those that touch.
@@ -960,7 +957,7 @@ class Simulator:
         found = totals.read_pairs(self._terms.collisions, self.copies)
         if forget and self._terms.collisions is not None:
             totals.forget_pairs(self._terms.collisions)
-            self._tell_unresolved(self._terms.collisions, 0, len(self._x))
+            self._find_unresolved(self._terms.collisions, 0, len(self._x))
         return found
 
     @guarded
@@ -1018,7 +1015,7 @@ class Simulator:
             If there are no such copies.
         """
         if copies is None:
-            self._share(0, settles=False, reads=True)
+            self._run_threads(0, settles=False, reads=True)
         else:
             self._read(self._index(copies))
 
@@ -1036,7 +1033,7 @@ class Simulator:
             ranges.append((first, block + 1))
         return ranges
 
-    def _share(
+    def _run_threads(
         self, steps: int, settles: bool, reads: bool, then: Callable[[int, int], None] | None = None
     ) -> None:
         """`_run` all blocks, on several threads where that pays; then what else is to be done with them."""
@@ -1070,7 +1067,7 @@ class Simulator:
         except BaseException:
             over.append(True)
             for lock in working:
-                _await(lock)
+                _wait_for(lock)
             raise
 
     def _calls(self, first: int, last: int, steps: int) -> Iterator[tuple[int, int, int, bool]]:
@@ -1156,7 +1153,7 @@ class Simulator:
         return every
 
 
-def _tell(what: str) -> None:
+def _warn(what: str) -> None:
     """Warn at the line that called the simulator."""
     level = 1
     while sys._getframe(level - 1).f_globals["__name__"] in (__name__, Guard.__module__):
@@ -1170,7 +1167,7 @@ def _pool(process: int, threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads, thread_name_prefix="springgym")
 
 
-def _await(lock: Lock) -> None:
+def _wait_for(lock: Lock) -> None:
     """Wait until a lock is free. Ignore Ctrl-C meanwhile: an earlier one is being handled already."""
     while True:
         try:

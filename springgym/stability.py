@@ -53,7 +53,8 @@ SWEEP, TURN = 0.8, 0.45
 def highest_frequency(scene: Scene) -> float:
     """Return ω_max = √λ_max(M⁻¹K) [rad/s] of the springs of all bodies, about the unstretched shape with
     pins."""
-    return max(map(_frequency, _different(scene)))
+    weighted = (_weighted(part, part.body.stiffness) for part in _different(scene))
+    return math.sqrt(max(0.0, *(float(np.linalg.eigvalsh(one)[-1]) for one in weighted)))
 
 
 def _different(scene: Scene) -> Collection[Scene]:
@@ -62,19 +63,11 @@ def _different(scene: Scene) -> Collection[Scene]:
     return {(kind, part.pinned): part for kind, part in each}.values()
 
 
-def _frequency(part: Scene) -> float:
-    return math.sqrt(max(0.0, float(np.linalg.eigvalsh(_weighted(part, part.body.stiffness))[-1])))
-
-
 def highest_decay_rate(scene: Scene) -> float:
     """Return λ_max(M⁻¹C) [1/s] of the dampers of all bodies, about the unstretched shape with pins."""
-    return max(map(_decay_rate, _different(scene)))
-
-
-def _decay_rate(part: Scene) -> float:
-    if not part.body.damping.any():
-        return 0.0
-    return float(np.linalg.eigvalsh(_weighted(part, part.body.damping))[-1])
+    damped = (part for part in _different(scene) if part.body.damping.any())
+    rates = (np.linalg.eigvalsh(_weighted(part, part.body.damping))[-1] for part in damped)
+    return max(map(float, rates), default=0.0)
 
 
 def _weighted(part: Scene, constants: np.ndarray) -> np.ndarray:

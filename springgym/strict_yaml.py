@@ -311,7 +311,7 @@ def fit(kind: object, tree: Tree, path: tuple[str, ...]) -> Any:
 
 
 def _holds(kind: object, value: object) -> bool:
-    """Tell whether a value is a mapping or a list, of the right length, as a kind is, whatever it holds."""
+    """Return whether a value is a mapping or list, of the right length, as a kind is, whatever it holds."""
     origin, arguments = get_origin(kind), get_args(kind)
     if isinstance(value, list):
         long = origin is not tuple or arguments[-1] is ... or len(value) == len(arguments)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import ctypes
 import enum
 import os
-import subprocess
 import sys
 import types
 from collections.abc import Callable, Iterator
@@ -21,7 +20,7 @@ from numba.extending import intrinsic
 
 from springgym.core import code_digest
 from springgym.core.code_digest import NotHashable, digest
-from springgym.core.compiling import compiled, kernel
+from springgym.core.compiling import compiled
 
 BASE = {
     "constants": "K = 1.0\n",
@@ -69,9 +68,8 @@ def load(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., types.Module
     return made
 
 
-@pytest.mark.parametrize(
-    ("module", "old", "new"),
-    [
+EDITS = {
+    True: [
         ("constants", "1.0", "1.5"),
         ("deep", "DEEP = 1", "DEEP = 2"),
         ("deep", "DEEP = 1", "DEEP = True"),
@@ -89,24 +87,24 @@ def load(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., types.Module
         ("main", "k * a\n", "k * a + 0 * k\n"),
         ("main", "    @compiled", "    from springgym.core.compiling import kernel\n    @kernel"),
     ],
-)
-def test_what_is_compiled_changes_the_digest(load: Any, module: str, old: str, new: str) -> None:
-    before = digest(load().function)
-    assert digest(load(module, old, new).function) != before
+    False: [
+        ("main", "UNUSED = 1", "UNUSED = 2\nMORE = object()"),
+        ("main", "What it does", "Another text"),
+        ("main", "# A remark.\n", "\n\n\n"),
+        ("main", "return inner", "return  inner"),
+    ],
+}
+"""Edits of `BASE`, by whether what is compiled is another function then."""
 
 
 @pytest.mark.parametrize(
-    ("old", "new"),
-    [
-        ("UNUSED = 1", "UNUSED = 2\nMORE = object()"),
-        ("What it does", "Another text"),
-        ("# A remark.\n", "\n\n\n"),
-        ("return inner", "return  inner"),
-    ],
+    ("anew", "module", "old", "new"), [(anew, *edit) for anew, edits in EDITS.items() for edit in edits]
 )
-def test_what_is_not_compiled_leaves_the_digest(load: Any, old: str, new: str) -> None:
+def test_the_digest_is_another_if_what_is_compiled_is(
+    load: Any, anew: bool, module: str, old: str, new: str
+) -> None:
     before = digest(load().function)
-    assert digest(load("main", old, new).function) == before
+    assert (digest(load(module, old, new).function) != before) == anew
 
 
 class Colour(enum.Enum):
@@ -302,59 +300,3 @@ def test_a_module_that_teaches_numba_counts_as_a_whole(
     with pytest.raises(NotHashable, match="no longer"):
         digest(bound(home.stub))
     code_digest._source.cache_clear()
-
-
-PULLS = """
-from springgym.core.compiling import compiled, kernel
-PULL = 10.0
-def make(k):
-    @compiled
-    def inner(a):
-        return k * a
-    @kernel
-    def outer(a):
-        return inner(a) + PULL
-    return outer
-"""
-
-
-@pytest.mark.slow
-def test_functions_of_one_factory_are_told_apart(tmp_path: Path) -> None:
-    """In one process and between two; with the constant of a module, which only the functions name."""
-    (tmp_path / "pulls.py").write_text(PULLS)
-    run = (
-        "import sys; sys.path.insert(0, {folder!r}); import pulls; pulls.PULL = {pull}\n"
-        "made = [pulls.make(k) for k in {ks}]\n"
-        "print([one(1.0) for one in made], [sum(one.stats.cache_hits.values()) for one in made])"
-    )
-
-    def printed(ks: tuple[int, ...], pull: float) -> str:
-        code = run.format(folder=str(tmp_path), ks=ks, pull=pull)
-        cache = {"SPRINGGYM_CACHE_DIR": str(tmp_path / "cache")}
-        made = subprocess.run(
-            [sys.executable, "-B", "-c", code], env={**os.environ, **cache}, capture_output=True, text=True
-        )
-        assert made.returncode == 0, made.stderr
-        return made.stdout.strip()
-
-    assert printed((1, 2), 10.0) == "[11.0, 12.0] [0, 0]"
-    assert printed((3, 1), 10.0) == "[13.0, 11.0] [0, 1]"
-    assert printed((3,), 20.0) == "[23.0] [0]"
-    assert len(list((tmp_path / "cache").iterdir())) == 4
-
-
-def test_a_changed_docstring_compiles_nothing_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nor does a comment, or a line more."""
-    monkeypatch.setenv("SPRINGGYM_CACHE_DIR", str(tmp_path))
-    texts = [
-        "def total(a):\n    'The sum.'\n    return a[0] + a[1]\n",
-        "\n\ndef total(a):\n    'The sum of both.'\n    # of both\n    return a[0] + a[1]\n",
-    ]
-    hits = []
-    for text in texts:
-        home: dict[str, Any] = {"__name__": __name__}
-        exec(text, home)
-        function = kernel(home["total"])
-        assert function(np.array([1.0, 2.0])) == 3.0
-        hits.append(sum(function.stats.cache_hits.values()))
-    assert hits == [0, 1]

@@ -12,7 +12,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from springgym.bodies import start, top
 from springgym.core.blocks import (
     aligned_zeros,
     ascending,
@@ -38,8 +37,6 @@ from springgym.core.lanes import (
     store,
     store_each,
 )
-from springgym.scene import Scene, WrenchActuator
-from springgym.simulator import Simulator
 from tests.params import slow_but
 
 pytestmark = pytest.mark.own_kernels
@@ -233,43 +230,3 @@ def test_numbers_beyond_a_bound_are_not_put() -> None:
 def test_ascending_indices() -> None:
     assert all(ascending(np.array(index, int), 5) for index in ([], [0], [4], [0, 1, 4]))
     assert not any(ascending(np.array(index), 5) for index in ([5], [-1], [0, 0], [1, 0], [0, 5], [-1, 2]))
-
-
-COPIES = 2 * 16 + 3
-TORQUE = np.linspace(-15, 15, 3 * COPIES).reshape(COPIES, 3)
-
-
-def simulate(which: range, dtype: Any, integrator: str, threads: int = 1) -> list[np.ndarray]:
-    """Positions, velocities and measures of some of `COPIES` tops that each start in their own way."""
-    body = top(damping=100.0)
-    tip = body.parts["tip"]
-    scene = Scene(body, pinned=tip, wrench=WrenchActuator(perpendicular=True))
-    simulator = Simulator(
-        scene, integrator=integrator, step=2e-4, copies=len(which), dtype=dtype, threads=threads
-    )
-    for row, n in enumerate(which):
-        state = start(body, tilt=0.1 + 0.01 * n, spin=20.0 + n, precession=0.1 * n, pinned=tip)
-        simulator.place(*state, np.array([row]))
-    simulator.actuate(torque=TORQUE[which.start : which.stop])
-    before = simulator.positions
-    simulator.advance(200)
-    assert np.abs(simulator.positions - before).max() > 0.1
-    return [simulator.positions, simulator.velocities, *simulator.measure()]
-
-
-@pytest.mark.parametrize(
-    ("integrator", "dtype"),
-    [
-        ("verlet", np.float64),
-        pytest.param("verlet", np.float32, marks=pytest.mark.slow),
-        *(pytest.param("rk4", dtype, marks=pytest.mark.slow) for dtype in DTYPES),
-    ],
-)
-def test_widths_and_threads_give_the_same_bits(integrator: str, dtype: Any) -> None:
-    """Copies alone, in one block, in several, on one thread and two: the same to the last bit."""
-    batch = simulate(range(COPIES), dtype, integrator)
-    for ours in zip(batch, simulate(range(COPIES), dtype, integrator, threads=2), strict=True):
-        np.testing.assert_array_equal(*ours)
-    for which in (range(5), range(11, 27), range(1), range(18, 19), range(34, 35)):
-        for all_copies, some in zip(batch, simulate(which, dtype, integrator), strict=True):
-            np.testing.assert_array_equal(all_copies[which.start : which.stop], some)

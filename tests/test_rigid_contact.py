@@ -14,6 +14,7 @@ from springgym.scene import Scene
 from springgym.simulator import Simulator
 from springgym.surfaces import Bowl, Contact, PaperContact, Pipe, Plane, floor, waves
 from springgym.theory import contact as theory
+from tests.copies import check_alone
 from tests.forces.test_contact import VARYING
 from tests.params import slow_but
 
@@ -277,21 +278,13 @@ def test_springs_that_bounce_with_friction_approach_their_twin() -> None:
 @pytest.mark.slow
 def test_every_copy_has_the_bits_of_a_single_one_through_bounces_and_rest() -> None:
     began = thrown(11, 4.0, 1.0, height=0.4)
-    batch = throw(began, contact(0.6, 0.5), 1e-3)
-    for _ in range(50):
-        batch.advance(10, check=False)
+
+    def make(copies: int) -> Simulator:
+        some = InitialState(*(array[:copies] for array in began))
+        return throw(some, contact(0.6, 0.5), 1e-3)
+
+    batch = check_alone(make, *began, [10] * 50, range(11), calls_alone=[10] * 50)
     assert (batch.measure().contact_loss > 0.1).all()
-    for copy in range(11):
-        single = throw(
-            InitialState(began.positions[copy : copy + 1], began.velocities[copy : copy + 1]),
-            contact(0.6, 0.5),
-            1e-3,
-        )
-        for _ in range(50):
-            single.advance(10, check=False)
-        np.testing.assert_array_equal(single.positions[0], batch.positions[copy])
-        np.testing.assert_array_equal(single.velocities[0], batch.velocities[copy])
-        np.testing.assert_array_equal(single.measure().balance[0], batch.measure().balance[copy])
 
 
 def test_methods_and_laws_without_meaning_are_refused_and_the_default_has_one() -> None:

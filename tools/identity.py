@@ -25,7 +25,7 @@ import gymnasium as gym
 import numpy as np
 
 from springgym import integrators, rigid, scenes
-from springgym.registration import ENVIRONMENTS, VARIANTS
+from springgym.registration import ALL_IDS
 from springgym.simulator import Simulator
 
 Results = dict[str, str]
@@ -102,10 +102,10 @@ def scene(name: str, **options: Any) -> Results:
 
 
 def cases() -> Iterator[tuple[str, Callable[[], Results]]]:
-    for row in (*ENVIRONMENTS, *VARIANTS):
-        yield f"environment {row.id} single", partial(environment, row.id, None)
+    for env_id in ALL_IDS:
+        yield f"environment {env_id} single", partial(environment, env_id, None)
         for kind, options in OPTIONS.items():
-            yield f"environment {row.id} {kind}", partial(environment, row.id, COPIES, **options)
+            yield f"environment {env_id} {kind}", partial(environment, env_id, COPIES, **options)
     for name in scenes.names():
         yield f"scene {name} single", partial(scene, name)
         for dtype in ("float64", "float32"):

@@ -45,14 +45,14 @@ assert not os.path.exists(os.environ["SPRINGGYM_CACHE_DIR"]), "something was com
 EVERY = """
 import math, time
 import gymnasium, springgym
-from springgym.registration import ENVIRONMENTS, VARIANTS
-for row in (*ENVIRONMENTS, *VARIANTS):
+from springgym.registration import ALL_IDS
+for env_id in ALL_IDS:
     begun = time.perf_counter()
-    env = gymnasium.make(row.id)
+    env = gymnasium.make(env_id)
     env.reset(seed=0)
     observation, reward, *_ = env.step(env.action_space.sample())
-    assert math.isfinite(reward) and observation in env.observation_space, row.id
-    print(f"{row.id:26} {time.perf_counter() - begun:6.1f} s, reward {reward:.3f}", flush=True)
+    assert math.isfinite(reward) and observation in env.observation_space, env_id
+    print(f"{env_id:26} {time.perf_counter() - begun:6.1f} s, reward {reward:.3f}", flush=True)
 """
 TESTS = (
     "tests/test_project.py",

@@ -278,16 +278,12 @@ def convex_hull(points: np.ndarray) -> np.ndarray:
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         height = ((r[p] - corners[:, 0]) * normal).sum(axis=1) / np.linalg.norm(normal, axis=1)
         seen = {face for face, h in zip(faces, height, strict=True) if h > tiny}
-        edges = {(face[n], face[(n + 1) % 3]) for face in seen for n in range(3)}
-        rim = [(a, b) for face in faces if face in seen for a, b in _edges(face) if (b, a) not in edges]
+        edges = dict.fromkeys((f[n], f[(n + 1) % 3]) for f in faces if f in seen for n in range(3))
+        rim = [(a, b) for a, b in edges if (b, a) not in edges]
         faces = [face for face in faces if face not in seen] + [(a, b, int(p)) for a, b in rim]
         if len(faces) > 2 * MOST_VERTICES:  # a hull of V corners has 2 V − 4
             raise ValueError(f"the hull of the points has more than {MOST_VERTICES} corners")
     return np.array(faces)
-
-
-def _edges(face: tuple[int, ...]) -> list[tuple[int, int]]:
-    return [(face[n], face[(n + 1) % 3]) for n in range(3)]
 
 
 def _spanning(r: np.ndarray, order: np.ndarray, tiny: float) -> tuple[int, ...]:

@@ -16,7 +16,7 @@ def rotation(axis: ArrayLike, angle: float) -> np.ndarray:
 
 
 def turned(axis: np.ndarray, angle: float) -> np.ndarray:
-    """Do the same as `rotation` for a unit vector, which is not checked."""
+    """Return the matrix (3, 3) of `rotation` for a unit vector, which is not checked."""
     u = skew(axis)
     return np.eye(3) + np.sin(angle) * u + (1 - np.cos(angle)) * u @ u
 

@@ -482,7 +482,7 @@ def _tensor(material: Material) -> Tensor:
 
 
 def _is_isotropic(tensor: Tensor) -> bool:
-    """Tell whether an elasticity tensor is the same along all axes: no grain."""
+    """Return whether an elasticity tensor is the same along all axes: no grain."""
     c = np.reshape(tensor, (3, 3, 3, 3))
     return bool(np.isclose(c[0, 0, 0, 0], c[2, 2, 2, 2]) and np.isclose(c[0, 0, 0, 0], c[1, 1, 1, 1]))
 

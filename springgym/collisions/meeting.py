@@ -100,11 +100,11 @@ class Meetings(ReadOnly):
         return (self[pair] for pair in range(len(self)))
 
     def of_contacts(self, name: str) -> np.ndarray:
-        """Return what a field of its `Contact` says for each pair, (pairs,)."""
+        """Value of a field of its `Contact` for each pair, (pairs,)."""
         return np.array([getattr(contact, name) for contact in self.contacts])[self.how]
 
     def by(self, contact: Any) -> np.ndarray:
-        """Tell which pairs meet by this very contact, (pairs,)."""
+        """Mask (pairs,) of the pairs that collide by this very contact."""
         return np.array([own is contact for own in self.contacts], bool)[self.how]
 
     def numbers(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
@@ -117,7 +117,7 @@ class Meetings(ReadOnly):
         return np.where((ordered[found] == asked) & (second < most), found, -1)
 
 
-class Named(NamedTuple):
+class BodyRef(NamedTuple):
     """A body of a scene, as far as collisions know of it."""
 
     name: str
@@ -128,7 +128,7 @@ class Named(NamedTuple):
     """whether some of them are pinned, and others not"""
 
 
-def meetings(collisions: Collisions, contact: Contact | PaperContact, bodies: Sequence[Named]) -> Meetings:
+def meetings(collisions: Collisions, contact: Contact | PaperContact, bodies: Sequence[BodyRef]) -> Meetings:
     """Find the pairs that follow from what a scene says of collisions.
 
     Raises
@@ -164,7 +164,7 @@ def meetings(collisions: Collisions, contact: Contact | PaperContact, bodies: Se
     return _meetings(first, second, ways, how, bodies)
 
 
-def _numbered(pairs: Sequence[Any], bodies: Sequence[Named]) -> list[tuple[int, int]]:
+def _numbered(pairs: Sequence[Any], bodies: Sequence[BodyRef]) -> list[tuple[int, int]]:
     """Return the numbers of each pair's bodies, ascending."""
     numbers = {named.name: n for n, named in enumerate(bodies)}
     found: dict[tuple[int, int], None] = {}
@@ -188,7 +188,7 @@ def _numbered(pairs: Sequence[Any], bodies: Sequence[Named]) -> list[tuple[int, 
 
 
 def _meetings(
-    first: np.ndarray, second: np.ndarray, ways: Sequence[Any], how: np.ndarray, bodies: Sequence[Named]
+    first: np.ndarray, second: np.ndarray, ways: Sequence[Any], how: np.ndarray, bodies: Sequence[BodyRef]
 ) -> Meetings:
     """Find c and Δ of each pair, and refuse bodies that are not fit to meet."""
     used = np.unique(how)
@@ -205,7 +205,7 @@ def _meetings(
     how = np.searchsorted(used, how)
 
     def given(name: str) -> np.ndarray:
-        """Return what contacts say for each pair, not a number where they say nothing."""
+        """Value of a contact's field for each pair; not a number where it is None."""
         return np.array([getattr(contact, name) for contact in contacts], float)[how]
 
     def of_both(values: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
@@ -221,7 +221,8 @@ def _meetings(
         if most > 0:
             check_shape(named.name, named.body, most, named.held)
     kept = [shape(of.body).turns or not of.moves for of in bodies]  # in shape: contacts do not strain these
-    stiff = [np.inf if rigid else _stiffness(of.body) for of, rigid in zip(bodies, kept, strict=True)]
+    each = zip(bodies, kept, strict=True)
+    stiff = [np.inf if rigid else float(of.body.stiffness.max(initial=0.0)) or np.inf for of, rigid in each]
     softer = np.minimum(*of_both(stiff))
     inverse = np.add(*of_both([1 / of.body.mass if of.moves else 0.0 for of in bodies]))
     strength = given("strength")
@@ -240,7 +241,9 @@ def _meetings(
     return Meetings(first, second, contacts, how, strength, reach)
 
 
-def _check_resisted(contact: Contact, first: np.ndarray, second: np.ndarray, bodies: Sequence[Named]) -> None:
+def _check_resisted(
+    contact: Contact, first: np.ndarray, second: np.ndarray, bodies: Sequence[BodyRef]
+) -> None:
     """Refuse a contact that would resist the turning of bodies which cannot be turned by a couple."""
     reasons = [_not_turned(named) for named in bodies]
     skin = np.array([shape(named.body).skin for named in bodies], bool)
@@ -257,7 +260,7 @@ def _check_resisted(contact: Contact, first: np.ndarray, second: np.ndarray, bod
         )
 
 
-def _not_turned(named: Named) -> str:
+def _not_turned(named: BodyRef) -> str:
     """Return the reason why a couple cannot turn a body; an empty string if it can."""
     if named.body.floppy:
         return f"{named.name!r} is floppy, and a couple cannot turn it"
@@ -268,10 +271,5 @@ def _not_turned(named: Named) -> str:
     return ""
 
 
-def _stiffness(body: Body) -> float:
-    """Return the largest stiffness of a body's springs [N/m], infinite without any."""
-    return float(body.stiffness.max(initial=0.0)) or np.inf
-
-
-def _called(first: Any, second: Any, bodies: Sequence[Named]) -> str:
+def _called(first: Any, second: Any, bodies: Sequence[BodyRef]) -> str:
     return f"bodies {bodies[first].name!r} and {bodies[second].name!r}"

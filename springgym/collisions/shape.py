@@ -80,13 +80,13 @@ def _ends_of_capsule(body: Body) -> np.ndarray:
 
 
 def _is_ball(feature: Round) -> bool:
-    """Tell whether a feature is a sphere."""
+    """Return whether a feature is a sphere."""
     square = feature.matrix[0, 0]
     return bool(np.abs(feature.matrix - square * np.eye(3)).max() <= ABOUT * square)
 
 
 def _carried(feature: Round, body: Body) -> bool:
-    """Tell whether all particles of a body carry a feature."""
+    """Return whether all particles of a body carry a feature."""
     return len(feature.carriers(len(body.masses))) == len(body.masses)
 
 

@@ -140,7 +140,7 @@ def _level(asked: str, has: Mapping[str, bool]) -> str | None:
 
 
 def features() -> Mapping[str, bool]:
-    """Return what this processor has, by LLVM's names."""
+    """Return the features of this processor, by LLVM's names."""
     try:
         return dict(binding.get_host_cpu_features())
     except RuntimeError:  # LLVM does not know, on some processors other than x86-64
@@ -718,7 +718,7 @@ class DigestKeyedCache:
         return None
 
     def _read(self, path: Path, sig: Asked, target_context: CPUContext) -> CompileResult | None:
-        """Return what an entry holds; None if there is none, or if anything is wrong with it."""
+        """Return the content of an entry; None if there is none, or if anything is wrong with it."""
         try:
             content = path.read_bytes()
             payload = content[DIGEST:]
@@ -731,7 +731,7 @@ class DigestKeyedCache:
             return None
 
     def save_overload(self, sig: Asked, data: CompileResult) -> None:
-        """Keep a compiled function."""
+        """Save a compiled function."""
         try:
             folder, code = cache_directory(), self._digest(sig)
             if folder is None or code is None:

@@ -103,7 +103,7 @@ def _common(arguments: tuple[types.Type, ...]):
 
 
 def _define(function, emit, *, compares: bool = False) -> None:
-    """Let ``function`` (an operator) act on lanes and numbers through ``emit(builder, left, right)``."""
+    """Overload ``function`` (an operator) for lanes and numbers by ``emit(builder, left, right)``."""
 
     @infer_global(function)
     class _Template(AbstractTemplate):

@@ -205,7 +205,6 @@ class SpringBalance(Task):
 class BalanceOptions(EnvOptions, total=False):
     """`SpringBalanceEnv` takes these options, see there."""
 
-    observation: Observation
     action: Literal["torque"]
     restitution: float
     hard: bool

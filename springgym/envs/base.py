@@ -20,7 +20,7 @@ from gymnasium.wrappers import TimeLimit
 from numpy.typing import ArrayLike, DTypeLike
 
 from springgym.checks import chosen, indices, shown, whole
-from springgym.envs.episodes import NOT_BEGUN, Begun, Episodes
+from springgym.envs.episodes import NOT_BEGUN, Episodes, StartedEpisodes
 from springgym.envs.options import arguments, refuse_unknown
 from springgym.envs.task import Task
 from springgym.envs.tolerance import SAFETY, Choice, chosen_for
@@ -34,7 +34,7 @@ class Stateful:
 
     @property
     def _unready(self) -> str:
-        """Tell why there is nothing to step: no episode has begun, or a call broke off; empty if there is."""
+        """Reason why it cannot be stepped: no episode has begun, or a call broke off; empty if it can."""
         raise NotImplementedError
 
     def get_state(self) -> dict[str, Any]:
@@ -47,7 +47,7 @@ class Stateful:
 
 
 class _Common(Stateful):
-    """Share what the single and the batch environment have in common. One thread at a time, see `Guard`."""
+    """What the single and the batch environment have in common. One thread at a time, see `Guard`."""
 
     _guard: Guard
     task_type: ClassVar[type[Task]]
@@ -173,7 +173,7 @@ class _Common(Stateful):
 
 
 class _OneCopy(_Common):
-    """Share what environments of one copy have in common: how they draw it, and what their state holds."""
+    """What environments of one copy have in common: how they draw it, and what their state holds."""
 
     render_mode: str | None
     _canvas: Renderer | None
@@ -186,14 +186,14 @@ class _OneCopy(_Common):
         return self._picture(self._canvas, 0)
 
     def _draw_start(self) -> None:
-        """Show the start of an episode, to whoever looks."""
+        """Restart the picture with an episode, and draw it if the mode is "human"."""
         if self._canvas is not None:
             self._restart(self._canvas, 0)
         if self.render_mode == "human":
             self._draw()
 
     def _draw_step(self) -> None:
-        """Show the end of a control period, to whoever looks."""
+        """Add the state to the picture after a control period, and draw it if the mode is "human"."""
         if self._canvas is not None:
             self._canvas.follow(self.episodes.particles[0][0])
         if self.render_mode == "human":
@@ -321,10 +321,10 @@ class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
         return seen, result.reward.item(), result.terminated.item(), result.truncated.item(), info
 
     def _seen(self, seen: np.ndarray) -> Any:
-        return _of_copy(self.episodes.shown(seen), 0)
+        return _of_copy(self.episodes.to_user_observation(seen), 0)
 
     def _info(self) -> dict[str, Any]:
-        return _plain(self.episodes.told())
+        return _plain(self.episodes.info_arrays())
 
     @guarded
     def render(self) -> np.ndarray | None:
@@ -447,8 +447,8 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         self._ended[mask] = False
         self._show_new(started)
         infos: dict[str, Any] = {}
-        _add(infos, self.episodes.told(), mask)
-        seen = self.episodes.shown(self.episodes.observe())
+        _add(infos, self.episodes.info_arrays(), mask)
+        seen = self.episodes.to_user_observation(self.episodes.observe())
         self.episodes.unready = ""
         return seen, infos
 
@@ -474,22 +474,22 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         self._ended = terminated | truncated
         if mode is AutoresetMode.SAME_STEP and np.count_nonzero(self._ended):
             fresh = self._ended
-            final = episodes.shown(episodes.observe(seen))
+            final = episodes.to_user_observation(episodes.observe(seen))
             infos["final_obs"] = np.full(self.num_envs, None, dtype=object)
             for n in np.flatnonzero(fresh):
                 infos["final_obs"][n] = deepcopy(_of_copy(final, n))
             infos["_final_obs"] = fresh.copy()
             infos["final_info"] = {}
-            _add(infos["final_info"], self.episodes.told(), fresh)
+            _add(infos["final_info"], self.episodes.info_arrays(), fresh)
             infos["_final_info"] = fresh.copy()
             begun = self._begin(fresh)
             self._ended = np.zeros(self.num_envs, bool)
-        _add(infos, self.episodes.told(), np.ones(self.num_envs, bool))
-        seen = episodes.shown(episodes.observe(seen, begun))
+        _add(infos, self.episodes.info_arrays(), np.ones(self.num_envs, bool))
+        seen = episodes.to_user_observation(episodes.observe(seen, begun))
         episodes.unready = ""
         return seen, reward, terminated, truncated, infos
 
-    def _begin(self, fresh: np.ndarray) -> Begun:
+    def _begin(self, fresh: np.ndarray) -> StartedEpisodes:
         """Start new episodes in some copies (num_envs,) of bool."""
         copies = fresh.nonzero()[0]
         begun = self.episodes.begin(copies, [self._generators[n] for n in copies], None)
@@ -511,7 +511,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         return [_seed(f"seed[{n}]", given) for n, given in enumerate(seed)]
 
     def _mask(self, options: Mapping[str, Any] | None) -> tuple[np.ndarray, Mapping[str, Any] | None]:
-        """Return which copies are reset, and the other options."""
+        """Return a mask of the copies to reset, and the other options."""
         if not isinstance(options, Mapping) or "reset_mask" not in options:
             return np.ones(self.num_envs, bool), options
         mask = options["reset_mask"]
@@ -782,7 +782,7 @@ def _seed(name: str, seed: object) -> int | None:
 
 
 def _of_copy(seen: Any, copy: Any) -> Any:
-    """Return what one copy observes, of what all observe."""
+    """Return the observation of one copy, from those of all copies."""
     return {name: own[copy] for name, own in seen.items()} if isinstance(seen, dict) else seen[copy]
 
 

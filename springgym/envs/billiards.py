@@ -214,7 +214,6 @@ class SpringBilliards(Task):
 class BilliardsOptions(EnvOptions, total=False):
     """`SpringBilliardsEnv` takes these options, see there."""
 
-    observation: Observation
     action: Literal["stroke"]
 
 

@@ -183,7 +183,6 @@ class SpringDetumble(Task):
 class DetumbleOptions(EnvOptions, total=False):
     """`SpringDetumbleEnv` takes these options, see there."""
 
-    observation: Observation
     action: Literal["torque", "thrusters"]
     start: Literal["tumbling", "flat"]
     momentum: bool

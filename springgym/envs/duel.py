@@ -344,7 +344,6 @@ class SpringDuel(Task):
 class DuelOptions(EnvOptions, total=False):
     """`SpringDuelEnv` takes these options, see there."""
 
-    observation: Observation
     action: Literal["push"]
     opponent: Literal["still", "guard", "script", "strong"] | Opponent
 

@@ -54,7 +54,7 @@ class Step(NamedTuple):
     truncated: np.ndarray
 
 
-class Begun(NamedTuple):
+class StartedEpisodes(NamedTuple):
     """Copies whose episodes have begun and must be observed."""
 
     copies: np.ndarray
@@ -91,7 +91,7 @@ CLEARED = ("elapsed", "time", "held", "action", "out", "diverged")
 """Arrays of `STATE` that are 0 where an episode begins."""
 
 
-class Sought(dict[str, Any]):
+class OptionsProbe(dict[str, Any]):
     """Empty reset options that record which names a task looks for in them."""
 
     def __init__(self) -> None:
@@ -149,7 +149,7 @@ class Episodes:
             "threads": threads,
             "varying": randomisation.varying(self.ranges, scene),
         }
-        step, every = self._pace(scene, kind, integrator, step, wanted_step, damping_every)
+        step, every = self._step_settings(scene, kind, integrator, step, wanted_step, damping_every)
         self.simulator = Simulator(scene, step=step, damping_every=every, **made)
         self.error = StepError(self.simulator, **made) if checks.flag("error", error) else None
         self.steps = steps_in(task.period, self.simulator.step)
@@ -198,7 +198,7 @@ class Episodes:
         """what a state belongs to, beside what the simulator was made of"""
         self._use_kernels()
 
-    def _pace(
+    def _step_settings(
         self,
         scene: Scene,
         kind: Dynamics,
@@ -291,7 +291,7 @@ class Episodes:
 
     def begin(
         self, copies: np.ndarray, generators: Sequence[Generator], options: Mapping[str, Any] | None
-    ) -> Begun:
+    ) -> StartedEpisodes:
         """Start new episodes in some copies (k,), each drawing from its own generator.
 
         If this raises an error, nothing changes, not even the generators. Otherwise the copies are `unready`
@@ -311,18 +311,20 @@ class Episodes:
                 rng.bit_generator.state = state
             raise
 
-    def _begin(self, copies: np.ndarray, generators: Sequence[Generator], options: dict[str, Any]) -> Begun:
+    def _begin(
+        self, copies: np.ndarray, generators: Sequence[Generator], options: dict[str, Any]
+    ) -> StartedEpisodes:
         left = [dict(options) for _ in generators]
         drawn = [
             randomisation.drawn(self.ranges, rng, own) for rng, own in zip(generators, left, strict=True)
         ]
         positions, velocities, goals = self.task.draw_starts(generators, left, drawn)
         for own in filter(None, left):
-            name, sought = next(iter(own)), Sought()
-            randomisation.drawn(self.ranges, generators[0], sought)
-            self.task.draw_starts(generators[:1], [sought], drawn[:1])
+            name, probe = next(iter(own)), OptionsProbe()
+            randomisation.drawn(self.ranges, generators[0], probe)
+            self.task.draw_starts(generators[:1], [probe], drawn[:1])
             raise ValueError(
-                f"{type(self.task).__name__} has no reset option {name!r}{suggestion(name, sought.names)}"
+                f"{type(self.task).__name__} has no reset option {name!r}{suggestion(name, probe.names)}"
             )
         self._check_strain(positions, drawn)
         before = [self._drawn(copy) for copy in copies] if self.ranges else []
@@ -337,7 +339,7 @@ class Episodes:
         if self.error is not None:
             self.error.last[copies] = 0.0
         goal = np.array(goals, float).reshape(len(copies), self.goal.shape[1])
-        self._clear(copies, goal)
+        self._reset_rows(copies, goal)
         parts = self._parts_with(copies)
         if self._remember is not None:
             memory = self.memory.copy()
@@ -350,9 +352,9 @@ class Episodes:
                 self._evaluate(*part[:2], self._named(fresh[part.copies]))
             metrics = slice(len(self.task.terms), len(self.task.reported))  # nothing has been earned yet
             self.out[copies, metrics] = fresh[copies, metrics]
-        return Begun(copies, parts)
+        return StartedEpisodes(copies, parts)
 
-    def _clear(self, copies: np.ndarray, goal: np.ndarray) -> None:
+    def _reset_rows(self, copies: np.ndarray, goal: np.ndarray) -> None:
         """Reset the arrays of some copies (k,), whose episodes begin with goals (k, G)."""
         for name in CLEARED:
             getattr(self, name)[copies] = 0
@@ -398,7 +400,7 @@ class Episodes:
         if self.error is not None:
             self.error.finer.take_over(simulator)
         result = Step(np.empty(copies), np.empty(copies, bool), np.empty(copies, bool))
-        seen = self._room(copies) if self._sees_parts else None
+        seen = self._empty_observations(copies) if self._sees_parts else None
 
         def judge(first: int, last: int) -> None:
             self._judge(first, last, result, seen)
@@ -413,9 +415,9 @@ class Episodes:
         return result, seen
 
     def driven_by(self, actions: np.ndarray) -> dict[str, np.ndarray]:
-        """Return what the actuators do in the next control period, by actions (n, A) in [−1, 1] and others'.
+        """Return actuator values by name for the next control period, from actions (n, A) in [−1, 1].
 
-        The actions are scaled by `strength` already. Those of others are scaled here.
+        The actions are scaled by `strength` already. Those of opponents are added, and scaled here.
         """
         acting = self.task.actuate(actions)
         for name, values in self.task.respond(*self._whole[:2]).items():
@@ -441,9 +443,9 @@ class Episodes:
         if self._remember is not None:
             self._remember(*own[:2], self.memory[share])
         if seen is not None:
-            self._look(own, seen)
+            self._write_observations(own, seen)
 
-    def observe(self, seen: np.ndarray | None = None, begun: Begun | None = None) -> np.ndarray:
+    def observe(self, seen: np.ndarray | None = None, begun: StartedEpisodes | None = None) -> np.ndarray:
         """Return the observations of all copies, (n, D), float32.
 
         Parameters
@@ -455,25 +457,25 @@ class Episodes:
             The copies that `begin` returned.
         """
         if seen is None:
-            seen = self._room(self.copies)
-            self._look(self._whole, seen)
+            seen = self._empty_observations(self.copies)
+            self._write_observations(self._whole, seen)
         elif begun is not None:
-            room = self._room(self.copies)
+            room = self._empty_observations(self.copies)
             for part in begun.parts:
-                self._look(part, room[part.copies])
+                self._write_observations(part, room[part.copies])
             seen[begun.copies] = room[begun.copies]
         return seen
 
-    def told(self) -> dict[str, Any]:
-        """Return arrays (n,) of what ``info`` reports, by name; the next step overwrites them."""
+    def info_arrays(self) -> dict[str, Any]:
+        """Return ``info`` as arrays (n,) by name, views that the next step overwrites."""
         np.greater_equal(self.held, self.task.hold, out=self._succeeded)
         np.subtract(self.measures.balance, self.balance, out=self._drift)
         if self.task.scene.meetings:
-            self._told.update(zip(OF_PAIRS, self.simulator.pair_sums(), strict=True))
-        return self._told
+            self._info.update(zip(OF_PAIRS, self.simulator.pair_sums(), strict=True))
+        return self._info
 
-    def _views_told(self) -> dict[str, Any]:
-        """Return the arrays of `told`, as views but for those of pairs."""
+    def _info_views(self) -> dict[str, Any]:
+        """Return the arrays of `info_arrays`, as views but for those of pairs."""
         views: dict[str, Any] = {"is_success": self._succeeded} if self.task.has_aim else {}
         views |= {
             "diverged": self.diverged,
@@ -497,8 +499,8 @@ class Episodes:
         box = spaces.Box(-observation.BOUND, observation.BOUND, (self._seen_size,), np.float32)
         return box if self.goals is None else self.goals.space(box)
 
-    def shown(self, seen: np.ndarray) -> Any:
-        """Return what `observe` returned, with goals beside it if they are told apart, as users see it."""
+    def to_user_observation(self, seen: np.ndarray) -> Any:
+        """Return the observation; for a goal environment, with the achieved and the desired goal."""
         if self.goals is None:
             return seen
         achieved, desired = self._achieved(self._whole)
@@ -507,18 +509,18 @@ class Episodes:
         return {"observation": seen, "achieved_goal": achieved, "desired_goal": desired}
 
     def _achieved(self, own: Part) -> tuple[np.ndarray, np.ndarray]:
-        """Return what some copies have achieved and what is desired, (n, K) each."""
+        """Achieved and desired goals of some copies, (n, K) each."""
         assert self.goals is not None
         assert self._achieve is not None
         achieved, desired = np.empty((2, len(own.out), self.goals.size))
         self._achieve(*own[:2], achieved, desired)
         return achieved, desired
 
-    def _room(self, copies: int) -> np.ndarray:
+    def _empty_observations(self, copies: int) -> np.ndarray:
         return np.empty((copies, self._seen_size), np.float32)
 
-    def _look(self, own: Part, seen: np.ndarray) -> None:
-        """Write what some copies observe to ``seen``."""
+    def _write_observations(self, own: Part, seen: np.ndarray) -> None:
+        """Write the observations of some copies to ``seen``."""
         if self._bound is None:
             self._observe(own.rows, own.situation, self._columns, own.diverged, seen)
         else:
@@ -558,7 +560,7 @@ class Episodes:
         return self._parts[first, last]
 
     def _seen_in(self, copies: slice) -> tuple[Measures, Situation]:
-        """Collect what functions see of some copies."""
+        """Return the arguments of a task's functions for some copies."""
         rows, x, v, bodies = (values[copies] for values in self.simulator.readout)
         m = measures.view(bodies if self._apart else rows)
         action, goal, time, memory = (
@@ -591,7 +593,7 @@ class Episodes:
         return {name: np.stack([own[name] for own in each]) for name in each[0]}
 
     def _note(self, copies: np.ndarray, drawn: Sequence[Mapping[str, float]]) -> None:
-        """Keep the factors of some copies (k,)."""
+        """Store the factors of some copies (k,)."""
         self.factors[copies] = [[factors[name] for name in self.ranges] for factors in drawn]
         self.strength[copies] = [[factors["actuator"]] for factors in drawn]
 
@@ -655,7 +657,7 @@ class Episodes:
 
     def _use_kernels(self) -> None:
         self.measures = measures.view(self.simulator.readout.rows)
-        self._told = self._views_told()
+        self._info = self._info_views()
         self._parts: dict[tuple[int, int], Part] = {}
         self._whole = self._part(0, self.copies)
         compact = self.task.observation != "particles"
@@ -663,10 +665,10 @@ class Episodes:
         self._sees_parts = self._trusts and is_jitted(observe)
         width = self.simulator.width
         self._judges_parts = self._sees_parts and self.copies % width != 1  # see `_seen_alone`
-        self._take = SameTypes(take)
-        self._tick = SameTypes(tick)
+        self._take = SameTypes(clip_and_scale)
+        self._tick = SameTypes(advance_clocks)
         self._evaluate = SameTypes(self.task.evaluate)
-        self._finish = SameTypes(finish)
+        self._finish = SameTypes(finish_step)
         self._observe = SameTypes(observe)
         self._move = None if self.task.move is None else SameTypes(self.task.move)
         self._achieve = (
@@ -679,7 +681,7 @@ class Episodes:
         return {
             name: value
             for name, value in vars(self).items()
-            if name not in ("measures", "_told", "_parts", "_whole") and not isinstance(value, SameTypes)
+            if name not in ("measures", "_info", "_parts", "_whole") and not isinstance(value, SameTypes)
         }  # views do not survive being copied
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -701,7 +703,8 @@ class Episodes:
         """Return the marks of a picture of one copy: its step, whether it succeeds now, and the task's."""
         marks = self.task.marks(*self.seen_of(copy))
         step = f"step {round(self.time[copy] / self.task.period)}"
-        success = ("success",) if self.told()["is_success"][copy] else ()
+        self.info_arrays()
+        success = ("success",) if self._succeeded[copy] else ()
         return replace(marks, text=(step, *success, *marks.text))
 
     @property
@@ -722,7 +725,7 @@ def _locked(array: np.ndarray) -> np.ndarray:
 
 
 def _fastest(scene: Scene, kind: Dynamics) -> str:
-    """Say in words what asks for the shortest steps."""
+    """Return in words what limits the step most."""
     if kind.rigid:
         return "it starts to turn too fast"
     found = []
@@ -771,7 +774,7 @@ def _checked_limit(steps: int | None) -> int:
 
 
 @kernel
-def take(given: np.ndarray, strength: np.ndarray, action: np.ndarray, driven: np.ndarray) -> bool:
+def clip_and_scale(given: np.ndarray, strength: np.ndarray, action: np.ndarray, driven: np.ndarray) -> bool:
     """Clip and scale the given actions. Return False, and change nothing, if one is not finite."""
     for c in range(given.shape[0]):
         for n in range(given.shape[1]):
@@ -785,14 +788,14 @@ def take(given: np.ndarray, strength: np.ndarray, action: np.ndarray, driven: np
 
 
 @kernel
-def tick(time: np.ndarray, period: float) -> None:
+def advance_clocks(time: np.ndarray, period: float) -> None:
     """Advance the clocks by a control period; times stay whole multiples of it."""
     for c in range(time.size):
         time[c] = period * (math.floor(time[c] / period + 0.5) + 1.0)
 
 
 @kernel
-def finish(
+def finish_step(
     rows: np.ndarray,
     out: np.ndarray,
     terms: int,

@@ -155,21 +155,17 @@ class SpringFreeTop(Task):
             away = number(own, "error", self.farthest * math.sqrt(share), 0.0, ARENA)
             height = self._height(varied)
             poses.append((azimuth, tilt, spin))
-            feet.append(self._foot(away, bearing, height))
             heights.append(height)
+            if self.surface == "bowl":
+                away, height = above_bowl(BOWL, away, height)
+            feet.append((away * math.cos(bearing), away * math.sin(bearing), height))
         arms, velocities = standing(self._shape, self._tip, np.array(poses), factors)
         positions = np.array(feet)[:, None] + arms
         positions[:, :, 2] += self._lift(positions, np.array(heights)[:, None])
         return Start(positions, velocities)
 
-    def _foot(self, away: float, bearing: float, height: float) -> tuple[float, float, float]:
-        """Find where a tip stands that is ``height`` above the surface [m]."""
-        if self.surface == "bowl":
-            away, height = above_bowl(BOWL, away, height)
-        return away * math.cos(bearing), away * math.sin(bearing), height
-
     def _lift(self, positions: np.ndarray, height: np.ndarray) -> np.ndarray:
-        """Find how far to lift tops whose rings are in the surface, so that they lie on them [m], (k, 1)."""
+        """Heights (k, 1) [m] by which to lift tops whose rings are in the surface, so that they lie on it."""
         ground = height
         if self.surface == "bowl":
             across = positions[:, self._others, :2]
@@ -214,7 +210,6 @@ class SpringFreeTop(Task):
 class FreeTopOptions(EnvOptions, total=False):
     """`SpringFreeTopEnv` takes these options, see there."""
 
-    observation: Observation
     action: Literal["push"]
     surface: Literal["floor", "bowl"]
     friction: float

@@ -75,12 +75,6 @@ def achieve(m: Measures, s: Situation, achieved: np.ndarray, desired: np.ndarray
             achieved[c, 3 + axis], desired[c, 3 + axis] = m.angular_velocity[c, axis] - spin * n, 0.0
 
 
-def turn_to(axis: np.ndarray) -> np.ndarray:
-    """Return the rotation (3, 3) that takes the vertical to a unit vector."""
-    azimuth, tilt = math.atan2(axis[1], axis[0]), angle_of.py_func(axis[2])
-    return tilted(azimuth, tilt)
-
-
 class SpringGyroscope(Task):
     """Define the MDP of `SpringGyroscopeEnv`, which describes it."""
 
@@ -141,7 +135,7 @@ class SpringGyroscope(Task):
         sign = rng.choice((-1.0, 1.0)) if self.hard else 1.0
         spin = number(options, "spin", sign * drawn_spin, -FASTEST, FASTEST)
         away = number(options, "angle", drawn_away, 0.0, math.pi)
-        turn = turn_to(axis)
+        turn = tilted(math.atan2(axis[1], axis[0]), angle_of.py_func(axis[2]))
         target = turn @ rotation((0, 0, 1), sideways) @ rotation((0, 1, 0), away) @ (0.0, 0.0, 1.0)
         softer = math.sqrt(factors["masses"] / factors["stiffness"])
         positions = factors["scale"] * self._shape(spin * softer) @ turn.T
@@ -199,7 +193,6 @@ class SpringGyroscope(Task):
 class GyroscopeOptions(EnvOptions, total=False):
     """`SpringGyroscopeEnv` takes these options, see there."""
 
-    observation: Observation
     action: Literal["torque", "impulse"]
     hard: bool
     body: Mapping[str, Any] | None

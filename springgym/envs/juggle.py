@@ -250,7 +250,6 @@ class SpringJuggle(Task):
 class JuggleOptions(EnvOptions, total=False):
     """`SpringJuggleEnv` takes these options, see there."""
 
-    observation: Observation
     action: Literal["wrench"]
     restitution: float
     balls: int

@@ -370,7 +370,6 @@ def _board_look() -> Look:
 class LabyrinthOptions(EnvOptions, total=False):
     """`SpringLabyrinthEnv` takes these options, see there."""
 
-    observation: Observation
     action: Literal["tilt"]
     hard: bool
 

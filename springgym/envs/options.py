@@ -44,6 +44,7 @@ class EnvOptions(RewardedOptions, total=False):
 
     max_episode_steps: int | None
     goals: bool
+    observation: Observation
 
 
 def mapping(name: str, value: object) -> Mapping[str, Any]:

@@ -158,7 +158,6 @@ class SpringPendulum(Task):
 class PendulumOptions(EnvOptions, total=False):
     """`SpringPendulumEnv` takes these options, see there."""
 
-    observation: Observation
     action: Literal["torque", "impulse"]
     start: Literal["hanging", "mixed"]
     body: Mapping[str, Any] | None

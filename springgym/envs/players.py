@@ -11,15 +11,7 @@ from gymnasium import spaces
 from gymnasium.utils import seeding
 
 from springgym.checks import chosen, instance, whole
-from springgym.envs.base import (
-    OF_ONE,
-    SpringEnv,
-    _check_keys,
-    _OneCopy,
-    _plain,
-    _seed,
-    frame_rate,
-)
+from springgym.envs.base import OF_ONE, SpringEnv, _check_keys, _OneCopy, _plain, _seed, frame_rate
 from springgym.envs.duel import FIRST, SECOND, SpringDuel
 from springgym.envs.options import Observation, SimulationOptions, mapping
 from springgym.envs.task import MET
@@ -231,7 +223,7 @@ class ParallelDuel(_OneCopy, ParallelEnv):
         return {"first": self.episodes.observe()[0], "second": second[0]}
 
     def _outcomes(self) -> np.ndarray:
-        """Return what `Task.evaluate` says of both, (2, columns)."""
+        """Outcomes of both agents by `Task.evaluate`, (2, columns)."""
         episodes, task = self.episodes, self.task
         out = np.zeros((2, len(task.outcome)))
         out[FIRST] = episodes.out[0]
@@ -245,7 +237,7 @@ class ParallelDuel(_OneCopy, ParallelEnv):
         return out
 
     def _infos(self, out: np.ndarray) -> dict[str, dict[str, Any]]:
-        always = _plain(self.episodes.told())
+        always = _plain(self.episodes.info_arrays())
         return {
             name: always
             | {"is_success": bool(out[n, MET] > 0)}

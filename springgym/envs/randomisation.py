@@ -101,7 +101,7 @@ def weight_of(mass: Any, factors: Mapping[str, float]) -> Any:
 
 
 def stretched(scene: Scene, scale: float | np.ndarray) -> np.ndarray:
-    """Return what the lengths of all springs (…, S) are multiplied by, for factors () or (…, 1).
+    """Factors of the lengths of all springs (…, S), for factors () or (…, 1) of the scale.
 
     That is ``scale``, but 1 in bodies whose round features other bodies meet: their radii do not vary.
     """

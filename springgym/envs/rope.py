@@ -192,7 +192,6 @@ class SpringRope(Task):
 class RopeOptions(EnvOptions, total=False):
     """`SpringRopeEnv` takes these options, see there."""
 
-    observation: Observation
     action: Literal["trolley"]
     hard: bool
     body: Mapping[str, Any] | None

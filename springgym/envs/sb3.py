@@ -22,11 +22,7 @@ from springgym.extras import missing
 
 try:
     from stable_baselines3.common.vec_env import VecEnv, VecMonitor
-    from stable_baselines3.common.vec_env.base_vec_env import (
-        VecEnvIndices,
-        VecEnvObs,
-        VecEnvStepReturn,
-    )
+    from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
 except ImportError as error:
     raise ImportError(missing("springgym.envs.sb3", "Stable-Baselines3", "agents")) from error
 
@@ -120,7 +116,7 @@ class SB3VecEnv(Stateful, VecEnv):
         return deepcopy(observations)
 
     def step_async(self, actions: np.ndarray) -> None:
-        """Keep the actions ``(n, ...)`` for :meth:`step_wait`."""
+        """Store the actions ``(n, ...)`` for :meth:`step_wait`."""
         self._actions = actions
 
     def step_wait(self) -> VecEnvStepReturn:
@@ -326,7 +322,7 @@ def make_sb3(
 
 
 def _has_native_copies(env_id: str | EnvSpec) -> bool:
-    """Tell whether an environment has a batch of its own that resets copies as SB3 expects it.
+    """Return whether an environment has a native batch that resets copies as SB3 expects it.
 
     Gymnasium's own batches, as that of CartPole, take no ``autoreset_mode``. An unknown id has one: its error
     is that of Gymnasium.

@@ -34,13 +34,12 @@ from springgym.scenes import film
 from springgym.simulator import STRAIN_LIMIT
 
 WRENCH = ("force", "torque", "body_torque")
-LOUD = nullcontext()
-Seeing = Callable[[MeasuresOfBodies, Situation], np.ndarray]
+ArrayFunction = Callable[[MeasuresOfBodies, Situation], np.ndarray]
 """A function of measures and situation that returns numbers or bools of all copies."""
-Telling = Callable[[MeasuresOfBodies, Situation], Mapping[str, np.ndarray]]
+MetricsFunction = Callable[[MeasuresOfBodies, Situation], Mapping[str, np.ndarray]]
 """A function that returns arrays (n,) by name, with a number for each of n copies."""
-Starting = Callable[..., Start | tuple[np.ndarray, ...]]
-Marking = Callable[[MeasuresOfBodies, Situation], Marks]
+StartFunction = Callable[..., Start | tuple[np.ndarray, ...]]
+MarksFunction = Callable[[MeasuresOfBodies, Situation], Marks]
 Most = float | Sequence[float]
 """The force, torque or acceleration of an actuator at action 1: one number for all axes, or one for each."""
 
@@ -62,31 +61,31 @@ class SceneOptions(RewardedOptions, total=False):
     """The options of `make_scene_env` besides its own arguments."""
 
     goals: bool
-    failed: Seeing | None
-    succeeded: Seeing | None
-    achieved: Seeing | None
+    failed: ArrayFunction | None
+    succeeded: ArrayFunction | None
+    achieved: ArrayFunction | None
     aims: Sequence[Aim]
     hold: int
     wins: bool
-    observe: Seeing | None
-    metrics: Telling | None
-    start: Starting | None
-    move: Seeing | None
+    observe: ArrayFunction | None
+    metrics: MetricsFunction | None
+    start: StartFunction | None
+    move: ArrayFunction | None
     memory: Sequence[float]
-    remember: Seeing | None
+    remember: ArrayFunction | None
     period: float
     position_scale: float | None
     velocity_scale: float | None
     look: Look | None
     camera: Camera | None
     scenery: Scenery | None
-    marks: Marking | None
+    marks: MarksFunction | None
 
 
 @overload
 def make_scene_env(
     scene: Scene | str | Path,
-    reward: Seeing | Telling,
+    reward: ArrayFunction | MetricsFunction,
     *,
     actuators: Mapping[str, Most],
     num_envs: None = None,
@@ -98,7 +97,7 @@ def make_scene_env(
 @overload
 def make_scene_env(
     scene: Scene | str | Path,
-    reward: Seeing | Telling,
+    reward: ArrayFunction | MetricsFunction,
     *,
     actuators: Mapping[str, Most],
     num_envs: int,
@@ -110,7 +109,7 @@ def make_scene_env(
 
 def make_scene_env(
     scene: Scene | str | Path,
-    reward: Seeing | Telling,
+    reward: ArrayFunction | MetricsFunction,
     *,
     actuators: Mapping[str, Most],
     num_envs: int | None = None,
@@ -254,33 +253,33 @@ class SceneTask(Task):
     def __init__(
         self,
         scene: Scene | str | Path,
-        reward: Seeing | Telling,
+        reward: ArrayFunction | MetricsFunction,
         actuators: Mapping[str, Most],
-        failed: Seeing | None = None,
-        succeeded: Seeing | None = None,
-        achieved: Seeing | None = None,
+        failed: ArrayFunction | None = None,
+        succeeded: ArrayFunction | None = None,
+        achieved: ArrayFunction | None = None,
         aims: Sequence[Aim] = (),
         hold: int = 1,
         wins: bool = False,
-        observe: Seeing | None = None,
-        metrics: Telling | None = None,
-        start: Starting | None = None,
-        move: Seeing | None = None,
+        observe: ArrayFunction | None = None,
+        metrics: MetricsFunction | None = None,
+        start: StartFunction | None = None,
+        move: ArrayFunction | None = None,
         memory: Sequence[float] = (),
-        remember: Seeing | None = None,
+        remember: ArrayFunction | None = None,
         period: float = 0.02,
         position_scale: float | None = None,
         velocity_scale: float | None = None,
         look: Look | None = None,
         camera: Camera | None = None,
         scenery: Scenery | None = None,
-        marks: Marking | None = None,
+        marks: MarksFunction | None = None,
     ) -> None:
         super().__init__("particles" if observe is None else "own", "actuators")
         scene = _loaded(scene) if isinstance(scene, (str, Path)) else instance("scene", scene, Scene)
         self._reward = _function("reward", reward, "m", "s")
         self._observe, self._metrics = _given("observe", observe), _given("metrics", metrics)
-        self._judges = (
+        self._conditions = (
             ("met", "succeeded", _given("succeeded", succeeded)),
             ("failed", "failed", _given("failed", failed)),
         )
@@ -291,7 +290,7 @@ class SceneTask(Task):
             name: _most(f"actuators[{name!r}]", most)
             for name, most in mapping("actuators", actuators).items()
         }
-        self._scene = _acted_on(scene, self._actuators)
+        self._scene = _with_actuators(scene, self._actuators)
         self._thrusters = {name: _thrusters(self._scene, name) for name in self._actuators}
         self.actions = {"actuators": len(self.limits)}  # type: ignore[misc]
         self._extent = _extent(scene)
@@ -304,7 +303,7 @@ class SceneTask(Task):
         )
         self._start = None if start is None else _function("start", start, "rng")
         self._reset_options = () if start is None else _defaulted(start)
-        self._goal = np.zeros(0) if start is None else self._begun(np.random.default_rng(0), {})[2]
+        self._goal = np.zeros(0) if start is None else self._start_state(np.random.default_rng(0), {})[2]
         self.goal_size = len(self._goal)  # type: ignore[misc]
         self._achieved = _given("achieved", achieved)
         self.aims = _checked_aims(aims, self.goal_size)  # type: ignore[misc]
@@ -364,12 +363,12 @@ class SceneTask(Task):
             x, v, goal = self._scene.positions, self._scene.velocities, self._goal
         else:
             own = {name: options.pop(name) for name in self._reset_options if name in options}
-            x, v, goal = self._begun(rng, own, len(self._goal))
+            x, v, goal = self._start_state(rng, own, len(self._goal))
         if factors["scale"] != 1:
             x, v = (_scaled(self._scene, u, factors["scale"]) for u in (x, v))
         return Start(x, v, goal.tolist())
 
-    def _begun(
+    def _start_state(
         self, rng: Generator, options: Mapping[str, Any], goal_size: int | None = None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return positions, velocities and goal that the user's function starts with, checked."""
@@ -403,20 +402,20 @@ class SceneTask(Task):
         copies = len(s.x)
         goal, memory = (read_only(np.tile(first, (copies, 1))) for first in (self._goal, self.memory))
         s = s._replace(goal=goal, memory=memory)
-        with _hearing(m):
+        with _warning_unless_diverged(m):
             self.terms = tuple(self._rewards(m, s))  # type: ignore[misc]
-            self.metrics = tuple(self._told(m, s))  # type: ignore[misc]
-            self._judged(m, s)
+            self.metrics = tuple(self._metrics_now(m, s))  # type: ignore[misc]
+            self._met_and_failed(m, s)
             if self._observe is not None:
                 self.entries = (Entry("own", self._seen(m, s, (copies, None)).shape[1]),)
 
     def evaluate(self, m: Measures, s: Situation, out: np.ndarray) -> None:
-        with _hearing(m):
+        with _warning_unless_diverged(m):
             for name, numbers in self._rewards(m, s, self.terms).items():
                 out[f"reward_{name}"] = numbers
-            for name, numbers in self._told(m, s, self.metrics).items():
+            for name, numbers in self._metrics_now(m, s, self.metrics).items():
                 out[name] = numbers
-            for field, bools in self._judged(m, s).items():
+            for field, bools in self._met_and_failed(m, s).items():
                 out[field] = bools
 
     def _rewards(
@@ -426,7 +425,9 @@ class SceneTask(Task):
         given = self._reward(self._named(m), s)
         return _by_name("reward", given if isinstance(given, Mapping) else {"own": given}, m, names)
 
-    def _told(self, m: Measures, s: Situation, names: tuple[str, ...] | None = None) -> dict[str, np.ndarray]:
+    def _metrics_now(
+        self, m: Measures, s: Situation, names: tuple[str, ...] | None = None
+    ) -> dict[str, np.ndarray]:
         """Return the metrics."""
         if self._metrics is None:
             return {}
@@ -438,14 +439,14 @@ class SceneTask(Task):
                 )
         return _by_name("metrics", given, m, names)
 
-    def _judged(self, m: Measures, s: Situation) -> dict[str, np.ndarray]:
+    def _met_and_failed(self, m: Measures, s: Situation) -> dict[str, np.ndarray]:
         """Return whether each copy meets the aim, and whether it fails."""
         copies = len(s.x)
         found = {
             field: np.zeros(copies, bool)
             if judge is None
             else _of_shape(name, judge(self._named(m), s), (copies,), "b", "bools")
-            for field, name, judge in self._judges
+            for field, name, judge in self._conditions
         }
         if self._achieved is not None:
             achieved, desired = np.empty((2, copies, self.goal_size))
@@ -458,21 +459,21 @@ class SceneTask(Task):
     def _reached(self, m: Measures, s: Situation, achieved: np.ndarray, desired: np.ndarray) -> None:
         """Set goals (n, G): those that are reached now, and those of the episodes."""
         assert self._achieved is not None
-        with _hearing(m):
+        with _warning_unless_diverged(m):
             achieved[:] = _numbers("achieved", self._achieved(self._named(m), s), achieved.shape, m)
         desired[:] = s.goal
 
     def _moved(self, m: Measures, s: Situation, goal: np.ndarray) -> None:
         assert self._move is not None
-        with _hearing(m):
+        with _warning_unless_diverged(m):
             given = _numbers("move", self._move(self._named(m), s), goal.shape, m)
-        goal[:] = np.where(_sound(m)[:, None], given, goal)
+        goal[:] = np.where(_not_diverged(m)[:, None], given, goal)
 
     def _remembered(self, m: Measures, s: Situation, memory: np.ndarray) -> None:
         assert self._remember is not None
-        with _hearing(m):
+        with _warning_unless_diverged(m):
             given = _numbers("remember", self._remember(self._named(m), s), memory.shape, m)
-        memory[:] = np.where(_sound(m)[:, None], given, memory)
+        memory[:] = np.where(_not_diverged(m)[:, None], given, memory)
 
     def compact(self, m: Measures, s: Situation, observation: np.ndarray) -> None:
         observation[:] = np.clip(self._seen(m, s, observation.shape), -BOUND, BOUND)
@@ -482,7 +483,7 @@ class SceneTask(Task):
 
     def _seen(self, m: Measures, s: Situation, shape: tuple[int | None, ...]) -> np.ndarray:
         assert self._observe is not None
-        with _hearing(m):
+        with _warning_unless_diverged(m):
             return _numbers("observe", self._observe(self._named(m), s), shape, m)
 
     def look(self) -> Look:
@@ -589,7 +590,7 @@ def _checked_aims(given: object, goal_size: int) -> tuple[Aim, ...]:
 
 
 def _most(name: str, given: Most) -> np.ndarray:
-    """Return what an actuator does at 1 on each axis, (3,)."""
+    """Return the strength of an actuator at action 1 on each axis, (3,)."""
     if not isinstance(given, (Sequence, np.ndarray)) or isinstance(given, str) or np.ndim(given) == 0:
         return np.full(3, checks.number(name, given, TINY))
     most = checks.array(name, given, (3,), low=0.0)
@@ -619,24 +620,24 @@ def _by_name(
     }
 
 
-def _sound(m: Measures) -> np.ndarray:
-    """Return which copies have not diverged (n,): of the others, functions may say what they like."""
+def _not_diverged(m: Measures) -> np.ndarray:
+    """Return which copies have not diverged, (n,); what functions return for the others is not checked."""
     sound = np.isfinite(m.energy) & (m.strain <= STRAIN_LIMIT)  # of several bodies, of each
     return sound.reshape(len(sound), -1).all(axis=1)
 
 
-def _hearing(m: Measures) -> AbstractContextManager[None]:
-    """Return a context to call functions in: warnings are not heard while a copy has diverged."""
+def _warning_unless_diverged(m: Measures) -> AbstractContextManager[None]:
+    """Return a context to call functions in; it suppresses NumPy's warnings while a copy has diverged."""
     quick = np.vdot(m.strain, m.strain) < STRAIN_LIMIT**2  # then each is within its limit
-    return LOUD if quick or _sound(m).all() else np.errstate(all="ignore")
+    return nullcontext() if quick or _not_diverged(m).all() else np.errstate(all="ignore")
 
 
 def _numbers(name: str, given: object, shape: tuple[int | None, ...], m: Measures) -> np.ndarray:
-    """Return what a function gave, as numbers that are finite where the copy has not diverged."""
+    """Return the numbers of a user's function, checked to be finite where the copy has not diverged."""
     values = _of_shape(name, given, shape, "biuf", "numbers")
     if not math.isfinite(np.vdot(values, values)):  # or they are huge
         wrong = ~np.isfinite(values).reshape(len(values), -1).all(axis=1)
-        wrong &= _sound(m)
+        wrong &= _not_diverged(m)
         if wrong.any():
             n = int(np.argmax(wrong))
             raise ValueError(f"{name} gave {checks.shown(values[n])} for copy {n}; it must be finite")
@@ -696,7 +697,7 @@ def _thrusters(scene: Scene, name: str) -> int:
     return len(thrust.particles) if kind == "thrust" and thrust else 1
 
 
-def _acted_on(scene: Scene, actuators: Mapping[str, Any]) -> Scene:
+def _with_actuators(scene: Scene, actuators: Mapping[str, Any]) -> Scene:
     """Return the scene with the actuators that are named; add a wrench if it needs one."""
     if not actuators:
         raise ValueError("actuators is empty; actions must drive at least one actuator")

@@ -246,7 +246,6 @@ class SpringShove(Task):
 class ShoveOptions(EnvOptions, total=False):
     """`SpringShoveEnv` takes these options, see there."""
 
-    observation: Observation
     action: Literal["push"]
     friction: float
     hard: bool

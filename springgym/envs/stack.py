@@ -216,7 +216,6 @@ class SpringStack(Task):
 class StackOptions(EnvOptions, total=False):
     """`SpringStackEnv` takes these options, see there."""
 
-    observation: Observation
     action: Literal["push"]
 
 

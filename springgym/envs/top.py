@@ -186,7 +186,6 @@ class SpringTop(Task):
 class TopOptions(EnvOptions, total=False):
     """`SpringTopEnv` takes these options, see there."""
 
-    observation: Observation
     action: Literal["torque", "impulse"]
     hard: bool
     body: Mapping[str, Any] | None

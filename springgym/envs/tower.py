@@ -65,14 +65,14 @@ def off(m: Measures, s: Situation, c: int, k: int, axis: int) -> float:
 
 @compiled
 def fell(m: Measures, s: Situation, c: int, k: int) -> bool:
-    """Tell whether block k, which has been let go, lies lower than in the tower, or leans."""
+    """Return whether block k, which has been let go, lies lower than in the tower, or leans."""
     wanted = (k + 0.5) * height_of(s.x, c)
     return m.centre[c, k, 2] < wanted - SUNK or m.axis[c, k, 2] < UPRIGHT
 
 
 @kernel
 def move(m: Measures, s: Situation, goal: np.ndarray) -> None:
-    """Let the crane drop the block that it holds and take the next."""
+    """The crane drops the block that it holds and takes the next."""
     for c in range(goal.shape[0]):
         if goal[c, 0] < m.centre.shape[1] and s.action[c, 3] > LET_GO:
             goal[c, 0] += 1.0
@@ -267,7 +267,6 @@ class SpringTower(Task):
 class TowerOptions(EnvOptions, total=False):
     """`SpringTowerEnv` takes these options, see there."""
 
-    observation: Observation
     action: Literal["crane"]
     blocks: int
 

@@ -243,7 +243,6 @@ class SpringTumble(Task):
 class TumbleOptions(EnvOptions, total=False):
     """`SpringTumbleEnv` takes these options, see there."""
 
-    observation: Observation
     action: Literal["wrench", "impulses"]
     friction: float
     hard: bool

@@ -134,27 +134,27 @@ def actuate(x: Rows, b: Rows, terms: Terms) -> None:
 
 @compiled
 def kick(v: Rows, a: Rows, tau: Number) -> None:
-    """Let the accelerations ``a`` act for ``tau`` seconds."""
+    """Add the accelerations ``a`` [m/s²] times ``tau`` [s] to the velocities."""
     for i in range(v.shape[0]):
         add_scaled(v, i, tau, row(a, i))
 
 
 @compiled
 def act(v: Rows, b: Rows, tau: Number, ledger: Ledger, terms: Terms) -> None:
-    """Let the actuators, with their accelerations ``b``, act for ``tau`` seconds."""
+    """The actuators, with their accelerations ``b`` [m/s²], act for ``tau`` seconds."""
     push(v, b, tau, terms.particles, terms.wrench, terms.thrust, ledger)
     move_drive(v, b, tau, terms.drive, ledger)
 
 
 @compiled
 def relax(v: Rows, direction: Rows, backward: bool, whole: bool, ledger: Ledger, terms: Terms) -> None:
-    """Let the dampers act for a ``whole`` step, or for half of one."""
+    """The dampers act for a ``whole`` step, or for half of one."""
     damp(v, direction, terms.springs, terms.dampers, terms.drive, ledger, backward, whole)
 
 
 @compiled
 def paired(dampers: Dampers | None) -> bool:
-    """Tell whether the dampers, if there are any, take two sweeps a step."""
+    """Return whether the dampers, if there are any, take two sweeps a step."""
     if dampers is None:
         return True
     return dampers.paired
@@ -162,7 +162,7 @@ def paired(dampers: Dampers | None) -> bool:
 
 @compiled
 def drift(x: Rows, v: Rows, tau: Number) -> None:
-    """Let the particles move for ``tau`` seconds, with nothing in their way."""
+    """Move the particles for ``tau`` seconds at their velocities; there is no contact."""
     for i in range(x.shape[0]):
         add_row(x, i, tau * row(v, i))
 

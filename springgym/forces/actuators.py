@@ -123,7 +123,7 @@ def push(
     thrust: Thrust | None,
     ledger: Ledger,
 ) -> None:
-    """Let wrench and thrust act for ``tau`` seconds; their exact work goes to the ledger."""
+    """Wrench and thrust act for ``tau`` seconds; their exact work goes to the ledger."""
     if wrench is not None or thrust is not None:
         work = 0.0 * load(v, (0, 0))
         for i in range(particles.mass.size):

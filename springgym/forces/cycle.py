@@ -1,4 +1,4 @@
-"""Let dampers and the wrench act less often than at every step.
+"""Dampers and the wrench act less often than at every step.
 
 A cycle is an even number of steps of velocity Verlet. The wrench acts by Simpson's rule: for a sixth of a
 cycle at each of its ends, and for the rest in its middle. Once a cycle dampers act for all of its time, after
@@ -59,7 +59,7 @@ def damps_somewhere(cycle: Cycle | None) -> bool:
 
 @compiled
 def relax_in_turn(v: Rows, direction: Rows, backward: bool, ledger: Ledger, terms: Terms) -> None:
-    """Let dampers act on the copies whose turn it is."""
+    """Dampers act on the copies whose turn it is."""
     among = damps_now(backward, terms.cycle)
     if any_lane(among):
         damp(v, direction, terms.springs, terms.dampers, None, ledger, backward, True, among)
@@ -69,7 +69,7 @@ def relax_in_turn(v: Rows, direction: Rows, backward: bool, ledger: Ledger, term
 def turn_in_turn(
     x: Rows, v: Rows, b: Rows, n: int, steps: int, h: Number, ledger: Ledger, terms: Terms
 ) -> None:
-    """Let the wrench act after ``n`` of ``steps``: where a cycle ends, where the next begins, or amid it."""
+    """The wrench acts after ``n`` of ``steps``: where a cycle ends, where the next begins, or amid it."""
     if terms.wrench is not None:
         every = terms.cycle.every
         ends = n % every == 0

@@ -70,7 +70,7 @@ def share_actions(b: Rows, phase: Number, memory: Memory, pushed: Rows, drive: D
 
 @compiled
 def steer(memory: Memory, drive: Drive | None) -> None:
-    """Let the drive do what it is asked to from now on."""
+    """The drive takes its present command from now on."""
     if drive is not None:
         for axis in range(3):
             store(memory.marks, STEERED + axis, load(drive.acceleration, axis))

@@ -202,7 +202,7 @@ def damp(
     whole: bool,
     among: Mask = None,
 ) -> None:
-    """Let the relative speed along each spring decay, one after the other, for a ``whole`` step or for half.
+    """Damp the relative speed along each spring, one after the other, for a ``whole`` step or for half.
 
     Only ``among`` some copies, if that is given.
 

@@ -126,7 +126,7 @@ def workspace(method: Integrator, scene: Scene, dtype: DTypeLike) -> Nested:
 
 
 def refusal(method: Integrator, scene: Scene, varying: Collection[str] = ()) -> str | None:
-    """Tell why a method makes no sense in a scene; None if it does.
+    """Return the reason why a method does not suit a scene; None if it does.
 
     ``varying`` names parameters that differ from copy to copy; damping may be one of them.
     """

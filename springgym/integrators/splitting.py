@@ -10,7 +10,7 @@ from springgym.terms import Terms
 
 @compiled
 def kick_and_act(v: Rows, a: Rows, b: Rows, tau: Number, ledger: Ledger, terms: Terms) -> None:
-    """Let forces ``a`` and actuators ``b`` act for ``tau`` seconds, at once: with half of the kick on either
+    """Forces ``a`` and actuators ``b`` act for ``tau`` seconds, at once: with half of the kick on either
     side the actuators' work is that of the exact flow, so that the ledger closes to the method's order."""
     actuated = terms.wrench is not None or terms.thrust is not None
     kick(v, a, 0.5 * tau if actuated else tau)

@@ -10,10 +10,7 @@ from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Rows
 from springgym.core.vectors import row, set_row
 from springgym.forces import accelerate_and_damp, act, actuate
-from springgym.integrators.newton import (
-    record_losses,
-    solve_stage,
-)
+from springgym.integrators.newton import record_losses, solve_stage
 from springgym.integrators.record import Control, Integrator
 from springgym.terms import Terms
 

@@ -191,7 +191,7 @@ class Look:
 
     @cached_property
     def solids(self) -> NDArray[np.intp]:
-        """Return which of the separate surfaces each triangle is of, (T,), from 0."""
+        """Index of the separate surface that each triangle belongs to, (T,), from 0."""
         triangles = np.asarray(self.triangles)
         of_particle = np.arange(int(triangles.max(initial=-1)) + 1)
         while len(triangles):

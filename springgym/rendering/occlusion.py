@@ -41,7 +41,7 @@ class Occluders:
         self._radius = np.concatenate([np.asarray(look.bar_radius), radii[balls]])[found]
 
     def hide(self, points: Array) -> np.ndarray:
-        """Tell which of some points (n, 3) are hidden, (n,)."""
+        """Mask (n,) of the points (n, 3) that are hidden."""
         d = points - self._eye
         hidden = np.zeros(len(d), bool)
         at_once = max(1, _AT_ONCE // max(1, len(d)))
@@ -55,7 +55,7 @@ class Occluders:
 
 
 def _behind_faces(d: Array, inverse: Array) -> np.ndarray:
-    """Tell which points d (n, 3) from the eye lie behind any of some triangles, (n,).
+    """Mask (n,) of the points d (n, 3) from the eye that lie behind any of some triangles.
 
     With corners a, b, c from the eye, d = α a + β b + γ c. The ray through d meets the triangle if none of
     the three is negative, and α + β + γ is the distance of the point over that of where they meet.
@@ -66,7 +66,7 @@ def _behind_faces(d: Array, inverse: Array) -> np.ndarray:
 
 
 def _behind_rods(d: Array, w: Array, u: Array, radius: Array) -> np.ndarray:
-    """Tell which points d (n, 3) from the eye lie behind or inside of any of some rods, (n,).
+    """Mask (n,) of the points d (n, 3) from the eye that lie behind or inside of any of some rods.
 
     Rods have axes u (B, 3) and round ends; balls are those without length. ``w`` (B, 3) are the ways from
     their starts to the eye. The nearest points s d of the ray and t u of the axis, t in [0, 1], are those of

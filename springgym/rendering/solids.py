@@ -248,7 +248,7 @@ def is_behind(
     normal: Array,
     eye: Array,
 ) -> bool | None:
-    """Tell whether solid n lies behind m, by the face of either that parts them most; None if none does."""
+    """Return whether solid n lies behind m, by the face of either that parts them most; None if none does."""
     best, found = 0.0, None
     for one, other in ((n, m), (m, n)):
         on = corners[own[one], 0]

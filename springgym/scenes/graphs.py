@@ -77,5 +77,5 @@ def graphs(m: Measures, scene: Scene) -> dict[str, dict[str, Curve]]:
 
 
 def turns(scene: Scene) -> bool:
-    """Tell whether it is one body, which holds its shape, so that tilt and spin mean something."""
+    """Return whether it is one body that holds its shape, so that tilt and spin mean something."""
     return len(scene.bodies) == 1 and not scene.body.floppy and len(scene.body.springs) > 0

@@ -172,11 +172,8 @@ def _ruler(axes: Axes, camera: Camera, pixels: tuple[int, int], recording: Recor
     length = round_down(0.25 * pixels[0] / a_metre)
     left, low = 0.04 * pixels[0], 0.965 * pixels[1]
     axes.plot([left, left + length * a_metre], [low, low], color=CENTRE, linewidth=2, solid_capstyle="butt")
-    axes.text(left, low - 0.012 * pixels[1], _metres(length), fontsize=SMALL, color=CENTRE, va="bottom")
-
-
-def _metres(length: float) -> str:
-    return f"{length:g} m" if length >= 1 else f"{100 * length:g} cm"
+    told = f"{length:g} m" if length >= 1 else f"{100 * length:g} cm"
+    axes.text(left, low - 0.012 * pixels[1], told, fontsize=SMALL, color=CENTRE, va="bottom")
 
 
 # --- Panels -----------------------------------------------------------------------------------------
@@ -242,10 +239,6 @@ def _path(recording: Recording) -> np.ndarray:
     return path
 
 
-def _square(axes: Axes) -> None:
-    axes.set_aspect("equal", adjustable="datalim")
-
-
 # --- Kinds of plots ---------------------------------------------------------------------------------
 
 
@@ -290,7 +283,7 @@ def pendulum(recording: Recording, figure: Figure) -> None:
     above = _panel(figure, grid[:, 1], "from above", "x [m]", "y [m]")
     above.plot(*path[:, :2].T, color=TRACE)
     above.plot(0, 0, "+", color=CENTRE)
-    _square(above)
+    above.set_aspect("equal", adjustable="datalim")
     swing = _panel(figure, grid[0, 2], "angle from hanging", "", "[°]")
     swing.plot(recording.times, _angle(path, sideways), color=TRACE, label="springs")
     if twin is not None:

@@ -73,7 +73,7 @@ class Contact:
 
     @property
     def resists(self) -> bool:
-        """Tell whether the rolling or the torsional resistance is above zero."""
+        """Whether the rolling or the torsional resistance is above zero."""
         return any(getattr(self, name) > 0 for name in RESISTANCES)
 
 

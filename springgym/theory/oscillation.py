@@ -41,10 +41,7 @@ def damped(
     if gap < 0:
         w = math.sqrt(-gap)
         decay, c, s = np.exp(-g * t), np.cos(w * t), np.sin(w * t) / w
-        return (
-            decay * (x * c + (v + g * x) * s),
-            decay * (v * c - (g * v + square * x) * s),
-        )
+        return decay * (x * c + (v + g * x) * s), decay * (v * c - (g * v + square * x) * s)
     fast = g + math.sqrt(gap)
     slow = square / fast
     spread = fast - slow

@@ -122,10 +122,7 @@ def motion(inertia: float, mgl: float, theta: float, theta_dot: float, t: ArrayL
     if excess >= 0:
         start = incomplete_f(math.sin(half), speed, excess)
         now = jacobi(w * t + start, excess)
-        return (
-            sign * 2 * np.arctan2(modulus * now.sn, now.dn),
-            sign * 2 * modulus * w * now.cn,
-        )
+        return sign * 2 * np.arctan2(modulus * now.sn, now.dn), sign * 2 * modulus * w * now.cn
     m1 = -excess / modulus**2
     now = jacobi(modulus * w * t + incomplete_f(math.sin(half), math.sqrt(depth), m1), m1)
     parity = 1 - 2 * np.mod(now.turns, 2)

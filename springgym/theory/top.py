@@ -192,10 +192,7 @@ def _roots(top: HeavyTop, state: TopState) -> _Roots:
     sin2 = down * up
     low, high = sin2 * state.phi_dot - a * down, sin2 * state.phi_dot + a * up
     # a pole missed by less than 1e-30 is met, an amplitude below 1e-50 is none: squares underflow
-    poles = (
-        low if low**2 > 1e-60 * beta else 0.0,
-        high if high**2 > 1e-60 * beta else 0.0,
-    )
+    poles = low if low**2 > 1e-60 * beta else 0.0, high if high**2 > 1e-60 * beta else 0.0
     c0 = sin2 * state.theta_dot**2
     turn = 2 * a * state.phi_dot - beta - 2 * u * state.phi_dot**2
     c1 = sin2 * turn - 2 * u * state.theta_dot**2
@@ -347,10 +344,7 @@ def motion(top: HeavyTop, state: TopState, t: ArrayLike) -> TopMotion:
     low, high = roots.poles
     if roots.fall == 0 and roots.rise == 0:
         flat = np.zeros_like(t)
-        sine, cosine = (
-            np.full_like(t, math.sin(state.theta / 2)),
-            flat + math.sqrt(roots.above[0] / 2),
-        )
+        sine, cosine = np.full_like(t, math.sin(state.theta / 2)), flat + math.sqrt(roots.above[0] / 2)
         theta_dot = flat
         near = 0.5 * low / roots.below[0] * t if low else flat
         far = 0.5 * high / roots.above[0] * t if high else flat

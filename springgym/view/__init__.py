@@ -3,7 +3,7 @@
 `motion`    what is shown: positions over time, and how they are drawn
 `stage`     draws it with viser
 `page`      clock, sliders, graph
-`door`      who may speak to it, and what it takes from them
+`origin_guard`  who may speak to it, and what it takes from them
 `knobs`     the numbers of a scene file that sliders change
 `episodes`  episodes of environments as motions
 """
@@ -65,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do what the arguments ask for; the exit status."""
+    """Run the command with its arguments; return the exit status."""
     if args.save is None:
         show(_subject(args), args.port, browser=not args.no_browser, address=args.address)
         return 0
@@ -217,17 +217,20 @@ def _server(port: int) -> ViserServer:
 
 
 def _served(port: int, address: str | None) -> tuple[ViserServer, str]:
-    """Start a server, and return where a browser finds it, see `springgym.view.door`."""
+    """Start a server, and return where a browser finds it, see `springgym.view.origin_guard`."""
     try:
         import viser
     except ImportError as error:
         raise ImportError(missing("viewing", "viser", "view")) from error
-    from springgym.view.door import HOST, Door
+    from springgym.view.origin_guard import HOST, OriginGuard
 
-    door = Door(port, address)
-    with door.hung(), redirect_stdout(io.StringIO()):  # it prints its address in a frame; ours is a line
-        server = viser.ViserServer(host=HOST, port=door.port, label="springgym", verbose=False)
-    return door.guard(server), door.url
+    guard = OriginGuard(port, address)
+    with (
+        guard.installed(),
+        redirect_stdout(io.StringIO()),
+    ):  # it prints its address in a frame; ours is a line
+        server = viser.ViserServer(host=HOST, port=guard.port, label="springgym", verbose=False)
+    return guard.guard(server), guard.url
 
 
 def _end(server: ViserServer) -> None:

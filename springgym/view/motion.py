@@ -92,7 +92,7 @@ class Motion:
 
     @property
     def glassy(self) -> bool:
-        """Tell whether its springs are shown at first. A round body shows by its skin how it turns."""
+        """Whether its springs are shown at first. A round body shows by its skin how it turns."""
         return len(self.lengths) > 0 and not np.asarray(self.look.skin).size
 
     @property

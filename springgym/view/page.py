@@ -129,7 +129,9 @@ class Page:
                 if self.playing and not self._told(partial(self._advance, now - last)):
                     self.play(False)
             else:
-                self._tell_patience(now)
+                with self._lock:
+                    if self._begun is not None and now - self._begun > PATIENCE:
+                        self._say("simulating …")
             last = now
         self._asked.set()
         worker.join()
@@ -142,12 +144,6 @@ class Page:
                 self.time = 0.0
             self._draw(read=self._frame % READ_EVERY == 0)
             self._frame += 1
-
-    def _tell_patience(self, now: float) -> None:
-        """Say that a motion is being made, if it takes long."""
-        with self._lock:
-            if self._begun is not None and now - self._begun > PATIENCE:
-                self._say("simulating …")
 
     def _told(self, action: Callable[[], None]) -> bool:
         """Do something; whatever it raises, the page shows, and goes on. Whether it raised nothing."""
@@ -315,7 +311,7 @@ class Page:
             self._offer()
 
     def _offer(self) -> None:
-        """Let the user play, seek and read, if anything is shown."""
+        """Enable the controls to play, seek and read, if anything is shown."""
         self._button.disabled = self._moment.disabled = not self._shown
         if self._plot is not None:
             self._plot.visible = self._shown
@@ -537,7 +533,7 @@ def _unit(graph: str) -> str:
 
 
 def _there(tick: str, motion: Motion) -> bool:
-    """Tell whether a motion has what a tick would show."""
+    """Return whether a motion has what a tick would show."""
     return {
         "trace": motion.look.trace is not None,
         "springs": len(motion.lengths) > 0,

@@ -102,7 +102,7 @@ class Stage:
         self._shown |= {name.replace("_", " "): value for name, value in shown.items()}
 
     def shows(self, name: str) -> bool:
-        """Tell whether a tick of a page is set."""
+        """Return whether a tick of a page is set."""
         return self._follows if name == "follow" else self._shown[name]
 
     def clear(self) -> None:

@@ -1,10 +1,8 @@
 """The agent's file: it acts as the model it was saved from, holds numbers only, and may be anyone's."""
 
 import io
-import json
 import os
 import pickle
-import zipfile
 
 import agent
 import config
@@ -16,6 +14,7 @@ import runs
 import toy_env
 import watch
 from conftest import HERE
+from test_train import zipped
 
 import springgym.envs.agent
 
@@ -78,14 +77,6 @@ class Planted:
 
     def __reduce__(self):
         return os.mkdir, (str(self.path),)
-
-
-def zipped(**members):
-    file = io.BytesIO()
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, content in members.items():
-            archive.writestr(name.replace("__", "."), content)
-    return file.getvalue()
 
 
 def changed(saved, **arrays):
@@ -184,9 +175,10 @@ def test_statistics_that_normalise_nothing_are_refused(wrong, tmp_path):
 
 def test_a_file_that_unpacks_to_too_much_is_not_unpacked(saved, monkeypatch):
     """Its directory says how large it is."""
-    monkeypatch.setattr(springgym.envs.agent, "LARGEST", 100)
+    saved.agent.write_bytes(zipped(**{BIAS + ".npy": bytes(10_000)}))
+    monkeypatch.setattr(springgym.envs.agent, "LARGEST", 1000)
     monkeypatch.setattr(np, "load", None)
-    with pytest.raises(config.ConfigError, match="an agent has at most 100"):
+    with pytest.raises(config.ConfigError, match="an agent has at most 1000"):
         runs.load_policy(saved, *spaces())
 
 
@@ -218,18 +210,6 @@ def test_nothing_that_is_planted_is_run(saved, tmp_path, capsys):
     assert not trap.exists()
     pickle.loads(pickle.dumps(Planted(trap)))
     assert trap.exists()  # as it would, if it were unpickled
-
-
-def test_configuration_and_agent_are_all_that_is_to_be_shared(saved, tmp_path, capsys):
-    folder = tmp_path / "shared"
-    folder.mkdir()
-    for name in ("config.yaml", "agent.npz"):
-        (folder / name).write_bytes((saved.folder / name).read_bytes())
-    written = [tmp_path / "one.json", tmp_path / "two.json"]
-    for run, path in zip((saved.folder, folder), written, strict=True):
-        assert evaluate.main([str(run), "--env", TOY, "--episodes", "3", "--json", str(path)]) == 0
-    one, two = (json.loads(path.read_text())[0] for path in written)
-    assert one["returns_per_step"] == two["returns_per_step"]
 
 
 def test_a_module_is_imported_only_if_the_user_names_it(saved, capsys):

@@ -94,16 +94,3 @@ def test_what_there_is_no_twin_of_is_told(capsys):
     assert audit.main(["zero", "--env", "SpringRope-v0", "--episodes", "2"]) == 0
     assert "not played: SpringRope-v0: " in (said := capsys.readouterr().out)
     assert "has no rigid twin" in said
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (["zero"], "name the environment with --env"),
-        (["zero", "--env", "CartPole-v1"], "CartPole-v1 is not an environment of springgym"),
-        (["nobody", "--env", "SpringTop-v0"], "unknown controller 'nobody'"),
-    ],
-)
-def test_errors(arguments, says, capsys):
-    assert audit.main(arguments) == 2
-    assert says in capsys.readouterr().err

@@ -191,36 +191,6 @@ def test_a_changed_task_is_another_run(done, configs, tmp_path, capsys):
     assert table(folder)["linear", 0]["probe"] == results.probe(TOY)
 
 
-@pytest.mark.parametrize(
-    ("options", "says"),
-    [
-        (["--address", "auto", "--jobs", "2"], "--jobs works on this machine only"),
-        (["--address", "auto", "--local"], "not allowed with argument"),
-        (["--algorithms", "dqn"], "invalid choice: 'dqn'"),
-        (["--seeds", "0"], "'0' must be a whole number from 1"),
-    ],
-)
-def test_contradicting_arguments(options, says, capsys):
-    with pytest.raises(SystemExit):
-        benchmark.main(options)
-    assert says in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("options", "says"),
-    [
-        (["--tasks", "Absent-v0"], "Unknown environment 'Absent-v0'"),
-        (["--set", "lr=1"], "unknown key 'lr'"),
-        (["--configs", "absent"], "absent/ppo.yaml: cannot read it"),
-    ],
-)
-def test_what_is_wrong_is_told_before_anything_runs(options, says, tmp_path, capsys):
-    asked = ["--local", "--runs", str(tmp_path), "--algorithms", "ppo", *options]
-    assert benchmark.main(asked) == 2
-    assert says in capsys.readouterr().err
-    assert not list(tmp_path.iterdir())
-
-
 def test_a_damaged_table(tmp_path, configs, capsys):
     (tmp_path / "baselines.json").write_text("[{}]")
     assert benchmark.main(command(tmp_path, configs)) == 2

@@ -152,17 +152,6 @@ def test_a_damaged_file(text, tmp_path, capsys):
     assert "rows.json: the file" in capsys.readouterr().err
 
 
-def test_there_is_no_such_file(tmp_path, capsys):
-    assert benchmark.main(["--check", str(tmp_path / "absent.json")]) == 2
-    assert "absent.json" in capsys.readouterr().err
-
-
-def test_agents_belong_to_the_check(capsys):
-    with pytest.raises(SystemExit):
-        benchmark.main(["--agents", "runs", "--local"])
-    assert "--agents belongs to --check" in capsys.readouterr().err
-
-
 def test_ranges_of_seeds_do_not_meet():
     """Training, selection, curves, reports of runs and of chosen agents share no episode."""
     first = [runs.HELD_OUT_SEED, runs.SELECTION_SEED, runs.PROGRESS_SEED, runs.PUBLISHED_SEED]

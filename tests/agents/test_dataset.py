@@ -56,13 +56,6 @@ def test_noise_is_of_the_size_asked_for():
     assert abs(played.mean()) < 0.2 * 4 / np.sqrt(played.size)
 
 
-@pytest.mark.parametrize("noise", ["-0.1", "1.5", "nan", "much"])
-def test_noise_is_a_share(noise, capsys):
-    with pytest.raises(SystemExit):
-        dataset.main([TASK, "zero", f"--noise={noise}"])
-    assert f"'{noise}' must be a number from 0 to 1" in capsys.readouterr().err
-
-
 def test_only_the_first_episode_of_a_copy_is_recorded():
     envs = dataset.Recorded(
         gym.make_vec("SpringRope-v0", 2, vectorization_mode="vector_entry_point", max_episode_steps=3)

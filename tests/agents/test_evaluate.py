@@ -74,29 +74,6 @@ def test_command_line(classical, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (["zero"], "error: name the environment with --env, or give a run folder"),
-        (["SpringTop"], "Unknown environment 'SpringTop'. Did you mean 'SpringTop-v0'?"),
-        (["zero", "runs/absent"], "'runs/absent' is no run folder, environment id or baseline; name the"),
-        (
-            ["clasical", "--env", "Toy-v0"],
-            "unknown controller 'clasical': use zero, random, classical or module:function",
-        ),
-        (["classical", "--env", "Toy-v0"], "no classical controller for Toy-v0 with action=None"),
-        (["zero", "--env", "Toy-v0", "--set", "push"], "--set push: write it as key=value"),
-        *(
-            (["zero", "--env", "SpringTop-v0", "--set", f"{name}={value}"], name)
-            for name, value in (("stagger", "true"), ("seed", 5), ("num_envs", 3), ("env_id", "A-v0"))
-        ),
-    ],
-)
-def test_errors(arguments, says, capsys):
-    assert evaluate.main(arguments) == 2
-    assert says in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
     ("task", "unit", "score"),
     [
         ("SpringDuel-v0", "episode", "0.500 ± 0.500"),

@@ -69,17 +69,3 @@ def test_worlds_are_played(task):
     assert own["mean_return"] > 0.3
     assert own["mean_return"] != other["mean_return"]
     assert ("refused" in generalize.played(task, "classical", "rigid", 4)) == (task == "SpringRope-v0")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (["SpringTop-v0", "--episodes", "1"], "1"),
-        (["SpringTop-v0", "--rows", "/absent/rows.json"], "there is no folder"),
-    ],
-)
-def test_wrong_arguments(arguments, says, capsys):
-    with pytest.raises(SystemExit) as end:
-        generalize.main(arguments)
-    assert end.value.code == 2
-    assert says in capsys.readouterr().err

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import runs
 import train
-from conftest import HERE
 from controllers import make_controller
 
 from springgym.envs.sb3 import make_sb3
@@ -45,27 +44,3 @@ def test_same_seed_same_agent(tmp_path):
     )
     assert one.tobytes() == other.tobytes()
     assert np.abs(one - third).max() > 1e-4
-
-
-@pytest.mark.parametrize(
-    ("overrides", "said"),
-    [
-        (["imitate=100"], "compact observation"),
-        (["imitate=-1", FRAME], "between 0"),
-        (["imitate=20_000_000", FRAME], "less than total_timesteps"),
-        (["imitate=63", FRAME], "at least n_envs, 64"),
-        (["imitate=0.5", FRAME], "whole number"),
-    ],
-)
-def test_what_cannot_be_imitated(tmp_path, capsys, overrides, said):
-    assert train.main([TASK, "--run", str(tmp_path / "run"), "--set", *overrides]) != 0
-    assert said in capsys.readouterr().err
-    assert not (tmp_path / "run").exists()
-
-
-def test_without_classical_control(tmp_path, capsys):
-    config = ["--config", str(HERE / "toy_ppo.yaml")]
-    more = ["--set", "imitate=100", FRAME]
-    assert train.main(["toy_env:Toy-v0", "--run", str(tmp_path / "run"), *config, *more]) != 0
-    assert "no classical controller" in capsys.readouterr().err
-    assert not (tmp_path / "run").exists()

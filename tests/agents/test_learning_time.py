@@ -19,8 +19,3 @@ def test_learning_ends_where_the_task_is_learned_and_is_told_apart(tmp_path, cap
     assert abs(row["physics"] + row["policy"] + row["learning"] - row["seconds"]) < 0.05
     assert min(row["physics"], row["policy"], row["learning"]) > 0
     assert f"| {row['steps']:,} |" in capsys.readouterr().out
-
-
-def test_a_task_that_is_not_there_is_named_before_anything_is_trained(capsys):
-    assert learning_time.main(["SpringTop-v9"]) == 2
-    assert "SpringTop-v9" in capsys.readouterr().err

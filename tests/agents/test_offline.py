@@ -142,21 +142,6 @@ def test_a_folder_or_file_that_holds_something_else(data, tmp_path, capsys):
     assert "holds a run already" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("options", "says"),
-    [
-        ([], "the following arguments are required: --data"),
-        (["--data", RANDOM, "--steps", "0"], "'0' must be a whole number from 1"),
-        (["--data", RANDOM, "--steps", "1.5"], "'1.5' must be a whole number from 1"),
-        (["--data", RANDOM, "--seed", "1000000"], "'1000000' must be a whole number from 0 to 999999"),
-    ],
-)
-def test_wrong_arguments(options, says, capsys):
-    with pytest.raises(SystemExit):
-        offline.main([TASK, *options])
-    assert says in capsys.readouterr().err
-
-
 @pytest.mark.parametrize(("package", "name"), [("minari", "Minari"), ("torchrl", "TorchRL")])
 def test_without_its_packages_it_says_how_to_get_them(package, name, monkeypatch, capsys):
     monkeypatch.setattr(offline, "find_spec", lambda asked: None if asked == package else asked)

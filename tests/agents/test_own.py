@@ -8,7 +8,6 @@ from pathlib import Path
 
 import config
 import controllers
-import evaluate
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -22,7 +21,6 @@ TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorials" / "environment.md"
 BRIEF = ["n_envs=4", "n_steps=64", "batch_size=64", "checkpoint_every=256", "total_timesteps=512"]
 
 gym.register("ToyAlone-v0", entry_point=ToyEnv, max_episode_steps=LIMIT)
-gym.register("ToyEndless-v0", entry_point=ToyEnv)
 
 
 def blocks(page):
@@ -59,28 +57,24 @@ def escort(tmp_path, monkeypatch, own_ids):
     return blocks(rest)
 
 
-def run(commands, brief, episodes):
-    """Run commands of a page and return their names; if brief, training and evaluation are cut short."""
+def run(commands):
+    """Run commands of a page and return their names."""
     done = []
     for line in commands.splitlines():
         program, command, *words = shlex.split(line)
         assert program == "springgym"
         if command == "evaluate":
-            words += ["--json", "compared.json", *(["--episodes", "3"] if brief else [])]
-        if command == "train" and brief:
-            few = ["12_800"] if "linear" in words else ["512", "--set", *BRIEF]
-            words += ["--episodes", str(episodes), "--timesteps", *few]
+            words += ["--json", "compared.json"]
         assert cli.main([command, *words]) == 0
         done.append(command)
     return done
 
 
 @pytest.mark.usefixtures("small_pictures")
-@pytest.mark.parametrize("brief", [True, pytest.param(False, marks=pytest.mark.slow)])
 @pytest.mark.slow
-def test_the_environment_of_the_tutorial_trains_by_its_commands(hover, brief, tmp_path, capsys):
+def test_the_environment_of_the_tutorial_trains_by_its_commands(hover, tmp_path, capsys):
     (commands,) = hover
-    assert run(commands, brief, 2) == ["train", "train", "evaluate", "watch"]
+    assert run(commands) == ["train", "train", "evaluate", "watch"]
     assert "hover:HoverCube-v0 trains with the default hyperparameters of ppo" in capsys.readouterr().out
     at = tmp_path / "runs" / "HoverCube-v0-ppo-0"
     assert len(json.loads((at / "evaluation.json").read_text())) == 3
@@ -88,30 +82,27 @@ def test_the_environment_of_the_tutorial_trains_by_its_commands(hover, brief, tm
     assert (tmp_path / "runs" / "HoverCube-v0-linear-0" / "agent.npz").exists()
     assert (tmp_path / "hover.gif").read_bytes().startswith(b"GIF8")
     trained, *others = json.loads((tmp_path / "compared.json").read_text())
-    if not brief:
-        assert all(trained["return_per_step"] > other["return_per_step"] for other in others)
+    assert all(trained["return_per_step"] > other["return_per_step"] for other in others)
 
 
 @pytest.mark.usefixtures("small_pictures")
-@pytest.mark.parametrize("brief", [True, pytest.param(False, marks=pytest.mark.slow)])
 @pytest.mark.slow
-def test_a_task_from_beginning_to_end_is_followed_word_for_word(escort, brief, tmp_path):
-    """Commands and code in their order; if brief, training is cut short, and so are evaluations."""
+def test_a_task_from_beginning_to_end_is_followed_word_for_word(escort, tmp_path):
+    """Commands and code in their order."""
     namespace = {}
     done = []
     for language, text in escort:
         if language == "python":
             exec("from escort import *\n" + text, namespace)
         else:
-            done += run(text, brief, 0)
+            done += run(text)
     assert done == ["train", "evaluate", "watch"]
     assert (tmp_path / "escort.gif").read_bytes().startswith(b"GIF8")
     trained, controller, *others = json.loads((tmp_path / "compared.json").read_text())
     assert controller["agent"] == "escort:controller"
     assert controller["success_rate"] == 1.0
     assert [other["success_rate"] for other in others] == [0.0, 0.0]
-    if not brief:
-        assert trained["success_rate"] > 0.9
+    assert trained["success_rate"] > 0.9
 
 
 @pytest.mark.parametrize(
@@ -146,14 +137,6 @@ def test_one_without_a_batch_trains_one_after_the_other(algo, tmp_path):
     assert 0 < trained["return_per_step"] <= 1
 
 
-@pytest.mark.filterwarnings("ignore:ToyEndless-v0 was registered without a vector_entry_point")
-def test_one_without_a_time_limit_is_refused(tmp_path, capsys):
-    for command in (train.main, lambda words: evaluate.main(["zero", "--env", *words[:1]])):
-        assert command(["ToyEndless-v0", "--run", str(tmp_path / "run")]) == 2
-        assert "ToyEndless-v0 has no time limit: register it with max_ep" in capsys.readouterr().err
-    assert not list(tmp_path.iterdir())
-
-
 @pytest.mark.parametrize(
     ("env_id", "says"),
     [
@@ -176,12 +159,3 @@ def test_a_file_without_defaults_refuses_other_ids(tmp_path):
     (tmp_path / "own.yaml").write_text("{}")
     with pytest.raises(config.ConfigError, match=r"own.yaml: no entry for 'ToyAlone-v0'"):
         config.load_config("ppo", "ToyAlone-v0", path=tmp_path / "own.yaml")
-
-
-@pytest.mark.filterwarnings("ignore:CartPole-v1 was registered without a vector_entry_point")
-def test_actions_that_are_no_numbers_are_refused_before_training(tmp_path, capsys):
-    """The file of an agent cannot hold discrete actions; training used to fail at its end, when it saves."""
-    run = tmp_path / "run"
-    assert train.main(["CartPole-v1", "--timesteps", "64", "--run", str(run)]) == 2
-    assert "CartPole-v1 has no continuous actions: its action space is Discrete(2)" in capsys.readouterr().err
-    assert not run.exists()

@@ -10,20 +10,6 @@ import rllib_ppo
 import torch
 
 
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (["Absent-v0"], "Unknown environment 'Absent-v0'"),
-        (["SpringTop-v0", "--copies", "3"], "= 384 is not a multiple of 1024"),
-        (["SpringTop-v0", "--resume"], "has no checkpoint"),
-    ],
-)
-def test_errors(arguments, says, tmp_path, capsys):
-    pytest.importorskip("ray")
-    assert rllib_ppo.main([*arguments, "--run", str(tmp_path)]) == 2
-    assert says in capsys.readouterr().err
-
-
 def test_no_runner_shares_a_start_with_another():
     bases = []
     for seed in (0, 1):

@@ -31,12 +31,6 @@ def test_every_kind_plays_everywhere(tmp_path, monkeypatch, capsys):
     assert (folder / "springs" / "SpringTop-v0-ppo-0" / "model.zip").stat().st_mtime_ns == made
 
 
-def test_kinds_and_places():
-    assert transfer.kinds()["rigid, randomised"]["dynamics"] == "rigid"
-    assert transfer.kinds()["springs"] == {"dynamics": "springs"}
-    assert transfer.grid()["0.1 k"]["randomize"] == {"stiffness": (0.1, 0.1)}
-
-
 def test_table():
     rows = [
         {"learned": "rigid", "played": place, "mean_return": value, "success_rate": 0.5}
@@ -45,17 +39,3 @@ def test_table():
     assert transfer.table(rows).splitlines()[-1] == (
         "| rigid | 50 %, 0.600 (0.500–0.700) | 50 %, 0.250 (0.250–0.250) |"
     )
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (["Absent-v0"], "Unknown environment 'Absent-v0'"),
-        (["SpringRope-v0"], "has no rigid twin"),
-        (["SpringTop-v0", "--set", "lr=1"], "unknown key 'lr'"),
-    ],
-)
-def test_errors(arguments, says, tmp_path, capsys):
-    assert transfer.main([*arguments, "--local", "--runs", str(tmp_path / "runs")]) == 2
-    assert says in capsys.readouterr().err
-    assert not (tmp_path / "runs").exists()

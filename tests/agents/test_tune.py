@@ -70,10 +70,3 @@ def test_what_cannot_be_trained_is_given_up(command, monkeypatch, tmp_path):
 def test_what_is_searched_is_there(algo):
     fields = CONFIG_OF[algo].__dataclass_fields__
     assert set(tune.SPACES[algo]) <= set(fields)
-
-
-def test_errors(command, capsys):
-    assert tune.main(["Absent-v0"]) == 2
-    assert "Unknown environment 'Absent-v0'" in capsys.readouterr().err
-    assert tune.main([*command(), "lr=1"]) == 2
-    assert "unknown key 'lr'" in capsys.readouterr().err

@@ -42,12 +42,6 @@ config: {net_arch: [8], activation: tanh, gamma: 0.9}
 """
 
 
-def test_a_run_without_a_checkpoint(tmp_path):
-    (tmp_path / "config.yaml").write_text(CONFIG)
-    with pytest.raises(ValueError, match=r"no agent\.npz yet"):
-        played(find_agent(str(tmp_path), ""), 0)
-
-
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [

@@ -38,17 +38,6 @@ def test_gif(right, tmp_path, capsys):
     assert not np.array_equal(frames[0], frames[-1])
 
 
-def test_gif_drops_frames_above_25_a_second(right, tmp_path, monkeypatch):
-    monkeypatch.setitem(toy_env.ToyEnv.metadata, "render_fps", 50)
-    path = tmp_path / "toy.gif"
-    watch.record("classical", "Toy-v0", {"push": 0.3}, path, seed=5)
-    env = gym.make("Toy-v0", render_mode="rgb_array", push=0.3)
-    frames = list(watch.play_episode(env, lambda o: np.ones((1, 1), np.float32), 5))
-    with Image.open(path) as film:
-        assert film.n_frames == -(-len(frames) // 2)
-        assert film.info["duration"] == 40
-
-
 @pytest.mark.usefixtures("small_pictures")
 @pytest.mark.parametrize(
     ("env_id", "suffix"),
@@ -70,12 +59,6 @@ def test_films_play_in_real_time(env_id, suffix, tmp_path):
         every = -(-(steps + 1) // len(shown))
         assert min(shown) >= 40
     assert seconds == pytest.approx(-(-(steps + 1) // every) * every * period, abs=0.011)
-
-
-def test_mp4(right, tmp_path):
-    path = tmp_path / "toy.mp4"
-    watch.record("classical", "Toy-v0", {}, path)
-    assert b"ftyp" in path.read_bytes()[:16]
 
 
 def test_window_is_drawn_once_a_step_until_it_is_closed(monkeypatch):
@@ -131,24 +114,8 @@ def test_the_browser_shows_episodes_of_the_agent(right, monkeypatch, capsys):
     (subject,) = shown
     assert subject.names[0] == "seed 7"
     assert subject.make("seed 7", {}).title == "SpringTop-v0: no action"
-    with pytest.raises(SystemExit):
-        watch.main(["zero", "--env", "SpringTop-v0", "--browser", "--out", "top.gif"])
     assert watch.main(["classical", "--env", "Toy-v0", "--out", "toy.html"]) == 2
     assert "Toy-v0 is no environment of springgym's" in capsys.readouterr().err
-
-
-def test_agent_must_be_known(capsys):
-    assert watch.main(["clasical", "--env", "Toy-v0", "--out", "toy.gif"]) == 2
-    assert "unknown controller 'clasical'" in capsys.readouterr().err
-    assert watch.main(["zero", "--out", "toy.gif"]) == 2
-    assert "name the environment with --env" in capsys.readouterr().err
-    assert watch.main(["zero", "--env", "CartPole-v1", "--out", "toy.gif"]) == 2
-    assert "CartPole-v1 has no continuous actions" in capsys.readouterr().err
-    assert watch.main(["zero", "--env", "SpringTop-v9", "--out", "toy.gif"]) == 2
-    assert "Unknown environment 'SpringTop-v9'. Did you mean 'SpringTop-v0'?" in capsys.readouterr().err
-    with pytest.raises(SystemExit):
-        watch.main(["zero", "--env", "Toy-v0", "--out", "toy.avi"])
-    assert "--out toy.avi: the name must end in .gif, .mp4 or .html" in capsys.readouterr().err
 
 
 def command_without(modules, *arguments):

@@ -15,6 +15,7 @@ from springgym.bodies import Body, box, cube, gyroscope, rope, start, top
 from springgym.scene import DriveActuator, Placed, Scene, ThrustActuator, WrenchActuator
 from springgym.simulator import Simulator
 from springgym.surfaces import Bowl, Contact, PaperContact, floor
+from tests.params import slow_but
 
 TOP = top()
 TIP = TOP.particle("tip")
@@ -90,30 +91,24 @@ def assert_each_as_alone(scene: Scene, steps: tuple[int, ...] = (7, 13), **optio
     return both
 
 
-QUICK = ("verlet",)
 STEP = 2e-4
 """[s] Of scenes that share code: dampers act at every step."""
 
 
-@pytest.mark.parametrize(
-    "method",
-    [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in integrators.METHODS],
-)
-def test_two_tops_in_one_scene_are_two_scenes_of_one(method: str) -> None:
-    backward = integrators.integrator(method).negative_substeps
-    scene = tops(TOP.with_(damping=0.0) if backward else TOP)
-    assert_each_as_alone(scene, integrator=method, step=STEP)
+PAIRS = [
+    *({"integrator": name, "step": STEP} for name in integrators.METHODS),
+    *({"integrator": name, "step": 1e-3, "dynamics": "rigid"} for name in rigid.METHODS),
+    {"step": STEP, "copies": 5, "dtype": np.float32},
+]
 
 
-@pytest.mark.slow
-def test_two_tops_in_float32_are_two_scenes_of_one() -> None:
-    assert_each_as_alone(tops(TOP), step=2e-4, copies=5, dtype=np.float32)
-
-
-@pytest.mark.parametrize("method", rigid.METHODS)
-@pytest.mark.slow
-def test_two_rigid_tops_in_one_scene_are_two_scenes_of_one(method: str) -> None:
-    assert_each_as_alone(tops(TOP), dynamics="rigid", integrator=method, step=1e-3)
+@pytest.mark.parametrize("options", slow_but(PAIRS, PAIRS[0]), ids=str)
+def test_two_tops_in_one_scene_are_two_scenes_of_one(options) -> None:
+    backward = (
+        "dynamics" not in options
+        and integrators.integrator(options.get("integrator", "verlet")).negative_substeps
+    )
+    assert_each_as_alone(tops(TOP.with_(damping=0.0) if backward else TOP), **options)
 
 
 @pytest.mark.slow
@@ -295,37 +290,6 @@ MOVED = Placed(TOP, TOP.positions + 5.0, pinned=(TIP,))
 def test_what_cannot_be_names_the_body(make, error, says: str) -> None:
     with pytest.raises(error, match=says):
         make()
-
-
-@pytest.mark.slow
-def test_an_environment_over_two_bodies_is_the_same_single_and_in_a_batch() -> None:
-    scene = replace_actuators(tops(TOP))
-
-    def made(**options):
-        return springgym.make_scene_env(
-            scene,
-            lambda m, s: 1 / (1 + (m["left"].kinetic + m["right"].kinetic) / 1e3),
-            actuators={"left.torque": 5.0, "right.thrust": 1.0, "right.force": 3.0},
-            randomize={"masses": (0.9, 1.1), "scale": (0.9, 1.1)},
-            **options,
-        )
-
-    single, envs = made(), made(num_envs=3)
-    assert single.action_space.shape == (3 + 6 + 3,)
-    first, _ = envs.reset(seed=5)
-    np.testing.assert_array_equal(single.reset(seed=7)[0], first[2])
-    actions = np.linspace(-1, 1, 3 * 12, dtype=np.float32).reshape(3, 12)
-    for _ in range(5):
-        seen, rewards, *_ = envs.step(actions)
-        alone, reward, *_ = single.step(actions[2])
-        np.testing.assert_array_equal(alone, seen[2])
-        assert reward == rewards[2]
-    assert np.abs(seen - first).max() > 1e-3
-
-
-def replace_actuators(scene: Scene) -> Scene:
-    """The scene without wrenches: environments add those that they drive."""
-    return scene.with_(bodies=tuple(replace(placed, wrench=None) for placed in scene.bodies))
 
 
 @pytest.mark.parametrize(

@@ -244,13 +244,24 @@ def test_rounding_is_that_of_single_precision() -> None:
     assert found["rounding_after_1_s"] < found["rounding_after_10_s"] < 1e-2
 
 
-@pytest.mark.parametrize("method", slow_but(["RK4", "Euler", "implicit", "implicitfast"], "RK4"))
-def test_mujoco_steps_the_same_springs(method: str) -> None:
-    pytest.importorskip("mujoco")
+PEERS: dict[str, tuple[str, float, Any]] = {
+    "MuJoCo, rigid": ("mujoco", 1e-5, lambda scene: peers.MuJoCo(scene, "RK4", 1e-3, rigid=True).peer()),
+    "SciPy": ("scipy", 1e-4, lambda scene: peers.scipy_rk45(scene, PAPER_STEP)),
+    "JAX": ("jax", 5e-4, lambda scene: peers.jax_batch(scene, PAPER_STEP, 2)),
+} | {
+    f"MuJoCo, {way}": ("mujoco", 5e-4, lambda scene, w=way: peers.MuJoCo(scene, w, PAPER_STEP / 4).peer())
+    for way in ("RK4", "Euler", "implicit", "implicitfast")
+}
+"""By name: the package of a program, how far its positions may be off [1], and how it is run."""
+
+
+@pytest.mark.parametrize("name", slow_but(PEERS, "MuJoCo, RK4", "SciPy", "JAX"))
+def test_peers_move_the_same_body(name: str) -> None:
+    package, off, run = PEERS[name]
+    pytest.importorskip(package)
     scene = paper_top()
-    program = peers.MuJoCo(scene, method, PAPER_STEP / 4)
-    peer = program.peer()
-    assert rms_distance(peer.positions, exact_positions(scene, 1.0), scene.sizes) < 5e-4
+    exact = exact_positions(scene, 1.0, *(["rigid"] if "rigid" in name else []))
+    assert rms_distance(run(scene).positions, exact, scene.sizes) < off
 
 
 @pytest.mark.parametrize("threads", [1, 2])
@@ -262,30 +273,6 @@ def test_mujoco_steps_a_batch_as_it_steps_one(threads: int) -> None:
     states = batch.run()
     assert batch.steps == 8 * 3
     assert np.shape(states) == (8, 3, len(program.state()))
-
-
-@pytest.mark.slow
-def test_mujoco_turns_the_same_rigid_body() -> None:
-    pytest.importorskip("mujoco")
-    scene = paper_top()
-    peer = peers.MuJoCo(scene, "RK4", 1e-3, rigid=True).peer()
-    assert rms_distance(peer.positions, exact_positions(scene, 1.0, "rigid"), scene.sizes) < 1e-5
-
-
-def test_scipy_steps_the_same_springs() -> None:
-    pytest.importorskip("scipy")
-    scene = paper_top()
-    peer = peers.scipy_rk45(scene, PAPER_STEP)
-    assert peer is not None
-    assert rms_distance(peer.positions, exact_positions(scene, 1.0), scene.sizes) < 1e-4
-
-
-def test_jax_steps_the_same_springs() -> None:
-    pytest.importorskip("jax")
-    scene = paper_top()
-    peer = peers.jax_batch(scene, PAPER_STEP, 2)
-    assert peer is not None
-    assert rms_distance(peer.positions, exact_positions(scene, 1.0), scene.sizes) < 5e-4
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ import pytest
 
 from benchmarks.top_models import _asked, main, needed
 from springgym.scenes import load, names
+from tests.params import slow_but
 
 
 @pytest.mark.slow
@@ -33,25 +34,16 @@ def test_less_than_the_gap_rules_the_rigid_top_out():
         _ = need._replace(wanted=1e-9).cheapest
 
 
-def check_asked(name):
-    """A scene is a top, or is refused for what it is."""
+@pytest.mark.parametrize(
+    "name", slow_but(names(), "beech-top", "cube-pendulum", "dominoes", "gyroscope", "rope-swing")
+)
+def test_a_scene_is_a_top_or_is_refused_for_what_it_is(name):
     why = ""
     try:
         assert np.isfinite(_asked(load(name))).all()
     except ValueError as error:
         why = str(error)
     assert re.search(r"^$|is not a heavy top: |no steady precession|has \d+ bodies; it must have one", why)
-
-
-@pytest.mark.parametrize("name", ["beech-top", "cube-pendulum", "dominoes", "gyroscope", "rope-swing"])
-def test_a_scene_is_a_top_or_is_refused_for_what_it_is(name):
-    check_asked(name)
-
-
-@pytest.mark.slow
-def test_every_scene_is_a_top_or_is_refused_for_what_it_is():
-    for name in names():
-        check_asked(name)
 
 
 def test_what_is_no_top_is_refused(capsys):

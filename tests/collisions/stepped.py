@@ -15,7 +15,7 @@ from springgym.collisions import Shape
 from springgym.contact.records import ENTRIES, Pairs, Rolling, Spheres
 from springgym.contact.round import packed_rounds
 from springgym.core import ragged
-from springgym.core.blocks import aligned_zeros, to_copies
+from springgym.core.blocks import aligned_zeros, numbers, to_copies
 from springgym.core.kinds import Each, Ragged
 from springgym.envs.episodes import Episodes
 from springgym.integrators.node import Space
@@ -24,7 +24,6 @@ from springgym.simulator import Simulator
 from springgym.stability import Vibrations
 from springgym.surfaces import Contact, Plane
 from springgym.terms import Drive, Terms, Thrust, Wrench
-from tests.collisions.world import with_all_features
 
 FAR = Plane((0, 0, -100), (0, 0, 1))
 """A floor that nothing comes near."""
@@ -55,6 +54,30 @@ def shares_code(scene: Scene, method: str, twin: bool) -> bool:
     level = all(isinstance(surface, Plane) for surface in scene.surfaces)
     usual = isinstance(scene.contact, Contact) and not any(placed.forces for placed in scene.bodies)
     return level and (bool(scene.meetings) or (usual and (twin or method == "verlet")))
+
+
+def with_all_features(pairs: Pairs, blocks: Callable[..., np.ndarray]) -> Pairs:
+    """Pairs without None, and with friction and loss of each copy in ``blocks``."""
+    shapes, count, bodies = pairs.shapes, len(pairs.first), len(pairs.shapes.radius)
+    none = np.zeros(bodies, bool)
+
+    def of_copies(values: np.ndarray | None) -> np.ndarray:
+        if values is not None and values.dtype.names:
+            return values
+        array = blocks(count)
+        numbers(array)[:] = np.zeros((count, 1)) if values is None else values[:, None]
+        return array
+
+    return pairs._replace(
+        friction=of_copies(pairs.friction),
+        loss=of_copies(pairs.loss),
+        shapes=shapes._replace(
+            triangles=np.zeros((0, 3), np.uint32) if shapes.triangles is None else shapes.triangles,
+            edges=np.zeros((0, 2), np.uint32) if shapes.edges is None else shapes.edges,
+            rods=none if shapes.rods is None else shapes.rods,
+            balls=none if shapes.balls is None else shapes.balls,
+        ),
+    )
 
 
 class Packing:

@@ -9,6 +9,7 @@ import pytest
 
 from springgym.scenes import load, names
 from springgym.simulator import Simulator
+from tests.copies import reported
 
 
 def scattered(name: str, copies: int) -> tuple[np.ndarray, np.ndarray]:
@@ -51,19 +52,15 @@ def test_batch_threads_and_single(name: str, dtype: Any) -> None:
     for simulator in (batch, threads):
         simulator.advance(steps - steps // 2, check=False)
 
-    def bits(simulator: Simulator, n: int) -> bytes:
-        told = np.concatenate([np.ravel(of[n]).astype(float) for of in simulator.pairs()])
-        return b"".join(of.tobytes() for of in (simulator.positions[n], simulator.velocities[n], told))
-
     assert batch.pairs().impulse.any(axis=1).all()
     assert not np.any([batch.pairs().misses, batch.pairs().overflow])
     each = range(copies)
-    assert [bits(batch, n) for n in each] == [bits(threads, n) for n in each]
+    assert [reported(batch, n) for n in each] == [reported(threads, n) for n in each]
     for n in (0, 17, copies - 1):
         alone = Simulator(plan.scene, **options)
         alone.place(x[n], v[n])
         alone.advance(steps, check=False)
-        assert bits(alone, 0) == bits(batch, n), n
+        assert reported(alone, 0) == reported(batch, n), n
     threads.restore(state)
     threads.advance(steps - steps // 2, check=False)
-    assert [bits(batch, n) for n in each] == [bits(threads, n) for n in each]
+    assert [reported(batch, n) for n in each] == [reported(threads, n) for n in each]

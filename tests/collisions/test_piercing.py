@@ -8,8 +8,6 @@ import pytest
 
 from springgym.bodies import ball
 from springgym.contact.overlap import tell_shown
-from springgym.contact.records import ENTRIES, FASTEST, MISSES, OVERFLOW
-from springgym.contact.totals import RESOLVED, tell_unresolved
 from springgym.packing import pack_outlines
 from springgym.scene import Placed, Scene
 from springgym.simulator import SimulationDivergedError, Simulator, UnresolvedContactError
@@ -160,26 +158,6 @@ def test_what_is_shown_is_looked_at() -> None:
         assert whether
         assert 50 < expected.sum() < 290
         assert (found[:, 0] == expected).all()
-
-
-@pytest.mark.parametrize("width", [1, 16])
-def test_what_is_counted_is_told(width: int) -> None:
-    """A copy is unresolved if a pair of its bodies has a miss, an overflow, or a contact that is too fast."""
-    rng, copies, reach, step = np.random.default_rng(2), 37, np.array([0.01, 0.02, 0.005]), 1e-3
-    blocks = -(-copies // width)
-    totals = rng.normal(size=(blocks, len(reach) * ENTRIES, width))
-    counts = np.where(rng.random((2, blocks, len(reach), width)) < 0.1, 2.0, 0.0)
-    fastest = rng.uniform(0.2, 1.1, (blocks, len(reach), width)) * RESOLVED * reach[:, None] / step
-    fastest[0, 1, 0] = np.nan  # tells nothing of its own
-    entries = (MISSES, OVERFLOW, FASTEST)
-    for entry, value in zip(entries, (*counts, fastest), strict=True):
-        totals[:, entry::ENTRIES] = value
-    wrong = (counts > 0.0).any(axis=0) | (fastest * step > RESOLVED * reach[:, None])
-    expected = wrong.any(axis=1).ravel()[:copies]
-    found = ~expected  # what was there before does not matter
-    tell_unresolved(totals, reach, step, found)
-    assert 5 < expected.sum() < 35
-    assert (found == expected).all()
 
 
 def test_episode_ends() -> None:

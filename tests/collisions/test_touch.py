@@ -8,14 +8,12 @@ import numpy as np
 import pytest
 
 from springgym.bodies import Body, box, cube, rope
-from springgym.collisions import Pair
 from springgym.contact.records import CONTACT, FRICTION, MISSES, OVERFLOW, TOUCHING
 from springgym.scene import Placed, Scene
 from springgym.surfaces import Contact
 from tests.collisions.cases import turned
 from tests.collisions.impacts import impacts, pair_scene
 from tests.collisions.stepped import Stepped
-from tests.collisions.world import NOTHING, PLAIN, World
 
 BALL = Body("ball", [[0.0, 0.0, 0.0]], 1.0, [], 1.0, 0.0, radius=0.1)
 REACH = 2e-3
@@ -137,36 +135,12 @@ def test_block_on_a_tilted_slab() -> None:
     assert totals[2:, FRICTION] == pytest.approx((MU * 9.81 * np.cos(tilt) * way)[2:], rel=1e-3)
 
 
-@pytest.mark.slow
-def test_stack() -> None:
-    """Three cubes on a slab come to rest, and stay."""
-    cubes = [put(cube(0.5, damping=100.0), (0, 0, 0.4586 + 0.5086 * n), f"cube {n}") for n in range(3)]
-    floor = put(box((2.0, 2.0, 0.4)), (0, 0, 0), "floor", pinned=tuple(range(8)))
-    pairs = tuple(Pair(n, n + 1, Contact(friction=0.5, restitution=0.3)) for n in range(3))
-    world = Stepped(Scene(bodies=(floor, *cubes), collisions=pairs))
-    world.run(int(4 / world.step))
-    before = world.x
-    world.run(int(2 / world.step))
-    assert (world.v**2).sum() < 1e-12
-    assert np.abs(world.x - before).max() < 1e-8
-    assert world.totals[0, :, TOUCHING].all()
-    assert not world.totals[0, :, MISSES].any()
-
-
-def impacts_with_friction(world: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Place 32 copies of two cubes that are about to meet; their energies and momenta."""
-    body = world.scene.bodies[0].body
-    world.place(*impacts(body, body, 2.0, 32, np.random.default_rng(4)))
-    return world.energy(), world.momenta()
-
-
-ROUGH = pair_scene(cube(damping=0.0), cube(damping=0.0), Contact(friction=0.5, restitution=0.8))
-
-
 def test_loss_and_friction_are_in_the_totals() -> None:
     """What random impacts of cubes lose is entered, and angular momentum is kept with friction, too."""
-    world = Stepped(ROUGH, copies=32)
-    energy, momenta = impacts_with_friction(world)
+    body = cube(damping=0.0)
+    world = Stepped(pair_scene(body, body, Contact(friction=0.5, restitution=0.8)), copies=32)
+    world.place(*impacts(body, body, 2.0, 32, np.random.default_rng(4)))
+    energy, momenta = world.energy(), world.momenta()
     world.run(3300)
     totals = world.totals[:, 0]
     assert np.abs(world.momenta() - momenta).max() < 1e-12
@@ -174,20 +148,6 @@ def test_loss_and_friction_are_in_the_totals() -> None:
     lost = energy - world.energy()
     assert np.abs(lost - totals[:, CONTACT] - totals[:, FRICTION]).max() < 2e-3 * energy.min()
     assert (lost > 0).all()
-
-
-@pytest.mark.slow
-def test_friction_as_of_points_turns_bodies() -> None:
-    """Opposite impulses at points apart keep the momentum, but not the angular momentum."""
-    changed = []
-    for lacks in (NOTHING, PLAIN):
-        world = World(ROUGH, copies=32)
-        _, momenta = impacts_with_friction(world)
-        world.run(3300, lacks)
-        changed.append(np.abs(world.momenta() - momenta))
-    assert changed[0].max() < 1e-12
-    assert changed[1][:, :3].max() < 1e-12
-    assert changed[1][:, 3:].max() > 1e-5
 
 
 @pytest.mark.slow

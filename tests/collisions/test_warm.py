@@ -10,11 +10,11 @@ import pytest
 
 from springgym.bodies import cube
 from springgym.contact.warm import FEW
-from springgym.core.blocks import WIDTH, numbers
-from springgym.identity import sealed
+from springgym.core.blocks import WIDTH
 from springgym.scene import Placed, Scene
 from springgym.simulator import Simulator
 from springgym.surfaces import Contact, floor
+from tests.copies import check_alone, reported
 
 BLOCK = cube(side=0.1, mass=0.5, stiffness=1e5, damping=30)
 REACH = 0.01 * BLOCK.swept
@@ -51,16 +51,6 @@ def start(copies: int) -> Simulator:
     return simulator
 
 
-def everything(simulator: Simulator, copies: Any = slice(None)) -> list[np.ndarray]:
-    """Return what a simulator reports of copies, as arrays that two simulators can be compared by."""
-    found = [simulator.positions, simulator.velocities, *simulator.measure(), *simulator.pairs()]
-    return [np.array(array)[copies] for array in found]
-
-
-def same(one: list[np.ndarray], other: list[np.ndarray]) -> bool:
-    return all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
-
-
 def pushes_and_law(simulator: Simulator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the pair of each contact of two blocks, its force and what the law says of its gap [N]."""
     found, meetings = simulator.contacts(), simulator.scene.meetings
@@ -79,49 +69,45 @@ def held(simulator: Simulator) -> np.ndarray:
     return np.array(forces / ((COUNT - above) * BLOCK.mass * GRAVITY))
 
 
-def test_what_rests_is_held_as_the_law_says() -> None:
-    """Two sweeps from nothing miss the law by four fifths of the largest force, eight sweeps by a half."""
-    simulator = Simulator(column(0.0))
-    simulator.advance(round(1.5 / simulator.step))
+RIGID: dict[str, Any] = {"dynamics": "rigid", "step": 1e-3}
+
+
+@pytest.mark.parametrize(
+    ("options", "seconds", "off"),
+    [
+        pytest.param({}, 1.5, 2e-6, id="springs"),
+        pytest.param(RIGID, 2.0, 2e-5, id="rigid", marks=pytest.mark.slow),
+    ],
+)
+def test_what_rests_is_held_as_the_law_says(options: dict[str, Any], seconds: float, off: float) -> None:
+    """Two sweeps from nothing miss the law by four fifths of the largest force, eight sweeps by a half.
+
+    Turns of rigid bodies from nothing that agree to 1e-9 Δ leave a hundredth of the largest force open.
+    """
+    simulator = Simulator(column(0.0), **options)
+    simulator.advance(round(seconds / simulator.step))
     _, push, law = pushes_and_law(simulator)
     assert np.abs(push - law).max() < 1e-3 * push.max()
-    np.testing.assert_allclose(held(simulator), 1.0, atol=2e-6)
+    np.testing.assert_allclose(held(simulator), 1.0, atol=off)
 
 
-def test_calls_of_any_length_are_one() -> None:
+def test_calls_of_any_length_are_one_and_looking_at_contacts_changes_nothing() -> None:
     whole, cut = start(1), start(1)
     whole.advance(200)
     for steps in (1, 60, 9, 0, 130):
         cut.advance(steps)
-    assert same(everything(whole), everything(cut))
-
-
-def test_looking_at_contacts_changes_nothing() -> None:
-    plain, looked = start(1), start(1)
-    for _ in range(20):
-        plain.advance(10)
-        looked.advance(10)
-        looked.contacts()
-    assert same(everything(plain), everything(looked))
-
-
-def batch_is_single(**more: Any) -> None:
-    copies = WIDTH[np.dtype(float)] + 3
-    x, v = falling(copies)
-    batch = Simulator(column(), copies=copies, **more)
-    batch.place(x, v)
-    batch.advance(250)
-    assert not np.any(batch.unresolved)
-    for copy in (0, 4, copies - 1):
-        single = Simulator(column(), **more)
-        single.place(x[copy], v[copy])
-        single.advance(250)
-        assert same(everything(batch, copy), everything(single, 0))
+        cut.contacts()
+    assert reported(whole, 0) == reported(cut, 0)
 
 
 @pytest.mark.slow
-def test_copies_of_a_batch_are_single_ones_to_the_bit() -> None:
-    batch_is_single()
+@pytest.mark.parametrize("options", [{}, RIGID], ids=["springs", "rigid"])
+def test_copies_of_a_batch_are_single_ones_to_the_bit(options: dict[str, Any]) -> None:
+    copies = WIDTH[np.dtype(float)] + 3
+    x, v = falling(copies)
+    chosen = (0, 4, copies - 1)
+    batch = check_alone(lambda count: Simulator(column(), copies=count, **options), x, v, [250], chosen)
+    assert not np.any(batch.unresolved)
 
 
 @pytest.mark.slow
@@ -132,7 +118,7 @@ def test_states_hold_what_contacts_start_from() -> None:
     other.restore(one.state(copies=[2]), copies=[1])
     one.advance(100)
     other.advance(100)
-    assert same(everything(one, 2), everything(other, 1))
+    assert reported(one, 2) == reported(other, 1)
 
 
 @pytest.mark.slow
@@ -143,38 +129,4 @@ def test_copies_that_are_placed_start_from_nothing() -> None:
     placed.place(x, v, copies=[0])
     fresh.advance(100)
     placed.advance(100)
-    assert same(everything(fresh, 0), everything(placed, 0))
-
-
-@pytest.mark.slow
-def test_states_from_elsewhere_are_no_harm() -> None:
-    """A contact that the table does not hold starts from nothing, whatever else the table holds."""
-    simulator = Simulator(column(0.0))
-    simulator.advance(10)
-    state = simulator.state()
-    tables = [array for name, array in state.items() if "warm" in name]
-    assert len(tables) == 5
-    for wrong in (1e6, -3.0):
-        for array in tables:
-            numbers(array)[...] = wrong
-        simulator.restore(sealed(state))
-        simulator.advance(20)
-        assert np.isfinite(simulator.velocities).all()
-
-
-RIGID: dict[str, Any] = {"dynamics": "rigid", "step": 1e-3}
-
-
-@pytest.mark.slow
-def test_rigid_bodies_are_held_as_the_law_says() -> None:
-    """Turns from nothing that agree to 1e-9 Δ leave a hundredth of the largest force open."""
-    simulator = Simulator(column(0.0), **RIGID)
-    simulator.advance(2000)
-    _, push, law = pushes_and_law(simulator)
-    assert np.abs(push - law).max() < 1e-3 * push.max()
-    np.testing.assert_allclose(held(simulator), 1.0, atol=2e-5)
-
-
-@pytest.mark.slow
-def test_copies_of_rigid_bodies_are_single_ones_to_the_bit() -> None:
-    batch_is_single(**RIGID)
+    assert reported(fresh, 0) == reported(placed, 0)

@@ -109,6 +109,13 @@ def make(env_id: str, **options: Any) -> gym.Env:
     return gym.make(env_id, **options)
 
 
+def started(env_id: str, *, seed: int, options: dict[str, Any] | None = None, **arguments: Any) -> gym.Env:
+    """An environment whose first episode has begun."""
+    env = make(env_id, **arguments)
+    env.reset(seed=seed, options=options)
+    return env
+
+
 def make_vec(env_id: str, num_envs: int, mode: str, autoreset: str, **options: Any) -> gym.vector.VectorEnv:
     """A native batch (mode "native"), or Gymnasium's own loop over single environments ("sync")."""
     if mode == "native":

@@ -11,7 +11,7 @@ from controllers import make_controller
 
 import springgym
 from springgym.envs.trained import published
-from tests.envs.cases import make
+from tests.envs.cases import make, started
 from tests.envs.playing import Played, Policy, play
 
 COPIES = 40
@@ -146,8 +146,7 @@ def test_the_fastest_flat_spin_can_be_stopped_in_time() -> None:
 
 
 def test_a_crane_that_leaves_its_place_ends_the_episode() -> None:
-    env = make("SpringRope-v0")
-    env.reset(seed=0, options={"distance": 2.0})
+    env = started("SpringRope-v0", seed=0, options={"distance": 2.0})
     terminated = truncated = False
     while not terminated and not truncated:
         *_, terminated, truncated, info = env.step(np.array([1.0, 0.0], np.float32))

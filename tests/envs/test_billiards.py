@@ -19,7 +19,7 @@ from springgym.envs.billiards import (
     RESTITUTION,
     SOFT,
 )
-from tests.envs.cases import make
+from tests.envs.cases import started
 from tests.envs.playing import Policy, play
 from tests.envs.test_cheats import classical
 from tests.params import slow_but
@@ -31,8 +31,7 @@ SLOWING = FRICTION * G
 
 def laid(cue: tuple[float, float], other: tuple[float, float], pocket: tuple[float, float]) -> gym.Env:
     """An episode with balls and pocket at places of one's own [m]."""
-    env = make(ENV)
-    env.reset(seed=0)
+    env = started(ENV, seed=0)
     episodes = env.unwrapped.episodes
     x = episodes.simulator.positions
     x[0, :, :2] = cue, other
@@ -107,8 +106,7 @@ def test_the_impact_makes_errors_larger(away: float) -> None:
 @pytest.mark.parametrize("step", [PERIOD, PERIOD / 4])
 def test_a_step_too_long_for_the_impact_ends_the_episode(step: float) -> None:
     """Without springs no step is unstable; the balls must not pass through one another for that."""
-    env = make(ENV, step=step)
-    env.reset(seed=0)
+    env = started(ENV, step=step, seed=0)
     x = env.unwrapped.episodes.particles[0][0, :, :2]
     action = (x[OBJECT] - x[CUE]) / np.linalg.norm(x[OBJECT] - x[CUE])
     for n in range(60):

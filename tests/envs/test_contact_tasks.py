@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from tests.envs.cases import make, make_vec
+from tests.envs.cases import make, make_vec, started
 from tests.envs.test_contract import answered
 
 PERIOD = 0.02
@@ -22,8 +22,7 @@ def particles_of(env):
 def test_top_starts_with_its_weight_on_the_tip() -> None:
     """Nothing moves up or down for ten periods: N(h) = Mg at the start's height, to the vibration of the
     springs, whose strain under the weight is Mg/(k L) ~ 1e-4."""
-    env = make("SpringFreeTop-v0")
-    env.reset(seed=0, options={"tilt": 0.0, "error": 0.2})
+    env = started("SpringFreeTop-v0", seed=0, options={"tilt": 0.0, "error": 0.2})
     start, _ = particles_of(env)
     for _ in range(10):
         env.step(np.zeros(3))
@@ -37,8 +36,7 @@ def test_top_in_the_bowl_starts_on_the_tip() -> None:
     """The tip is as high above the bowl as above the floor."""
     heights = []
     for surface in ("floor", "bowl"):
-        env = make("SpringFreeTop-v0", surface=surface)
-        env.reset(seed=0, options={"error": 0.9})
+        env = started("SpringFreeTop-v0", surface=surface, seed=0, options={"error": 0.9})
         positions, _ = particles_of(env)
         heights.append(env.unwrapped.episodes.simulator.scene.surfaces[0].height(positions[13]))
     assert heights[1] == pytest.approx(heights[0], rel=1e-9)
@@ -48,8 +46,7 @@ def test_top_in_the_bowl_starts_on_the_tip() -> None:
 def test_push_and_twist_on_ice() -> None:
     """M ΔV = F Δt exactly, the floor being all but frictionless, and Δω₃ = 8 rad/s² Δt, to the stretch by the
     spin. None at all would be compiled anew, for what μ = 0 does to the bit."""
-    env = make("SpringFreeTop-v0", friction=1e-13)
-    env.reset(seed=0, options={"tilt": 0.0, "spin": 8.0})
+    env = started("SpringFreeTop-v0", friction=1e-13, seed=0, options={"tilt": 0.0, "spin": 8.0})
     measures = env.unwrapped.episodes.measures
     _, _, _, _, info = env.step(np.array([1.0, -0.5, 1.0]))
     np.testing.assert_allclose(measures.momentum[0, :2], [40 * PERIOD, -20 * PERIOD], rtol=1e-9)
@@ -58,8 +55,7 @@ def test_push_and_twist_on_ice() -> None:
 
 def test_wrench_in_flight() -> None:
     """M ΔV = (F + Mg) Δt and ΔL = τ Δt."""
-    env = make("SpringTumble-v0")
-    env.reset(seed=0)
+    env = started("SpringTumble-v0", seed=0)
     m = env.unwrapped.episodes.measures
     before = m.momentum[0].copy(), m.angular_momentum[0].copy()
     action = np.array([1.0, -1.0, 0.5, 0.2, -0.4, 1.0])
@@ -71,8 +67,7 @@ def test_wrench_in_flight() -> None:
 
 def test_impulses_on_corners_in_flight() -> None:
     """M ΔV = Σ J + Mg Δt; ΔL = ∫ Σ r×F, by the trapezoidal rule over a turn of less than 0.15 rad."""
-    env = make("SpringTumble-v0", action="impulses")
-    env.reset(seed=0)
+    env = started("SpringTumble-v0", action="impulses", seed=0)
     m = env.unwrapped.episodes.measures
     action = np.random.default_rng(0).uniform(-1, 1, 12)
     impulses = 0.175 * action.reshape(4, 3)

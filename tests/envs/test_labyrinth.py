@@ -8,7 +8,7 @@ import pytest
 
 from springgym.envs import labyrinth
 from springgym.envs.labyrinth import FIRST_HOLE, HALF, HOLE, LEANING, LEGS, PASSED, RADIUS, TILT
-from tests.envs.cases import make, make_vec, task_type
+from tests.envs.cases import make_vec, started, task_type
 from tests.envs.playing import play
 from tests.envs.test_cheats import classical
 from tests.params import slow_but
@@ -34,8 +34,7 @@ def put(env: gym.Env, place: tuple[float, float]) -> None:
 @pytest.mark.parametrize("angles", [(0.1, 0.0), (-0.06, 0.15)])
 def test_the_ball_rolls_as_a_solid_one_on_a_slope(angles: tuple[float, float]) -> None:
     """5/7 of the weight's part along the board, which is g (sin a cos b, sin b); it turns as it goes."""
-    env = make(ENV)
-    env.reset(seed=0)
+    env = started(ENV, seed=0)
     put(env, (0.0, 0.0))
     episodes = env.unwrapped.episodes
     without_holes(episodes.goal)
@@ -53,8 +52,7 @@ def test_the_ball_rolls_as_a_solid_one_on_a_slope(angles: tuple[float, float]) -
 
 
 def test_the_board_leans_as_asked_and_no_farther() -> None:
-    env = make(ENV)
-    env.reset(seed=0)
+    env = started(ENV, seed=0)
     episodes = env.unwrapped.episodes
     without_holes(episodes.goal)
     for n in range(1, 26):
@@ -98,8 +96,7 @@ def test_holes_are_beside_the_way() -> None:
 
 @pytest.mark.parametrize("inside", [True, False])
 def test_a_ball_above_a_hole_falls(inside: bool) -> None:
-    env = make(ENV)
-    env.reset(seed=0)
+    env = started(ENV, seed=0)
     hole = env.unwrapped.episodes.goal[0, FIRST_HOLE : FIRST_HOLE + 2]
     without_holes(others := env.unwrapped.episodes.goal.copy())
     others[0, FIRST_HOLE : FIRST_HOLE + 2] = hole
@@ -182,8 +179,7 @@ def test_who_falls_after_the_end_has_no_success() -> None:
 
 def test_points_are_drawn_on_a_tilted_board() -> None:
     """The side that the board leans to is lower, and nothing is stretched."""
-    env = make(ENV)
-    env.reset(seed=0)
+    env = started(ENV, seed=0)
     task, (_, s) = env.unwrapped.episodes.task, env.unwrapped.episodes.seen_of(0)
     level = task.points(s)
     s.goal[LEANING:PASSED] = 0.1, -0.05

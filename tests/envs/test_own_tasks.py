@@ -25,7 +25,7 @@ from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
 from springgym.rendering.look import AMBER, BLUE, GREEN, ORANGE, RED, TEAL
 from springgym.scene import Placed, Scene, ThrustActuator, WrenchActuator
 from springgym.scenes import film
-from tests.envs.cases import hindsight_learner
+from tests.envs.test_contract import driven_off
 
 # --- SpringGyroscope, by public words alone -----------------------------------------------------------
 
@@ -327,25 +327,10 @@ def test_aims_without_goals_told_apart_judge_success() -> None:
     assert not hasattr(env.unwrapped, "compute_reward")
 
 
-def test_goals_of_ones_own_are_learnt_in_hindsight() -> None:
-    """An agent learns by hindsight from an environment made from the spec: relabelled goals earn rewards."""
-    env = parking(max_episode_steps=10, **APART)
-    again = gym.make(env.spec)
-    assert again.reset(seed=1)[0].keys() == {"observation", "achieved_goal", "desired_goal"}
-    envs = make_sb3(env.spec, num_envs=2, seed=0)
-    model = hindsight_learner(envs, 30, 16)
-    model.learn(50)
-    buffer: Any = model.replay_buffer
-    assert buffer.sample(256).rewards.mean() > buffer.rewards[: buffer.pos].mean()
-
-
 def test_a_copy_that_diverged_reaches_no_goal() -> None:
     envs = parking(num_envs=2, autoreset_mode="NextStep", **APART)
     envs.reset(seed=0, options={"off": 0.0})
-    simulator = envs.episodes.simulator
-    velocities = simulator.velocities
-    velocities[0, 0] = 1e25
-    simulator.place(simulator.positions, velocities)
+    driven_off(envs.episodes.simulator, 0, 1e25)
     seen, earned, terminated, *_ = envs.step(np.zeros((2, 2)))
     assert terminated.tolist() == [True, False]
     assert earned.tolist() == [0.0, 1.0]
@@ -385,10 +370,7 @@ def test_goals_that_cannot_be_told_apart_are_refused(
 def test_copies_that_diverge_keep_finite_goals_and_memories() -> None:
     envs = chase(num_envs=2, autoreset_mode="NextStep")
     envs.reset(seed=0)
-    simulator = envs.episodes.simulator
-    velocities = simulator.velocities
-    velocities[1, 0] = 1e25
-    simulator.place(simulator.positions, velocities)
+    driven_off(envs.episodes.simulator, 1, 1e25)
     *_, infos = envs.step(np.zeros((2, 3)))
     np.testing.assert_array_equal(infos["diverged"], [False, True])
     state = springgym.get_state(envs)
@@ -472,7 +454,6 @@ def test_marks_are_marks() -> None:
         ({"metrics": lambda m: {}}, TypeError, r"metrics takes \(m\); it must be called as metrics\(m, s\)"),
         ({"start": lambda: begun}, TypeError, r"start takes \(\); it must be called as start\(rng\)"),
         ({"start": lambda rng: 3}, TypeError, "start gave 3; it must give positions and velocities"),
-        ({"start": lambda rng: (0, 0, 0, 0)}, TypeError, "start gave"),
         ({"start": lambda rng: (*begun(rng)[:2], NAN)}, ValueError, "the goal that start gave is nan"),
         ({"start": lambda rng: (*begun(rng)[:2], (1, NAN))}, ValueError, r"the goal that start gave\[1\]"),
         ({"start": lambda rng: (*begun(rng)[:2], "up")}, TypeError, "the goal that start gave"),
@@ -480,17 +461,10 @@ def test_marks_are_marks() -> None:
         ({"memory": ()}, ValueError, "memory is .*; give both or neither"),
         ({"remember": None}, ValueError, "remember is None; give both or neither"),
         ({"memory": (NAN, 0)}, ValueError, r"memory\[0\]"),
-        ({"memory": "ab"}, TypeError, "memory"),
-        ({"metrics": lambda m, s: m.centre}, TypeError, "what metrics gave"),
         (
             {"metrics": lambda m, s: {"energy": s.time}},
             ValueError,
             "'energy', but info has an entry of that name",
-        ),
-        (
-            {"metrics": lambda m, s: {"failed": s.time}},
-            ValueError,
-            "'failed', but info has an entry of that name",
         ),
         ({"metrics": lambda m, s: {3: s.time}}, TypeError, "an entry named 3"),
         ({"metrics": lambda m, s: {"a": m.centre}}, ValueError, "metrics, 'a', gave"),
@@ -498,12 +472,7 @@ def test_marks_are_marks() -> None:
         ({"actuators": {"force": (1.0, 2.0)}}, ValueError, r"actuators\['force'\]"),
         ({"actuators": {"force": (1.0, -2.0, 0)}}, ValueError, r"actuators\['force'\]"),
         ({"actuators": {"force": (0, 0, 0)}}, ValueError, "at least one axis must differ from 0"),
-        ({"actuators": {"force": True}}, TypeError, r"actuators\['force'\]"),
-        ({"look": {}}, TypeError, "look is"),
         ({"look": Look(radii=np.ones(9))}, ValueError, "look draws 9 particles; the scene has 8"),
-        ({"camera": (0, 0, 1)}, TypeError, "camera is"),
-        ({"scenery": 1.0}, TypeError, "scenery is 1.0"),
-        ({"marks": Marks()}, TypeError, "marks is Marks"),
     ],
 )
 def test_what_a_task_cannot_be_is_told(given: dict[str, Any], error: type[Exception], says: str) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from springgym.bodies import cube
-from springgym.envs.arrows import ARC, across, torque_arrow
+from springgym.envs.arrows import ARC
 from springgym.envs.observation import Situation
 from springgym.envs.scene import SceneTask
 from springgym.measures import SIZE, view
@@ -170,10 +170,3 @@ def test_tasks_of_scenes_show_what_their_actions_drive() -> None:
     own = SceneTask(scene, lambda m, s: s.time, actuators, marks=lambda m, s: Marks(text=("own",)))
     assert own.marks(m, s).text == ("own",)
     assert not own.marks(m, s).arrows
-
-
-def test_arrows_of_torques() -> None:
-    arrow = torque_arrow((1.0, 2.0, 3.0), np.array([0.0, 0.5, 0.0]), 0.2)
-    np.testing.assert_allclose(arrow.vector, (0.0, 0.3, 0.0))  # 1.5 rad of a circle of 0.2 m
-    assert arrow.radius == 0.2
-    np.testing.assert_allclose(across(np.array([1.0, 2.0, 3.0]), np.array([0.0, 0.0, 1.0])), (1.0, 2.0, 0.0))

@@ -23,11 +23,10 @@ from springgym.envs.observation import Situation
 from springgym.envs.scene import SceneTask
 from springgym.envs.trained import PUBLISHED
 from springgym.measures import MeasuresOfBodies
-from springgym.registration import ENVIRONMENTS, VARIANTS
+from springgym.registration import ALL_IDS
 from springgym.scene import Scene, ThrustActuator
 from springgym.scenes import load
 from springgym.simulator import STRAIN_LIMIT
-from springgym.surfaces import floor
 from tests import fuzz
 from tests.envs.cases import (
     IDS,
@@ -37,9 +36,10 @@ from tests.envs.cases import (
     each_with,
     make,
     make_vec,
+    started,
     task_type,
 )
-from tests.envs.test_contract import answered, same
+from tests.envs.test_contract import answered, driven_off, same
 from tests.envs.test_states import frozen
 from tests.params import slow_unless
 
@@ -75,7 +75,7 @@ MEANT = {
 
 @pytest.mark.parametrize(
     ("env_id", "wrong"),
-    list(zip([row.id for row in (*ENVIRONMENTS, *VARIANTS)], cycle(MEANT), strict=False)),
+    list(zip(ALL_IDS, cycle(MEANT), strict=False)),
 )
 def test_an_argument_that_no_environment_has_is_named(env_id: str, wrong: str) -> None:
     """By `gymnasium.make` and by both kinds of `gymnasium.make_vec`, with the argument that may be meant."""
@@ -329,8 +329,7 @@ def test_steps_that_would_not_end_are_refused(env_id: str, arguments: dict[str, 
 
 
 def test_most_steps_are_taken() -> None:
-    env = make("SpringDetumble-v0", step=0.02 / MOST_STEPS)
-    env.reset(seed=0)
+    env = started("SpringDetumble-v0", step=0.02 / MOST_STEPS, seed=0)
     assert env.unwrapped.episodes.steps == MOST_STEPS
     env.step(np.zeros(3, np.float32))
     with pytest.raises(ValueError, match="at most 100,000"):
@@ -448,29 +447,6 @@ def test_function_that_fails_in_a_reset_changes_nothing() -> None:
     same(frozen(envs), before)
 
 
-def below(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    rng.uniform()
-    return cube().positions - 5.0, np.zeros((8, 3))
-
-
-@pytest.mark.slow
-def test_start_behind_a_surface_changes_nothing() -> None:
-    scene = Scene(cube(), cube().positions + np.array([0, 0, 2.0]), surfaces=(floor(),))
-    starts = iter([(scene.positions, scene.velocities)] * 2)  # one to learn how long the goal is
-    env: Any = springgym.make_scene_env(
-        scene,
-        height,
-        actuators={"torque": 1.0},
-        start=lambda rng: next(starts, None) or below(rng),
-        randomize={"masses": (0.5, 1.5)},
-    )
-    env.reset(seed=0)
-    before = frozen(env)
-    with pytest.raises(ValueError, match="behind"):
-        env.reset()
-    same(frozen(env), before)
-
-
 def dot(count: int) -> Body:
     """Particles one above the other."""
     positions = np.zeros((count, 3))
@@ -518,10 +494,7 @@ def test_diverged_copies_do_not_reach_the_reward_check() -> None:
         autoreset_mode="Disabled",
     )
     envs.reset(seed=0)
-    simulator = envs.episodes.simulator
-    velocities = simulator.velocities
-    velocities[1, 0] = 1e25
-    simulator.place(simulator.positions, velocities)
+    driven_off(envs.episodes.simulator, 1, 1e25)
     observation, reward, terminated, _, info = envs.step(np.zeros((2, 3)))
     assert terminated.tolist() == [False, True]
     assert reward.tolist() == [1.0, 0.0]

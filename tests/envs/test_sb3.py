@@ -70,15 +70,6 @@ def test_same_as_dummy_vec_env():
     assert False in ends
 
 
-def test_next_reset_draws_new_episodes():
-    env = SB3VecEnv(cartpoles())
-    env.seed(1)
-    first = env.reset()
-    assert not np.array_equal(env.reset(), first)
-    env.seed(1)
-    np.testing.assert_array_equal(env.reset(), first)
-
-
 def test_no_seed_shares_a_start_with_another():
     """Neighbouring ones neither: not as they are made, nor when an algorithm seeds them anew."""
     seeds = np.array([SB3VecEnv(cartpoles()).seed(seed) for seed in range(20)])
@@ -182,14 +173,6 @@ def test_render_tiles_the_copies_and_close_closes():
     assert env.vector_env.closed
 
 
-def test_make_sb3():
-    env = make_sb3("ScoredCartPole-v0", num_envs=2, seed=3)
-    assert isinstance(env, VecMonitor)
-    reference = SB3VecEnv(cartpoles(2))
-    reference.seed(3)
-    np.testing.assert_array_equal(env.reset(), reference.reset())
-
-
 gym.register("LonelyCartPole-v0", entry_point=cartpole)
 
 
@@ -207,14 +190,6 @@ def test_make_sb3_without_native_copies():
     reference = DummyVecEnv([cartpole] * 2)
     reference.seed(3)
     np.testing.assert_array_equal(env.reset(), reference.reset())
-    for _ in range(30):
-        obs, _, dones, infos = env.step(np.zeros(2, dtype=np.int64))
-        obs2, _, dones2, infos2 = reference.step(np.zeros(2, dtype=np.int64))
-        np.testing.assert_array_equal(obs, obs2)
-        np.testing.assert_array_equal(dones, dones2)
-        for info, info2 in zip(infos, infos2, strict=True):
-            if "terminal_observation" in info2:
-                np.testing.assert_array_equal(info["terminal_observation"], info2["terminal_observation"])
     assert type(env.venv.vector_env) is SyncVectorEnv
 
 

@@ -65,32 +65,6 @@ def test_a_sparse_reward_needs_an_aim() -> None:
             made(sparse=True, failed=lambda m, s: m.strain > 0.1)
 
 
-def test_batch_equals_single() -> None:
-    env, envs = make(), make(num_envs=3)
-    first, _ = env.reset(seed=1)
-    batch, _ = envs.reset(seed=[0, 1, 2])
-    np.testing.assert_array_equal(batch[1], first)
-    action = np.linspace(-1, 1, 9, dtype=np.float32)
-    for _ in range(5):
-        single, many = env.step(action), envs.step(np.tile(action, (3, 1)))
-        np.testing.assert_array_equal(many[0][1], single[0])
-        assert many[1][1] == single[1]
-
-
-def test_shipped_scene_by_name() -> None:
-    env = springgym.make_scene_env("cube-pendulum", lifted, actuators={"torque": 1.0})
-    env.reset(seed=0)
-    _, reward, *_ = env.step(np.ones(3, np.float32))
-    assert np.isfinite(reward)
-
-
-def test_wrong_actuators() -> None:
-    with pytest.raises(ValueError, match="a name in actuators is 'wind'; it must be one of"):
-        make(actuators={"wind": 1.0})
-    with pytest.raises(ValueError, match="has 'acceleration', but the scene has no such actuator"):
-        make(actuators={"acceleration": 1.0})
-
-
 def test_scaled_scene_starts_unstrained() -> None:
     """The start is scaled with the springs, about the centre of mass, which moves as it did."""
     env = make(randomize={"scale": (0.5, 2.0)})
@@ -107,28 +81,6 @@ def test_scaled_scene_starts_unstrained() -> None:
 
 def seen(m: MeasuresOfBodies, s: Situation) -> np.ndarray:
     return np.concatenate([m.centre, m.axis, 100 * m.angular_velocity], axis=1)
-
-
-@pytest.mark.parametrize("copies", [None, 2])
-def test_an_unknown_option_is_told_with_a_similar_one(copies: int | None) -> None:
-    with pytest.raises(TypeError, match=r"no option 'observation'; did you mean 'observe'\?"):
-        make(num_envs=copies, observation="frame")
-    with pytest.raises(TypeError, match="no option 'zzz'"):
-        make(num_envs=copies, zzz=1)
-
-
-@pytest.mark.parametrize("name", ["succeeded", "failed"])
-@pytest.mark.parametrize(
-    ("judge", "error"),
-    [
-        (lambda m, s: m.centre[:, 0], TypeError),
-        (lambda m, s: True, ValueError),
-        (lambda m, s: m.centre > 0, ValueError),
-    ],
-)
-def test_what_judges_give_is_checked_when_it_is_made(name: str, judge: Any, error: type[Exception]) -> None:
-    with pytest.raises(error, match=f"{name} gave "):
-        make(**{name: judge})
 
 
 @pytest.mark.parametrize(

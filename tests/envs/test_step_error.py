@@ -166,12 +166,6 @@ def test_distances_of_copies() -> None:
     assert found[2] == np.inf
 
 
-@pytest.mark.parametrize("wrong", ["yes", 1, None])
-def test_it_is_a_flag(wrong: Any) -> None:
-    with pytest.raises(TypeError, match=r"error is .*; it must be True or False"):
-        gym.make("SpringTop-v0", error=wrong)
-
-
 def test_a_method_that_chooses_its_steps_is_refused() -> None:
     with pytest.raises(ValueError, match="integrator is 'dopri5', which chooses its own steps; error"):
         gym.make("SpringTop-v0", error=True, integrator="dopri5")

@@ -8,7 +8,7 @@ import pytest
 
 from springgym.bodies import rotation
 from springgym.envs.tower import ARENA, CARRIED, CORNERS, FORCE, MASS, SIDES, SUNK
-from tests.envs.cases import make
+from tests.envs.cases import make, started
 from tests.envs.playing import Policy, play
 from tests.envs.test_cheats import classical
 
@@ -22,8 +22,7 @@ WEIGHTLESS = np.array([0.0, 0.0, (1 - CARRIED) * MASS * G / FORCE, -1.0])
 
 def begun(held: int, centres: dict[int, tuple[float, float, float]], tilt: float = 0.0) -> gym.Env:
     """An episode with some blocks elsewhere, leaning towards x [rad], and another one held."""
-    env = make(ENV)
-    env.reset(seed=0)
+    env = started(ENV, seed=0)
     episodes = env.unwrapped.episodes
     episodes.goal[:] = held
     x = episodes.simulator.positions
@@ -76,8 +75,7 @@ def test_what_is_let_go_falls_and_the_next_block_is_lifted() -> None:
 
 def test_no_action_moves_nothing() -> None:
     """The crane carries nine tenths of a block that stands, and contact gives way by 1 mm."""
-    env = make(ENV)
-    env.reset(seed=0)
+    env = started(ENV, seed=0)
     before = env.unwrapped.episodes.particles[0].copy()
     for _ in range(50):
         _, reward, *_ = env.step(np.zeros(4))

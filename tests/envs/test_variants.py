@@ -92,8 +92,3 @@ def test_a_sparse_reward_is_whether_the_aim_is_met() -> None:
         )
         rewards.append(alone)
     assert set(rewards) == {0.0, 1.0}
-
-
-def test_sparse_is_yes_or_no() -> None:
-    with pytest.raises(TypeError, match="sparse is 1; it must be True or False"):
-        make("SpringTop-v0", sparse=1)

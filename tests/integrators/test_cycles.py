@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import Any
 
 import gymnasium as gym
@@ -78,26 +79,6 @@ def test_calls_that_end_amid_a_cycle_are_refused(steps: int) -> None:
     made.advance(2 * EVERY)
 
 
-@pytest.mark.own_kernels
-@pytest.mark.parametrize("height", [None, pytest.param(NEAR, marks=pytest.mark.slow)])
-def test_copies_in_first_and_second_cycles_are_as_alone(height: float | None) -> None:
-    batch = spun(height=height, copies=11)
-    begun = batch.positions[0], batch.velocities[0]
-    ages = {}
-    for copy, cycles in ((2, 3), (7, 1), (9, 2), (4, 1)):
-        steps = cycles * EVERY
-        batch.advance(steps)
-        batch.place(*begun, copies=[copy])
-        ages = {other: age + steps for other, age in ages.items()} | {copy: 0}
-    batch.advance(4 * EVERY)
-    for copy, age in ages.items():
-        alone = spun(height=height)
-        alone.advance(age + 4 * EVERY)
-        assert (alone.measure().contact_loss[0] > 1e-4) == (height is not None)
-        assert_same([values[copy] for values in (batch.positions, batch.velocities)], seen(alone)[:2])
-        assert batch.measure().balance[copy] == alone.measure().balance[0]
-
-
 LEFT, RIGHT = cube(stiffness=2e3, damping=20.0), cube(stiffness=5e3, damping=10.0)
 CUBES = Scene(
     bodies=(
@@ -126,6 +107,33 @@ def assert_struck(made: Simulator, copy: int = 0) -> None:
     assert measures.damping_loss[copy] > 1e-2
 
 
+@pytest.mark.own_kernels
+@pytest.mark.parametrize(
+    ("make", "cycles"),
+    [
+        pytest.param(spun, 4, id="free"),
+        pytest.param(partial(spun, height=NEAR), 4, id="floor", marks=pytest.mark.slow),
+        pytest.param(struck, 66, id="bodies", marks=pytest.mark.slow),
+    ],
+)
+def test_copies_in_first_and_second_cycles_are_as_alone(make: Any, cycles: int) -> None:
+    batch = make(copies=11)
+    begun = batch.positions[0], batch.velocities[0]
+    ages = {0: 0}
+    for copy, before in ((2, 3), (7, 1), (9, 2), (4, 1)):
+        steps = before * EVERY
+        batch.advance(steps)
+        batch.place(*begun, copies=[copy])
+        ages = {other: age + steps for other, age in ages.items()} | {copy: 0}
+    batch.advance(cycles * EVERY)
+    for copy, age in ages.items():
+        alone = make(copies=1)
+        alone.advance(age + cycles * EVERY)
+        assert (alone.measure().contact_loss[0] > 1e-4) == alone.scene.can_touch
+        assert_same([values[copy] for values in (batch.positions, batch.velocities)], seen(alone)[:2])
+        assert batch.measure().balance[copy] == alone.measure().balance[0]
+
+
 @pytest.mark.parametrize("cuts", [[1] * 66, [3, 19, 1, 0, 43]])
 @pytest.mark.slow
 def test_colliding_bodies_give_the_same_bits_in_calls_cut_at_cycles(cuts: list[int]) -> None:
@@ -135,24 +143,6 @@ def test_colliding_bodies_give_the_same_bits_in_calls_cut_at_cycles(cuts: list[i
         cut.advance(cycles * EVERY)
     assert_same(seen(cut), seen(whole))
     assert_struck(whole)
-
-
-@pytest.mark.own_kernels
-@pytest.mark.slow
-def test_copies_of_colliding_bodies_in_first_and_second_cycles_are_as_alone() -> None:
-    batch = struck(11)
-    begun = batch.positions[0], batch.velocities[0]
-    batch.advance(EVERY)
-    batch.place(*begun, copies=[2])
-    batch.advance(2 * EVERY)
-    batch.place(*begun, copies=[7])
-    batch.advance(66 * EVERY)
-    for copy, age in ((0, 69 * EVERY), (2, 68 * EVERY), (7, 66 * EVERY)):
-        alone = struck()
-        alone.advance(age)
-        assert_struck(alone)
-        assert_same([values[copy] for values in (batch.positions, batch.velocities)], seen(alone)[:2])
-        assert batch.measure().balance[copy] == alone.measure().balance[0]
 
 
 @pytest.mark.slow

@@ -1,16 +1,12 @@
-"""Every method converges with the order its record states, and does not if a coefficient is wrong."""
+"""Every method converges with the order its record states."""
 
 from __future__ import annotations
 
-import importlib.util
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from springgym import integrators
 from springgym.integrators import METHODS, integrator
 from tests.integrators.problems import error, reference, simulator, tetrahedron
 
@@ -57,35 +53,3 @@ def test_order_is_the_declared_one(name: str) -> None:
 def test_error_follows_the_tolerance() -> None:
     # local errors of h^5 are kept at the tolerance and add up over 1/h steps, extrapolated: slope 1
     assert tolerance_slope("dopri5") == pytest.approx(1.0, abs=0.2)
-
-
-BROKEN = {
-    "verlet": ("0.5 * h if n > 0", "0.51 * h if n > 0"),
-    "rk4": ("0.5 * h if stage == 0", "0.52 * h if stage == 0"),
-    "pefrl": ("XI, LAMBDA, CHI = 0.1786", "XI, LAMBDA, CHI = 0.1796"),
-    "blanes_moan": ("A = (0.123229", "A = (0.123239"),
-    "dopri5": ("212 / 729", "213 / 729"),
-    "tr_bdf2": ("FORWARD = 1 /", "FORWARD = 1.01 /"),
-    "rodas3": ("-8 / 3", "-8.1 / 3"),
-}
-"""A wrong number in the text of a method."""
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", BROKEN)
-def test_wrong_coefficient_is_caught(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    right, wrong = BROKEN[name]
-    text = Path(importlib.import_module(f"springgym.integrators.{name}").__file__).read_text()
-    assert right in text
-    broken = tmp_path / f"broken_{name}.py"
-    broken.write_text(text.replace(right, wrong).replace(f'name="{name}"', f'name="{broken.stem}"'))
-    spec = importlib.util.spec_from_file_location(f"springgym.integrators.{broken.stem}", broken)
-    module = importlib.util.module_from_spec(spec)
-    monkeypatch.setitem(sys.modules, spec.name, module)
-    spec.loader.exec_module(module)
-    monkeypatch.setattr(integrators, "METHODS", (*METHODS, broken.stem))
-    record = integrator(name)
-    if record.adaptive:
-        assert tolerance_slope(broken.stem) < 0.8
-    else:
-        assert fitted_order(broken.stem, record) < record.order - 0.1

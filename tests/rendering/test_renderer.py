@@ -10,8 +10,7 @@ from gymnasium.error import DependencyNotInstalled
 
 from springgym.bodies import box
 from springgym.rendering import Arrow, Camera, Look, Marks, Renderer, Scenery, solids, two_tone
-from springgym.rendering.canvas import Canvas, lamp, shade
-from springgym.rendering.renderer import CHORDS, _curve
+from springgym.rendering.canvas import Canvas, lamp
 from springgym.surfaces import Bowl, Pipe, waves
 
 RED, GREEN, BLUE = (210, 30, 30), (30, 180, 60), (30, 60, 210)
@@ -183,16 +182,6 @@ def test_sharp_edges_are_outlined_and_flat_ones_are_not():
         assert (picture[y, x] < 0.8 * darker_face) == outlined
 
 
-def test_shading_by_hand():
-    light, to_eye = np.array([1.0, 0.0, 0.0]), np.array([0.0, -1.0, 0.0])
-    normals = np.array([(1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, -1)], dtype=float)
-    # Red: ambient 0.63 (1 + 0.1 n_z), diffuse 0.33 max(n.light, 0); the gloss 30 (n.half)^24 is < 0.01.
-    red = shade((200, 200, 200), normals, np.broadcast_to(to_eye, normals.shape), light)[:, 0]
-    np.testing.assert_allclose(red, [192, 126, 138.6, 113.4], atol=1.0)
-    mirror = shade((200, 200, 200), normals[:1], light, light)
-    np.testing.assert_allclose(mirror[0, 0], 192 + 30, atol=1.0)
-
-
 def test_faces_to_the_lamp_are_brighter():
     base = np.array([(-0.5, 0, -0.5), (0.5, 0, -0.5), (0, 0, 0.6)])
     dark, lit = (
@@ -252,17 +241,6 @@ def test_trace_passes_through_moments_that_are_not_drawn():
     followed.reset()
     followed.draw(points[:1])
     assert orange(followed.draw(points[-1:]).astype(int), across) > 60
-
-
-def test_trace_is_a_smooth_curve():
-    """Between moments a third of a radian apart it leaves a circle by 3 % of what a straight line does."""
-    angles = np.linspace(0.0, 2.0, 7)
-    curve = _curve(arc(angles))
-    assert len(curve) == 6 * CHORDS + 1
-    np.testing.assert_allclose(curve[::CHORDS], arc(angles), atol=1e-15)
-    inner = curve[CHORDS : 5 * CHORDS + 1]  # the ends know one neighbour only
-    off = np.abs(np.linalg.norm(inner, axis=1) - 0.8).max()
-    assert 0 < off < 0.03 * 0.8 * (1 - np.cos(1 / 6))
 
 
 def test_trace_appears_fades_and_is_forgotten():
@@ -445,24 +423,21 @@ def test_a_closed_renderer_travels_and_draws_again(tetrahedron):
     np.testing.assert_array_equal(renderer.draw(CORNERS), first)
 
 
-@pytest.mark.parametrize("positions", [np.zeros((3, 3)), np.zeros((4, 2)), np.zeros(12)])
-def test_wrong_positions(tetrahedron, positions):
-    with pytest.raises(ValueError, match=r"positions must have shape \(N, 3\) with N >= 4"):
-        Renderer(tetrahedron, FRONT).draw(positions)
-
-
-def test_wrong_strain(tetrahedron):
-    with pytest.raises(ValueError, match=r"strain must have shape \(0,\)"):
-        Renderer(tetrahedron, FRONT).draw(CORNERS, strain=[0.0])
-
-
 @pytest.mark.parametrize(
-    ("arguments", "message"),
-    [({"mode": "ansi"}, "ansi"), ({"size": (0, 64)}, "size"), ({"size": (64,)}, "size")],
+    ("made", "drawn", "message"),
+    [
+        ({}, {"positions": np.zeros((3, 3))}, r"positions must have shape \(N, 3\) with N >= 4"),
+        ({}, {"positions": np.zeros((4, 2))}, r"positions must have shape \(N, 3\) with N >= 4"),
+        ({}, {"positions": np.zeros(12)}, r"positions must have shape \(N, 3\) with N >= 4"),
+        ({}, {"strain": [0.0]}, r"strain must have shape \(0,\)"),
+        ({"mode": "ansi"}, {}, "ansi"),
+        ({"size": (0, 64)}, {}, "size"),
+        ({"size": (64,)}, {}, "size"),
+    ],
 )
-def test_wrong_renderer(arguments, message):
+def test_what_cannot_be_drawn_is_refused(tetrahedron, made, drawn, message):
     with pytest.raises(ValueError, match=message):
-        Renderer(Look(), FRONT, **arguments)
+        Renderer(tetrahedron, FRONT, **made).draw(**{"positions": CORNERS, **drawn})
 
 
 @pytest.mark.parametrize(
@@ -510,9 +485,7 @@ def test_sectors_look_the_same_after_a_whole_turn_alone(count):
 
 def test_what_lies_on_a_large_face_is_seen_whole():
     """A block on the near end of a slab, whose middle is nearer to the eye than that of the block's side."""
-    corners = np.array([(i, j, k) for k in (1, -1) for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))], float)
-    faces = [(0, 1, 2, 3), (4, 7, 6, 5), (4, 5, 1, 0), (7, 3, 2, 6), (5, 6, 2, 1), (4, 0, 3, 7)]
-    triangles = np.array([t for a, b, c, d in faces for t in ((a, b, c), (a, c, d))])
+    corners, triangles = 2 * box().positions, box().triangles
     camera = Camera(eye=(0.0, -6.0, 4.0), target=(0.0, 0.0, 0.0), fov=0.6)
     slab, block = corners * (1, 1, 0.1), corners * 0.15
     for place in ((0.0, 0.7, 0.25), (0.5, 0.0, 0.25), (0.0, -0.7, 0.25), (0.0, 0.7, -0.25)):
@@ -531,9 +504,7 @@ def test_what_lies_on_a_large_face_is_seen_whole():
 
 def test_a_crowd_is_painted_from_the_back():
     """Sixty-four cubes apart in a grid: what lies behind a face of another is painted before it."""
-    faces = [(0, 1, 2, 3), (4, 7, 6, 5), (4, 5, 1, 0), (7, 3, 2, 6), (5, 6, 2, 1), (4, 0, 3, 7)]
-    triangles = np.array([t for a, b, c, d in faces for t in ((a, b, c), (a, c, d))])
-    cube = np.array([(i, j, k) for k in (1, -1) for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))], float)
+    cube, triangles = 2 * box().positions, box().triangles
     places = np.stack(np.meshgrid(*[np.arange(4.0)] * 3), axis=-1).reshape(-1, 3)
     places = np.random.default_rng(1).permutation(places)
     corners = np.concatenate([0.4 * cube[triangles] + place for place in places])

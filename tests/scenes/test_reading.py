@@ -13,6 +13,8 @@ from springgym.theory.top import steady_precession
 ROPE = "title: a rope\nbody: {kind: rope}\nduration: 1\npinned: [top]\n"
 BOX = "title: a box\nbody: {kind: box}\nduration: 1\n"
 SOLID = "title: a box\nbody: {kind: solid_box, sides: [1, 1, 1], material: %s}\nduration: 1\n"
+UNION = "title: a\nbody:\n  kind: union\n  parts:\n   - %s\nduration: 1"
+MESH = "title: a ball\nbody: {%s}\nduration: 1"
 CLAY = "{name: clay, young: 2e7, poisson: 0.4, density: 1900, loss: 0.2}"
 
 
@@ -99,6 +101,12 @@ def test_what_a_small_file_means(read):
         (BOX + "surfaces: [{kind: incline}]", "mine.yaml:4: surfaces.0 lacks angle"),
         (BOX + "surfaces: [{kind: floor}]", "mine.yaml: particle 4 starts 0.5 m behind surface 0"),
         (BOX + "contact: {friction: -1}", "mine.yaml:4: contact: friction of the contact is -1.0"),
+        (UNION % "{kind: box}", "mine.yaml:5: body.parts.0 lacks name"),
+        (UNION % "{kind: box, name: a, length: 3}", "mine.yaml:5: unknown key 'length'"),
+        (UNION % "{kind: box, name: a, at: 3}", "5: body.parts.0.at: expected a list of 3 values, got 3"),
+        (UNION % "5", "mine.yaml:5: body.parts.0 must be a mapping with a kind"),
+        (MESH % "kind: mesh, file: no.stl", "mine.yaml:2: body: there is no mesh file "),
+        (MESH % "kind: solid_mesh, file: no.stl, material: steel", "2: body: there is no mesh file "),
     ],
 )
 def test_error_names_file_line_and_key(read, text, message):
@@ -158,14 +166,6 @@ def test_mesh_relative_to_the_file(read, tmp_path):
     assert body.mass == pytest.approx(3.0)
 
 
-@pytest.mark.parametrize(
-    "body", ["{kind: mesh, file: no.stl}", "{kind: solid_mesh, file: no.stl, material: steel}"]
-)
-def test_mesh_that_is_not_there(read, body):
-    with pytest.raises(YamlError, match=r"mine\.yaml:2: body: there is no mesh file .*no\.stl"):
-        read(f"title: a ball\nbody: {body}\nduration: 1")
-
-
 def test_union_of_bodies(read):
     plan = read(
         """
@@ -183,21 +183,6 @@ pinned: [back]
     assert plan.scene.body.name == "L"
     assert len(plan.scene.body.masses) == 12
     assert len(plan.scene.pinned) == 8
-
-
-@pytest.mark.parametrize(
-    ("part", "message"),
-    [
-        ("{kind: box}", "mine.yaml:5: body.parts.0 lacks name"),
-        ("{kind: box, name: a, length: 3}", "mine.yaml:5: unknown key 'length'"),
-        ("{kind: box, name: a, at: 3}", "mine.yaml:5: body.parts.0.at: expected a list of 3 values, got 3"),
-        ("5", "mine.yaml:5: body.parts.0 must be a mapping with a kind"),
-    ],
-)
-def test_error_in_a_part_of_a_union(read, part, message):
-    with pytest.raises(YamlError) as error:
-        read(f"title: a\nbody:\n  kind: union\n  parts:\n   - {part}\nduration: 1")
-    assert message in str(error.value)
 
 
 # --- Starts -----------------------------------------------------------------------------------------

@@ -38,19 +38,6 @@ def test_the_interval_is_a_whole_number_of_given_steps():
     assert len(recording.times) == 1 + round(0.1 / (14 * 7e-4))
 
 
-def test_interrupted_keeps_what_was_computed():
-    def interrupted(items):
-        for n in items:
-            if n == 4:
-                raise KeyboardInterrupt
-            yield n
-
-    recording = record(PLAN, progress=interrupted)
-    assert not recording.complete
-    assert len(recording.times) == len(recording.positions) == len(recording.measures.kinetic) == 4
-    assert recording.positions[3].tolist() == record(PLAN).positions[3].tolist()
-
-
 def test_interval_is_at_most_the_duration():
     recording = record(replace(PLAN, interval=1.0, duration=0.1))
     assert len(recording.times) == 2

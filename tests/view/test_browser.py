@@ -289,20 +289,6 @@ def test_colors_are_those_of_the_films(browser, page):
             until(partial(shows, color))
 
 
-def test_the_clock_of_who_seeks_shows_what_was_sought(browser, page):
-    opened(browser, page)
-    page.play(True)
-    until(lambda: page.time > 0.1)
-    browser.find_elements(By.CSS_SELECTOR, "[role=slider]")[0].send_keys(Keys.ARROW_RIGHT)
-    until(lambda: not page.playing)
-    moment = labelled(browser, "Time [s]")[-1]
-    until(lambda: float(moment.get_attribute("value")) == round(page.time, 3))
-    time.sleep(1.0)  # what was on its way comes, and changes nothing
-    assert float(moment.get_attribute("value")) == round(page.time, 3)
-    tilt = page.motion.graphs["tilt [°]"]["tilt"].at(*page.motion.at(page.time))
-    assert f"tilt {tilt:.3g}°" in text(browser)
-
-
 def test_a_class_needs_the_token(browser):
     server, url = view._served(0, "127.0.0.1")
     page = view.Page(server, view.scenes("top"))
@@ -322,46 +308,6 @@ def test_a_class_needs_the_token(browser):
         page.stop()
         thread.join()
         view._end(server)
-
-
-EVIL = """
-<script>
-let told = [];
-const ask = (name, start) => new Promise((done) => start(done)).then((was) => told.push(name + ": " + was));
-Promise.all([
-  ask("connection", (done) => {
-    const socket = new WebSocket("ws://127.0.0.1:PORT/", ["viser-vVERSION"]);
-    socket.onopen = () => done("open");
-    socket.onclose = () => done("refused");
-  }),
-  ask("file", (done) => fetch("http://127.0.0.1:PORT/").then((r) => done("read"), () => done("refused"))),
-]).then(() => { document.title = told.sort().join(", "); });
-</script>
-"""
-
-
-def test_a_page_of_another_origin_is_refused(browser, page, tmp_path):
-    """Of another port, and under a name of its own that leads here; the page's own is let in."""
-    import viser
-
-    port = str(page._server.get_port())
-    (tmp_path / "evil.html").write_text(EVIL.replace("PORT", port).replace("VERSION", viser.__version__))
-    serve = partial(SimpleHTTPRequestHandler, directory=str(tmp_path))
-    with ThreadingHTTPServer(("127.0.0.1", 0), serve) as server:
-        thread = threading.Thread(target=server.serve_forever)
-        thread.start()
-        try:
-            for host in ("127.0.0.1", "evil.localhost"):
-                browser.get(f"http://{host}:{server.server_port}/evil.html")
-                until(lambda: browser.title)
-                assert browser.title == "connection: refused, file: refused"
-        finally:
-            server.shutdown()
-            thread.join()
-    assert not page._server.get_clients()
-    browser.get(f"http://evil.localhost:{port}/")
-    assert "it must be this machine" in text(browser)
-    opened(browser, page)
 
 
 def test_saved_page_plays_by_itself(browser, tmp_path):

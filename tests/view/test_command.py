@@ -36,6 +36,15 @@ def test_an_episode_is_saved(tmp_path):
         (["SpringTop-v0", "--agent", "classical"], "springgym watch classical --env SpringTop-v0 --browser"),
         (["CartPole-v1"], "CartPole-v1 is no environment of springgym's"),
         (["SpringTpo-v0"], "SpringTop"),
+        *(
+            (["top", "--port", str(port)], f"port is {port}; it must be a whole number from 0 to 65535")
+            for port in (-1, 65536, 10**30)
+        ),
+        *(
+            (["top", "--address", address], "must be an IPv4 address")
+            for address in ("", "localhost", "::", "192.168.0.1:80")
+        ),
+        (["top", "--address", "192.0.2.1"], "this machine has no such address"),
     ],
 )
 def test_what_cannot_be_shown_is_told(arguments, message, capsys, tmp_path, monkeypatch):

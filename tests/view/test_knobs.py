@@ -7,6 +7,7 @@ import pytest
 from springgym.scenes import load, names
 from springgym.strict_yaml import YamlError, changed, parse_yaml
 from springgym.view.knobs import knobs
+from tests.params import slow_but
 
 pytest.importorskip("viser")
 
@@ -14,18 +15,8 @@ pytest.importorskip("viser")
 FEW = ("top", "ball-rolls", "rope-swing", "cube-drop", "newtons-cradle", "flipping-box", "rattleback")
 
 
-@pytest.mark.parametrize("scene", FEW)
+@pytest.mark.parametrize("scene", slow_but(names(), *FEW))
 def test_sliders_start_at_what_the_file_says(scene):
-    check_sliders(scene)
-
-
-@pytest.mark.slow
-def test_sliders_of_every_scene_start_at_what_its_file_says():
-    for scene in set(names()) - {*FEW}:
-        check_sliders(scene)
-
-
-def check_sliders(scene):
     found = knobs(scene)
     assert found
     for knob in found:

@@ -12,7 +12,7 @@ from springgym.simulator import SimulationDivergedError
 
 pytest.importorskip("viser")
 
-from tests.view.test_door import CAMERA, connected, send, until, value
+from tests.view.test_origin_guard import CAMERA, connected, send, until, value
 
 SCENE = """
 title: two tops

@@ -74,7 +74,7 @@ class Check(NamedTuple):
 
     @property
     def verdict(self) -> str:
-        """Say in a word or two how the check went. What was not seen is not outside of theory."""
+        """Verdict of the check in a word or two. What was not seen is not outside of theory."""
         if self.passed:
             return "ok"
         return NOT_COVERED if not self.covered and self.measured == self.measured else "FAILED"

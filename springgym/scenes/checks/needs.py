@@ -73,14 +73,9 @@ level_pipe = _need(
 restitution = _need(
     lambda scene: isinstance(scene.contact, Contact), "the paper's contact has no restitution"
 )
-constant_friction = _need(
-    lambda scene: all(one.stribeck is None for one in _contacts(scene)),
-    "its friction falls as the slip grows, which theory leaves out",
-)
 coulomb = _need(
     lambda scene: not any(one.resists for one in _contacts(scene)),
     "its rolling or spinning is resisted, which theory leaves out",
-    constant_friction,
 )
 friction = _need(lambda scene: scene.contact.friction > 0, "there is no friction", coulomb)
 ice = _need(lambda scene: not scene.contact.friction > 0, "there is friction")

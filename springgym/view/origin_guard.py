@@ -2,13 +2,13 @@
 
 viser's server listens on this machine alone unless it is told another address. Still, every page that a
 browser here shows can open a connection to it, and the browser names that page in the header ``Origin``.
-viser looks at neither this nor ``Host``, and takes any value for anything. The door stands before it:
+viser looks at neither this nor ``Host``, and takes any value for anything. The guard stands before it:
 
-- A connection comes from a page of this very server, see `stranger`.
+- A connection comes from a page of this very server, see `reject_reason`.
 - At an address that was asked for, everybody in the network can knock. There the path of every request begins
   with a token, which the address that is printed has, and nobody can guess.
 - A message is one that the page can send: a camera, a command, or a value of what the panel shows. A choice
-  is one of those offered; a number is clamped to the ends of its slider. See `Door.admitted`.
+  is one of those offered; a number is clamped to the ends of its slider. See `OriginGuard.accepted`.
 - There are at most `CONNECTIONS` at once, and no message is longer than `LONGEST`.
 
 What is refused goes no further, and nobody is told.
@@ -52,10 +52,10 @@ TOKEN = 16
 """Random bytes of a token."""
 
 
-def stranger(headers: Headers, names: re.Pattern[str] | None = NAMES) -> str:
-    """Say why a request does not come from a page of this server; "" if it does.
+def reject_reason(headers: Headers, names: re.Pattern[str] | None = NAMES) -> str:
+    """Return the reason why a request does not come from a page of this server; "" if it does.
 
-    Under ``names`` the server may be asked for; of None, under any, and a token tells friend from stranger.
+    Under ``names`` the server may be asked for; of None, under any, and a token decides who is let in.
     A browser lets no page choose ``Host`` and ``Origin``. ``Host`` is the name that was asked for, and gives
     away a foreign name that was made to lead here. ``Origin`` is the page that asks; a request for a file may
     lack it, one for a connection may not.
@@ -69,8 +69,8 @@ def stranger(headers: Headers, names: re.Pattern[str] | None = NAMES) -> str:
     return ""
 
 
-class Door:
-    """A guard before the viser server that is made while the door is `hung`.
+class OriginGuard:
+    """A guard before the viser server that is made while the guard is `installed`.
 
     Parameters
     ----------
@@ -93,17 +93,17 @@ class Door:
         self._token = None if address is None else secrets.token_urlsafe(TOKEN)
         self._panel: Mapping[str, Any] = {}
         self._connections = 0
-        self._hung = False
+        self._installed = False
 
     @contextmanager
-    def hung(self) -> Iterator[None]:
-        """Let the server that viser makes in the meantime for `HOST` and `port` listen behind the door."""
+    def installed(self) -> Iterator[None]:
+        """Context in which the server that viser makes for `HOST` and `port` listens behind the guard."""
         serve = websocket.serve
 
         def guarded(handler: Any, host: Any = None, port: Any = None, **settings: Any) -> Any:
             if (host, port) != (HOST, self.port):
                 return serve(handler, host, port, **settings)
-            self._hung = True
+            self._installed = True
             settings |= {
                 "process_request": self._answering(settings["process_request"]),
                 "create_connection": self._connection(),
@@ -127,8 +127,8 @@ class Door:
         return f"http://{host}:{self.port}" + ("" if self._token is None else f"/{self._token}/")
 
     def guard(self, server: Any) -> Any:
-        """Let in what the panel of a server offers, and return the server."""
-        if not self._hung:
+        """Accept what the panel of a server offers, and return the server."""
+        if not self._installed:
             server.stop()
             self._socket.close()
             raise RuntimeError(f"viser {viser.__version__} starts its server in a way that cannot be guarded")
@@ -139,7 +139,7 @@ class Door:
 
     def _answering(self, answer: Any) -> Any:
         def answered(connection: Any, request: Any) -> Any:
-            why = stranger(request.headers, NAMES if self._token is None else None)
+            why = reject_reason(request.headers, NAMES if self._token is None else None)
             if self._token is not None:
                 first, _, rest = request.path.removeprefix("/").partition("?")[0].partition("/")
                 if not hmac.compare_digest(first.encode(errors="surrogateescape"), self._token.encode()):
@@ -165,12 +165,12 @@ class Door:
         return counted
 
     def _connection(self) -> type[websocket.ServerConnection]:
-        door = self
+        guard = self
 
         class Guarded(websocket.ServerConnection):
             async def recv(self, decode: bool | None = None) -> Any:
                 while True:
-                    message = door.admitted(await super().recv(decode))
+                    message = guard.accepted(await super().recv(decode))
                     if message is not None:
                         return message
 
@@ -178,7 +178,7 @@ class Door:
 
     # --- Messages -----------------------------------------------------------------------------------
 
-    def admitted(self, raw: Any) -> bytes | None:
+    def accepted(self, raw: Any) -> bytes | None:
         """Return a message as viser may have it; None if it may not."""
         try:
             return msgspec.msgpack.encode(self._read(msgspec.msgpack.decode(raw)))

@@ -102,7 +102,7 @@ def _kinds(name: str, only: str | None) -> list[str]:
 
 
 def _begin(settings: dict[str, str]) -> None:
-    """Let a new process have these settings before it imports what reads them."""
+    """Set environment variables of a new process, before it imports what reads them."""
     os.environ.update(settings)
     logging.getLogger("springgym").setLevel(logging.ERROR)  # that it compiles is what it was asked for
 

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 from llvmlite import binding
 
-from springgym import precompiling
+from springgym import compile_all
 from springgym.cli import main
 from springgym.core import compiling
 from springgym.core.compiling import INTELS, KERNELS, LEVELS, MADE, fitting_level, shipped
@@ -77,7 +77,7 @@ def test_containers_of_the_image_start_at_once(tmp_path: Path) -> None:
 
 
 def test_levels_are_those_of_the_compiler() -> None:
-    assert ("host", *LEVELS) == precompiling.LEVELS
+    assert ("host", *LEVELS) == compile_all.LEVELS
 
 
 @pytest.mark.parametrize(
@@ -114,7 +114,7 @@ def test_environments_of_ones_own_are_found_by_their_module(
     )
     (tmp_path / "with_ids_of_its_own.py").write_text("\n".join(lines))
     monkeypatch.syspath_prepend(tmp_path)
-    kinds = precompiling._kinds
+    kinds = compile_all._kinds
     assert kinds("with_ids_of_its_own:Both-v0", None) == ["single", "batch"]
     assert kinds("with_ids_of_its_own:Both-v0", "batch") == ["batch"]
     assert kinds("with_ids_of_its_own:Alone-v0", None) == ["single"]

@@ -58,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do what the arguments ask for; the exit status."""
+    """Run the command with its arguments; return the exit status."""
     if args.list:
         for name in scene_names():
             print(f"{name:20} {document(name).at(('title',))}")  # read, not built: that takes a second each
@@ -171,7 +171,7 @@ def _whole(recording: Recording, lost: float) -> str:
 
 
 def _of_shadow(recording: Recording, lost: float) -> str:
-    """Tell how much is unaccounted for of the energy that the method keeps, if that is known."""
+    """Return a phrase: how much of the shadow energy is unaccounted for [J]; empty if that is not known."""
     first, last = recording.shadow
     left = last + lost - float(recording.measures.work[-1]) - first
     return "" if np.isnan(left) else f", of the shadow energy {left:.2g} J"
