@@ -242,24 +242,6 @@ def on_slab(angle: float = 0.0, how: Contact | None = None) -> Scene:
 
 
 @pytest.mark.slow
-def test_a_cube_and_a_ball_rest_on_a_pinned_slab() -> None:
-    simulator = full(on_slab(), dynamics="rigid", step=1e-3, copies=2)
-    slab = simulator.positions[:, :8]
-    simulator.advance(4000)
-    x, still = simulator.positions, np.abs(simulator.velocities)
-    assert still.max() < 1e-6
-    np.testing.assert_array_equal(x[:, :8], slab)
-    simulator.advance(1000)
-    assert np.abs(simulator.positions - x).max() < 1e-6
-    readings = simulator.pairs(forget=True)
-    assert readings.touching[:, :2].all()
-    simulator.advance(1000)
-    weight = G * np.array([CUBE.mass, BALL.mass])
-    np.testing.assert_allclose(simulator.pairs().impulse[:, :2], [weight] * 2, rtol=1e-3)
-    assert (simulator.pairs().least_gap[:, :2] > 0).all()
-
-
-@pytest.mark.slow
 def test_friction_holds_below_its_limit_and_slides_above() -> None:
     slides = []
     for angle in (25.5, 27.6):  # arctan 0.5 is 26.57°

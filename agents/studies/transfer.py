@@ -161,7 +161,7 @@ def draw(rows: Sequence[dict[str, Any]], path: Path) -> None:
             for place in places
         ]
         means = np.array([values.mean() for values in by_place])
-        limits = np.array([interval_of_returns(values) for values in by_place])
+        limits = np.array([interval_of_returns(values.tolist()) for values in by_place])
         x = np.arange(len(places)) + 0.06 * (n - 1.5)
         errors = np.abs(limits.T - means)
         axes.errorbar(x, means, errors, fmt="o-", ms=3, lw=1, capsize=2, label=f"learned on {kind}")

@@ -7,9 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from springgym.measures import Measures
-from springgym.rendering.look import BLUE, GREEN, INK, ORANGE, RED, SLATE, TEAL, Color
+from springgym.rendering.look import BLUE, GREEN, ORANGE, RED, SLATE, TEAL, Color
 from springgym.scene import Scene
 
+BLACK: Color = (0, 0, 0)
 OCHRE: Color = (211, 155, 42)
 PREFIXES = (("k", 1e-3), ("", 1.0), ("m", 1e3), ("µ", 1e6), ("n", 1e9))
 
@@ -60,7 +61,7 @@ def graphs(m: Measures, scene: Scene) -> dict[str, dict[str, Curve]]:
     drawn = {
         f"{name} [{unit}]": {
             part: Curve(factor * curve.values, curve.color)
-            for part, curve in (shown | {"sum": Curve(total, INK)}).items()
+            for part, curve in (shown | {"sum": Curve(total, BLACK)}).items()
         }
     }
     drawn["height [m]"] = {"height": Curve(m.centre[:, 2], SLATE)}

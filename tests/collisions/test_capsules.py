@@ -10,14 +10,23 @@ import pytest
 
 from springgym.bodies import ball, capsule, cube, rolling_ball, rope, sphere
 from springgym.collisions import shape
-from springgym.contact.records import ROWS
-from springgym.core.blocks import numbers
 from springgym.scene import Placed, Scene
 from springgym.surfaces import Contact
-from springgym.theory import rolling
 from springgym.theory.contact import rest_height
 from tests.collisions.stepped import full
-from tests.collisions.test_spheres import BLOCK, G, body_at, check_copies, momenta, motion, run, scene
+from tests.collisions.test_spheres import (
+    BLOCK,
+    G,
+    body_at,
+    check_copies,
+    check_coulomb,
+    check_momenta,
+    check_rolling,
+    motion,
+    run,
+    scene,
+)
+from tests.params import each_dynamics, slow_but
 
 RADIUS, LENGTH = 0.1, 0.3
 CAPSULE = capsule(RADIUS, LENGTH, 1.0, damping=0.0)
@@ -63,7 +72,7 @@ def test_others_meet_two_equal_balls_about_particles_as_a_capsule() -> None:
     twice = (sphere(RADIUS, ends[0]), sphere(RADIUS, ends[0]))
     partly = (sphere(RADIUS, ends[0], (0, 1, 2, 4)), sphere(RADIUS, ends[1]))
     for rounds in (unequal, beside, twice, partly):
-        with pytest.raises(ValueError, match="two of one radius about two particles"):
+        with pytest.raises(ValueError, match="or two of one radius about two particles"):
             scene(body_at(CAPSULE.with_(rounds=rounds), (0, 0, 0)))
     with pytest.raises(ValueError, match="pin all or none"):
         scene(Placed(CAPSULE, pinned=(0,)))
@@ -74,41 +83,17 @@ def test_others_meet_two_equal_balls_about_particles_as_a_capsule() -> None:
 
 @pytest.mark.parametrize(("angle", "friction"), [(0.2, 0.5), (0.4, 0.05)])
 def test_capsule_rolls_down_a_tilted_block(angle: float, friction: float) -> None:
-    """Its acceleration is g sin a/(1 + I/(m r²)), or g (sin a − μ cos a) if it slides."""
-    contact = Contact(friction=friction, restitution=0.5, strength=2e-4, reach=2e-3)
-    up = np.array([math.sin(angle), 0, math.cos(angle)])
-    down = np.array([math.cos(angle), 0, -math.sin(angle)])
-    gap = rest_height(G * math.cos(angle) / 2, 2e-4, 2e-3)  # both ends bear it
-    block = body_at(BLOCK, (0, 0, 0), pinned=True, turn=(0, angle, 0))
-    lies = body_at(CAPSULE, (0.25 + RADIUS + gap) * up - 0.2 * down, turn=ACROSS)
-    simulator = full(scene(lies, block, contact=contact, gravity=(0, 0, -G)), copies=2, step=2e-4)
-    speeds = []
-    for _ in range(20):
-        simulator.advance(100)
-        v, w = motion(simulator)
-        speeds.append(v[0] @ down)
-    found = np.polyfit(0.02 * np.arange(20), speeds, 1)[0]
+    """Both ends bear it."""
     share = share_about_axis(RADIUS, LENGTH)
-    rolls = friction > rolling.needed_friction(angle, share)
-    slides = G * (math.sin(angle) - friction * math.cos(angle))
-    assert found == pytest.approx(rolling.acceleration(angle, share) if rolls else slides, rel=1e-3)
-    assert (abs(v[0] @ down - RADIUS * w[0, 1]) < 2e-3 * speeds[-1]) == rolls
-    assert abs(v[0, 1]) < 1e-3 * speeds[-1]
+    check_rolling(CAPSULE, share, angle, friction, carriers=2, turn=ACROSS)
 
 
 def test_friction_of_a_capsule_on_a_free_block_is_coulombs() -> None:
     """A capsule slides over a free block along its own axis as long as both touch."""
-    thrown = body_at(
-        CAPSULE, (0, 0, 0.25 + RADIUS + 0.004), velocity=(3.0, 0, -0.5), turn=(0, math.pi / 2, 0)
-    )
-    simulator = run(scene(thrown, body_at(BLOCK, (0, 0, 0))), 0.05, step=1e-4)
-    v, _ = motion(simulator)
-    given = v[0] - (3.0, 0, -0.5)
-    assert given[2] > 0.3
-    assert -given[0] / (0.3 * given[2]) == pytest.approx(1.0, abs=0.005)
+    check_coulomb(CAPSULE, RADIUS + 0.004, turn=(0, math.pi / 2, 0))
 
 
-@pytest.mark.parametrize("dynamics", ["springs", pytest.param("rigid", marks=pytest.mark.slow)])
+@each_dynamics
 def test_crossed_capsules_turn_each_other(dynamics: str) -> None:
     """One spins about its axis and falls across the middle of another: friction stops the slip of the skins.
 
@@ -139,33 +124,6 @@ def test_capsule_that_spins_throws_a_ball_that_does_not_turn() -> None:
     np.testing.assert_allclose(v, [j, -j], rtol=2e-2)
 
 
-def test_friction_stops_the_slip_of_the_skin_at_once() -> None:
-    """A tilted capsule strikes with an end, so that the impulse at its axis turns it, too."""
-    above = 0.25 + RADIUS + LENGTH / 2 * math.cos(0.6) + 0.004
-    begins = {"velocity": (0.02, 0.03, -0.3), "omega": (0.1, 0.2, 0.3), "turn": (0.6, 0, 0)}
-    tilted, block = body_at(CAPSULE, (0, 0, above), **begins), body_at(BLOCK, (0, 0, 0), pinned=True)
-    contact = Contact(friction=5.0, restitution=0.5, strength=2e-3, reach=5e-3)
-    simulator = full(scene(tilted, block, contact=contact), copies=2, step=1e-4)
-    m, sticks = CAPSULE.masses[:, None], 0
-    for _ in range(20):
-        simulator.advance(5)
-        simulator.contacts()  # computes the last node again
-        exchange = simulator._workspace[0].exchange
-        contacts = exchange.contacts
-        if contacts.length[ROWS] == 1 and numbers(contacts.impulse)[0, 0] > 0:
-            v = numbers(exchange.velocity.values)[: len(m), :, 0]  # after the node
-            arms = simulator.positions[0, : len(m)] - (m * simulator.positions[0, : len(m)]).sum(0)
-            second = (m * arms).T @ arms
-            spin = np.linalg.solve(np.trace(second) * np.eye(3) - second, (m * np.cross(arms, v)).sum(0))
-            weights, particles = (numbers(of)[:4, 0] for of in (contacts.weight, contacts.particle))
-            own = particles < len(m)
-            axis = np.abs(weights[own]) @ v[particles[own].astype(int)]
-            slip = (axis + np.cross(spin, (0, 0, -RADIUS)))[:2]
-            assert np.abs(slip).max() < 1e-5
-            sticks += 1
-    assert sticks > 10
-
-
 # --- What is kept ---------------------------------------------------------------------------------------
 
 
@@ -189,17 +147,10 @@ def thrown(of: str, stiffness: float = 1e5, damping: float = 0.0) -> Scene:
 
 @pytest.mark.parametrize("of", ["ball", "block", "capsule", "parallel", "rope"])
 def test_momenta_and_energy_are_kept(of: str) -> None:
-    simulator = full(thrown(of), copies=2, step=1e-4)
-    before, energy = momenta(simulator), simulator.measure().balance[0]
-    simulator.advance(2000)
-    pairs = simulator.pairs()
-    assert pairs.impulse[0].max() > 0.1
-    assert pairs.friction_loss[0].max() > 1e-3
-    np.testing.assert_allclose(momenta(simulator), before, rtol=0, atol=1e-12)
-    assert simulator.measure().balance[0] == pytest.approx(energy, rel=1e-3)  # Verlet's, of what rings
+    check_momenta(thrown(of), 0.1, 1e-3)
 
 
-@pytest.mark.parametrize("alone", [2, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("alone", slow_but([2, 1], 2))
 def test_copies_are_those_of_their_own(alone: int) -> None:
     """A copy moves as it does alone, to the bit, whatever the other copies of its block meet."""
     check_copies(thrown("block"), alone)

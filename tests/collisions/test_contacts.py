@@ -12,6 +12,7 @@ from springgym.contacts import Contacts
 from springgym.scene import Placed, Scene
 from springgym.simulator import Simulator
 from springgym.surfaces import Contact, PaperContact, Plane
+from springgym.theory.contact import energy
 from tests.collisions.cases import CUBE, approach
 from tests.collisions.stepped import Stepped, full
 
@@ -113,8 +114,11 @@ def test_where_balls_touch() -> None:
     bodies = (Placed(small, name="a"), Placed(large, -0.404 * along[None], name="b"))
     scene = Scene(bodies=bodies, gravity=None, collisions=Contact(strength=1e-3, reach=5e-3))
     simulator = full(scene)
-    found = simulator.contacts()
+    found, told = simulator.contacts(), simulator.pairs()
     assert found.there.shape == (1, 1)
+    assert told.touching[0, 0]
+    assert told.energy[0, 0] == pytest.approx(float(energy(0.004, 1e-3, 5e-3)))
+    assert told.least_gap[0, 0] == pytest.approx(0.004)
     assert (found.first[0, 0], found.second[0, 0], found.surface[0, 0]) == (0, 1, -1)
     np.testing.assert_allclose(found.normal[0, 0], along, rtol=1e-12)
     np.testing.assert_allclose(found.gap[0, 0], 0.004, rtol=1e-9)

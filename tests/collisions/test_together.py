@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from springgym.bodies import Body, cube, top
+from springgym.bodies import Body, cube
 from springgym.contact.totals import PairReadings
 from springgym.core.blocks import numbers
 from springgym.scene import Placed, Scene, WrenchActuator
 from springgym.scenes import load
 from springgym.simulator import Simulator
 from springgym.surfaces import Bowl, Contact, Plane
-from springgym.theory.contact import energy
 from tests.collisions.impacts import impacts
 from tests.collisions.stepped import Stepped
+from tests.copies import reported
 
 FLOOR = (Plane(),)
 BLOCK = cube(0.5, damping=100.0)
@@ -40,17 +40,6 @@ def among(*placed: Placed, **more: Any) -> Scene:
 
 def put(body: Body, place: Any, name: str) -> Placed:
     return Placed(body, body.positions + np.asarray(place, float), name=name)
-
-
-def same(one: Simulator, n: int, other: Simulator, k: int) -> bool:
-    """Tell whether a copy of one is as one of the other, to the bit, and what is told of it."""
-    measured = zip(one.measure(), other.measure(), strict=True)
-    told = zip(one.pairs(), other.pairs(), strict=True)
-    return (
-        one.positions[n].tobytes() == other.positions[k].tobytes()
-        and one.velocities[n].tobytes() == other.velocities[k].tobytes()
-        and all(a[n].tobytes() == b[k].tobytes() for pair in (measured, told) for a, b in pair)
-    )
 
 
 @pytest.mark.slow
@@ -185,32 +174,6 @@ def test_start_amid_contact() -> None:
     assert parted.balance[0] == pytest.approx(held.balance[0], abs=0.02 * held.contact[0])
 
 
-@pytest.mark.slow
-def test_what_touches_is_told_at_the_start() -> None:
-    """Of two balls that press each other, the energy of the barrier; other copies tell what they told."""
-    contact = Contact(strength=0.02, reach=0.01)
-    balls = [Body("ball", [[0.0, 0.0, 0.0]], 1.0, [], 1.0, 0.0, radius=0.2) for _ in range(2)]
-    near, far = (np.array([[0.0, 0.0, 2.0], [0.4 + gap, 0.0, 2.0]]) for gap in (0.004, 0.1))
-    scene = among(put(balls[0], far[0], "a"), put(balls[1], far[1], "b"), contact=contact)
-    simulator = Stepped(scene, copies=3, step=1e-3).simulator
-    assert not simulator.pairs().touching.any()
-    simulator.place(near, np.zeros((2, 3)), [0, 1])
-    simulator.advance(3)
-    before = simulator.pairs(), simulator.measure()
-    simulator.place(near, np.zeros((2, 3)), [1])
-    after = simulator.pairs(), simulator.measure()
-    for was, now in zip((*before[0], *before[1]), (*after[0], *after[1]), strict=True):
-        assert was[[0, 2]].tobytes() == now[[0, 2]].tobytes()
-    told, measured = after
-    stored = float(energy(0.004, 0.02, 0.01))
-    assert told.touching[:, 0].tolist() == [True, True, False]
-    assert told.energy[1, 0] == pytest.approx(stored)
-    assert measured.contact[1] == pytest.approx(stored)
-    assert told.least_gap[1, 0] == pytest.approx(0.004)
-    simulator.advance(1)
-    assert simulator.measure().balance[1] == pytest.approx(measured.balance[1], abs=1e-4 * stored)
-
-
 def test_what_varies_and_what_is_taken_over_keeps_its_energy() -> None:
     """Both begin anew from where they are: what is in the barriers is found again."""
     contact = Contact(friction=0.1)
@@ -251,7 +214,7 @@ def test_copies_do_not_know_of_each_other() -> None:
         one = Stepped(scene, copies=1).simulator
         one.place(x[n], v[n])
         one.advance(900 if n in late else 1500)
-        assert same(one, 0, many, n), n
+        assert reported(one, 0) == reported(many, n), n
 
 
 @pytest.mark.slow
@@ -272,7 +235,7 @@ def test_how_bodies_meet_varies_copy_by_copy() -> None:
         one = Stepped(scene.with_(contact=Contact(friction=mu[n], restitution=e[n])), copies=1).simulator
         one.place(x[n], v[n])
         one.advance(900)
-        assert same(one, 0, many, n), n
+        assert reported(one, 0) == reported(many, n), n
     own = Stepped(scene.with_(collisions=Contact(friction=0.2)), copies=3).simulator
     own.vary(None, friction=mu)
     assert (numbers(own._terms.collisions.pairs.friction) == 0.2).all()
@@ -290,14 +253,14 @@ def test_calls_of_any_length() -> None:
         for steps in parts:
             other.advance(steps, check=False)
             other.measure()
-        assert all(same(whole, n, other, n) for n in range(2))
+        assert all(reported(whole, n) == reported(other, n) for n in range(2))
     state = whole.state()
     whole.advance(100)
     others[0].restore(state)
     others[1] = pickle.loads(pickle.dumps(others[1]))
     for other in others:
         other.advance(100)
-        assert all(same(whole, n, other, n) for n in range(2))
+        assert all(reported(whole, n) == reported(other, n) for n in range(2))
     whole.place(x[1], v[1], [1])
     told = whole.pairs()
     assert told.impulse[0, 0] > 0 == told.impulse[1, 0]
@@ -350,28 +313,3 @@ def test_three_hundred_cubes_do_not_creep() -> None:
     fastest = [speeds[own].max() for own in plan.scene.slices]
     assert max(fastest) < 1e-6
     assert simulator.pairs().misses.sum() == 0
-
-
-@pytest.mark.slow
-def test_two_tops_in_a_bowl() -> None:
-    """Spinning either way they meet, lose energy to friction and dampers, and none is missed."""
-    body = top(damping=20.0)
-    scene = Scene(
-        bodies=(put(body, (0.62, 0, 0.7), "a"), put(body, (-0.62, 0, 0.7), "b")),
-        surfaces=(Bowl((0, 0, 3.0), 3.0),),
-        contact=Contact(friction=0.1),
-        collisions="all",
-    )
-    x = scene.positions
-    v = np.zeros_like(x)
-    for own, spin in zip(scene.slices, (12.0, -12.0), strict=True):
-        v[own] = np.cross([0, 0, spin], x[own] - x[own].mean(axis=0))
-    simulator = Simulator(scene)
-    simulator.place(x, v)
-    start = simulator.measure().balance[0]
-    for _ in range(10):
-        simulator.advance(int(1.0 / simulator.step))
-    told, measured = simulator.pairs(), simulator.measure()
-    assert told.impulse[0, 0] > 1.0
-    assert not np.any([told.misses, told.overflow])
-    assert abs(measured.balance[0] - start) < 0.01 * (start - measured.energy[0])

@@ -42,14 +42,18 @@ from springgym.surfaces import (
 )
 from springgym.theory import rolling
 from springgym.theory.contact import force, rest_height
+from tests.copies import check_alone
 from tests.forces.rigid_rolling import Solid, motion
 from tests.params import slow_but
 
 G = 9.81
 BALL = rolling_ball(0.1, 1.0)
 GRIP = Contact(friction=0.5, restitution=0.5)
-VARYING = ("damping", "friction", "restitution")
+RUBBING = ("friction", "restitution")
+VARYING = ("damping", *RUBBING)
 """So that what a body or a floor does not have is a zero: one kernel for all on planes."""
+
+each_dynamics = pytest.mark.parametrize("dynamics", ["springs", "rigid"])
 
 
 def placed(
@@ -69,9 +73,17 @@ def placed(
     )
 
 
-def run(scene: Scene, duration: float, every: int = 20, **options: Any) -> tuple[np.ndarray, Measures]:
+def simulated(scene: Scene, dynamics: str = "springs", step: float | None = None) -> Simulator:
+    if dynamics == "springs":
+        return Simulator(scene, varying=VARYING, step=step)
+    return Simulator(scene, varying=RUBBING, dynamics="rigid", step=step or 1e-3)
+
+
+def run(
+    scene: Scene, duration: float, every: int = 20, dynamics: str = "springs", step: float | None = None
+) -> tuple[np.ndarray, Measures]:
     """Times and measures (T, …) of a copy."""
-    simulator = Simulator(scene, varying=VARYING, **options)
+    simulator = simulated(scene, dynamics, step)
     rows = [[np.array(field[0]) for field in simulator.measure()]]
     for _ in range(round(duration / simulator.step / every)):
         simulator.advance(every)
@@ -135,30 +147,37 @@ def test_bodies_have_the_inertia_they_are_said_to_have() -> None:
 # --- Balls ----------------------------------------------------------------------------------------------
 
 
+@each_dynamics
 @pytest.mark.parametrize(
     ("angle", "friction", "moment"), [(0.2, 0.5, 0.4), (0.5, 0.5, 0.4), (0.5, 0.5, 0.6), (0.5, 0.1, 0.4)]
 )
-def test_ball_rolls_down_a_slope_or_skids(angle: float, friction: float, moment: float) -> None:
-    contact = replace(GRIP, friction=friction)
-    times, m = run(placed(rolling_ball(moment=moment), (incline(angle),), contact), 1.0)
+def test_ball_rolls_down_a_slope_or_skids(
+    angle: float, friction: float, moment: float, dynamics: str
+) -> None:
+    """A ball rolls with the acceleration g sin a/(1 + I/(m r²)), or slides with g (sin a − μ cos a)."""
+    contact, off = replace(GRIP, friction=friction), 1e-4 if dynamics == "rigid" else 1e-3
+    times, m = run(placed(rolling_ball(moment=moment), (incline(angle),), contact), 1.0, 20, dynamics)
     down = np.array([-math.cos(angle), 0.0, -math.sin(angle)])
     speed = m.centre_velocity @ down
     rolls = friction > rolling.needed_friction(angle, moment)
     expected = rolling.acceleration(angle, moment) if rolls else G * (math.sin(angle) - 0.1 * math.cos(angle))
-    assert np.polyfit(times, speed, 1)[0] == pytest.approx(expected, rel=1e-3)
+    assert np.polyfit(times, speed, 1)[0] == pytest.approx(expected, rel=off)
     slip = speed[-1] + 0.1 * m.angular_velocity[-1, 1]
-    assert (abs(slip) < 2e-3 * speed[-1]) == rolls
+    assert (abs(slip) < 2 * off * speed[-1]) == rolls
     heat = friction * G * math.cos(angle) * np.trapezoid(speed + 0.1 * m.angular_velocity[:, 1], times)
     assert m.friction_loss[-1] == pytest.approx(0.0 if rolls else heat, abs=2e-3 * m.kinetic[-1])
     assert np.ptp(m.balance) < 2e-4 * m.kinetic[-1]
 
 
-def test_ball_that_skids_rolls_with_five_sevenths_of_its_speed_and_goes_on() -> None:
-    times, m = run(placed(BALL, contact=replace(GRIP, friction=0.2), velocity=(2.0, 0, 0)), 2.0)
+@each_dynamics
+def test_ball_that_skids_rolls_with_five_sevenths_of_its_speed_and_goes_on(dynamics: str) -> None:
+    off = 2e-5 if dynamics == "rigid" else 1e-3
+    scene = placed(BALL, contact=replace(GRIP, friction=0.2), velocity=(2.0, 0, 0))
+    times, m = run(scene, 2.0, 20, dynamics)
     late = times > 0.5
-    np.testing.assert_allclose(m.centre_velocity[late, 0], 10 / 7, rtol=1e-3)
-    np.testing.assert_allclose(0.1 * m.angular_velocity[late, 1], 10 / 7, rtol=2e-3)
-    assert m.friction_loss[-1] == pytest.approx(0.5 * 2**2 * 2 / 7, rel=1e-3)
+    np.testing.assert_allclose(m.centre_velocity[late, 0], 10 / 7, rtol=off)
+    np.testing.assert_allclose(0.1 * m.angular_velocity[late, 1], 10 / 7, rtol=2 * off)
+    assert m.friction_loss[-1] == pytest.approx(0.5 * 2**2 * 2 / 7, rel=5 * off if off < 1e-3 else off)
     assert np.ptp(m.friction_loss[late]) < 1e-5  # what rolls rubs nothing
     assert np.ptp(m.centre_velocity[late, 0]) < 1e-3
 
@@ -170,20 +189,27 @@ def test_ball_at_rest_stays() -> None:
     assert np.abs(m.angular_velocity[-1]).max() < 1e-6
 
 
-@pytest.mark.parametrize(("restitution", "within"), [(1.0, 0.02), (0.8, 0.02), (0.5, 0.02), (0.2, 0.1)])
-def test_ball_rebounds_with_its_restitution(restitution: float, within: float) -> None:
+@pytest.mark.parametrize(
+    ("restitution", "dynamics", "within"),
+    [
+        *((e, "springs", 0.1 if e < 0.5 else 0.02) for e in (1.0, 0.8, 0.5, 0.2)),
+        *((e, "rigid", 0.01) for e in (1.0, 0.8, 0.5)),
+    ],
+)
+def test_ball_rebounds_with_its_restitution(restitution: float, dynamics: str, within: float) -> None:
     """With a contact so soft, for springs so stiff, that its impact does not ring them.
 
     What springs store on the way in they give back on the way out, be the contact's restitution 0.
     """
-    body = rolling_ball(stiffness=1e7)
-    contact = Contact(0.3, restitution, strength=4e-5)
-    scene = placed(body, contact=contact, up=0.01, velocity=(0, 0, -0.5))
-    _, m = run(scene.with_(gravity=(0.0, 0.0, 0.0)), 0.1, 20)
+    rigid = dynamics == "rigid"
+    contact = Contact(0.3, restitution, strength=4e-5, reach=1e-3 if rigid else None)
+    scene = placed(rolling_ball(stiffness=1e7), contact=contact, up=0.01, velocity=(0, 0, -0.5))
+    step = 2e-4 if rigid else None
+    _, m = run(scene.with_(gravity=(0.0, 0.0, 0.0)), 0.1, 20, dynamics, step)
     assert m.centre_velocity[-1, 2] == pytest.approx(0.5 * restitution, abs=within * 0.5)
     lost = 0.5 * 0.25 * (1 - (m.centre_velocity[-1, 2] / 0.5) ** 2)
     assert m.contact_loss[-1] + m.damping_loss[-1] == pytest.approx(lost, abs=2e-3)
-    assert abs(m.balance[-1] - m.balance[0]) < 1e-4 * m.kinetic[0]
+    assert abs(m.balance[-1] - m.balance[0]) < (1e-10 if rigid else 1e-4) * m.kinetic[0]
 
 
 def test_energy_of_hops_with_spin_is_entered_to_the_square_of_the_step() -> None:
@@ -199,29 +225,35 @@ def test_energy_of_hops_with_spin_is_entered_to_the_square_of_the_step() -> None
     assert off[2] < 0.2 * off[0]
 
 
+def test_energy_of_hops_with_spin_is_entered_to_rounding() -> None:
+    """The way of a sphere's centre along the normal is what its gap changes by: the work is the barrier's."""
+    scene = placed(
+        BALL, contact=replace(GRIP, friction=0.3), up=0.05, velocity=(0.5, 0, -0.5), omega=(3, 0, 20)
+    )
+    _, m = run(scene, 0.5, 10, "rigid")
+    assert m.friction_loss[-1] > 0.02
+    assert m.contact_loss[-1] > 0.2
+    assert np.abs(m.balance - m.balance[0]).max() < 1e-9
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("surface", "across"),
-    [
-        pytest.param(Bowl((0, 0, 1.0), 1.0), 0.9, id="bowl"),
-        pytest.param(Pipe((0, 0, 1.0), (0, 1, 0), 1.0), 0.9, id="pipe"),
-    ],
-)
-def test_ball_rolls_to_and_fro(surface: Surface, across: float) -> None:
+@pytest.mark.parametrize("surface", [Bowl((0, 0, 1.0), 1.0), Pipe((0, 0, 1.0), (0, 1, 0), 1.0)])
+def test_ball_rolls_to_and_fro(surface: Surface) -> None:
     """ω² = g/((R − r)(1 + I/m r²)), for small swings."""
     swing = 0.1
     contact = Contact(friction=0.8, restitution=0.5, reach=1e-3)
     strength, reach = scales(contact, BALL)
-    arm = across - rest_height(G, strength, reach)
+    arm = 0.9 - rest_height(G, strength, reach)
     place = np.array([arm * math.sin(swing), 0.0, 1.0 - arm * math.cos(swing)])
     begun = start(BALL, position=place)
-    times, m = run(Scene(BALL, begun.positions, surfaces=(surface,), contact=contact), 8.0)
+    scene = Scene(BALL, begun.positions, surfaces=(surface,), contact=contact)
+    times, m = run(scene, 8.0)
     angle = np.arctan2(m.centre[:, 0], 1.0 - m.centre[:, 2])
     ups = np.flatnonzero((angle[:-1] < 0) & (angle[1:] >= 0))
     at = times[ups] - angle[ups] * np.diff(times)[0] / (angle[ups + 1] - angle[ups])
     period = 2 * math.pi * math.sqrt(1.4 * arm / G) * (1 + swing**2 / 16)
     assert np.diff(at).mean() == pytest.approx(period, rel=1e-3)
-    assert np.abs(angle[-400:]).max() > 0.995 * swing
+    assert np.abs(angle[times > 7.2]).max() > 0.995 * swing
     assert np.ptp(m.balance) < 1e-4
 
 
@@ -243,11 +275,13 @@ def test_ellipsoid_tumbles_over_waves_and_keeps_its_energy() -> None:
     assert (heights(egg, scene.positions, scene.surfaces[0]) > 0).all()
 
 
+@each_dynamics
 @pytest.mark.parametrize("turn", [(0, 0, 0), (0.1, 0.05, 0), (0.4, 0, 0)])
-def test_coin_that_is_dropped_gains_no_energy(turn: tuple[float, float, float]) -> None:
+def test_coin_that_is_dropped_gains_no_energy(turn: tuple[float, float, float], dynamics: str) -> None:
     scene = placed(disk(), up=0.05, turn=turn, velocity=(0, 0, -1.0), omega=(0, 0, 2.0))
-    _, m = run(scene, 1.5)
-    assert m.energy.max() < 1.002 * m.energy[0]
+    rigid = dynamics == "rigid"
+    _, m = run(scene, 1.5, 20, dynamics, 2e-4 if rigid else None)
+    assert m.energy.max() < (1.001 if rigid else 1.002) * m.energy[0]
     assert m.energy[-1] < 0.2 * m.energy[0]
 
 
@@ -297,26 +331,37 @@ STONE = ellipsoid(
 """The rattleback of Kane and Levinson (1982)."""
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("spin", [-2.0, 2.0])
-def test_rattleback_is_the_rigid_one_and_turns_back_one_way_only(spin: float) -> None:
+@pytest.mark.parametrize(
+    ("dynamics", "spin", "off"),
+    slow_but(
+        [(of, spin, off) for of, off in (("springs", 0.01), ("rigid", 3e-3)) for spin in (-2.0, 2.0)],
+        ("rigid", -2.0, 3e-3),
+    ),
+)
+def test_rattleback_moves_by_the_ode_of_rolling_and_turns_back_one_way_only(
+    dynamics: str, spin: float, off: float
+) -> None:
     omega, velocity = (0.0, 1.0, spin), (0.01, 0.0, 0.0)
     scene = on_hard_ground(STONE, 5e-5, 5.0, omega=omega, velocity=velocity)
-    times, m = run(scene, 5.0)
+    springs = dynamics == "springs"
+    times, m = run(scene, 5.0, 20 if springs else 100, dynamics, None if springs else 2e-4)
     _, _, spins, _ = motion(rigid(STONE), np.eye(3), omega, velocity, times)
     own, rigid_one = m.angular_velocity[:, 2] * np.sign(spin), spins[:, 2] * np.sign(spin)
     late = times > 4.5
-    assert own[late].mean() == pytest.approx(rigid_one[late].mean(), rel=0.01)
+    assert own[late].mean() == pytest.approx(rigid_one[late].mean(), rel=off)
     assert np.abs(own).max() == pytest.approx(np.abs(rigid_one).max(), rel=0.01)
     assert (own > 0).all() == (rigid_one > 0).all() == (spin > 0)
     if spin < 0:
         turns = [times[np.argmax(each < 0)] for each in (own, rigid_one)]
         assert turns[0] == pytest.approx(turns[1], rel=0.01)
         assert own[late].mean() < -0.9 * 2
-    by_theory, _ = rolling.rolling_ellipsoid(
-        (0.2, 0.03, 0.02), STONE.inertia(), (0, 0, 0.01), np.eye(3), omega, times[:500]
-    )
-    np.testing.assert_allclose(by_theory, spins[:500], atol=1e-5)
+    if springs:
+        by_theory, _ = rolling.rolling_ellipsoid(
+            (0.2, 0.03, 0.02), STONE.inertia(), (0, 0, 0.01), np.eye(3), omega, times[:500]
+        )
+        np.testing.assert_allclose(by_theory, spins[:500], atol=1e-5)
+    else:
+        assert np.ptp(m.balance) < 1e-3 * m.kinetic[0]
 
 
 def test_tippe_top_is_the_rigid_one_and_turns_over() -> None:
@@ -399,23 +444,79 @@ def test_disk_rolls_round_as_the_rigid_one(angle: float) -> None:
     assert np.abs(m.centre[:, :2] - m.centre[0, :2]).max() < 1e-3 * 0.1
 
 
+# --- Springs and their twin ---------------------------------------------------------------------------------
+
+
+def egg(stiffness: float) -> Scene:
+    """An ellipsoid that rolls from the start, and spins about the vertical."""
+    body = ellipsoid((0.12, 0.1, 0.08), 0.7, stiffness=stiffness, damping=0.0)
+    how = Contact(2.0, 1.0, strength=10 * 0.7 * G * 1e-8, reach=1e-4)
+    omega = np.array((2.0, 3.0, 4.0))
+    return placed(body, contact=how, omega=omega, velocity=-np.cross(omega, (0, 0, -0.08)))
+
+
+def rolled(of: Scene, dynamics: str, step: float) -> tuple[np.ndarray, float]:
+    """Where the egg's centre and its axis are after 0.3 s, and what friction took."""
+    simulator = simulated(of, dynamics, step)
+    simulator.advance(round(0.3 / step))
+    m = simulator.measure()
+    return np.concatenate([m.centre[0], m.axis[0]]), float(m.friction_loss[0])
+
+
+def test_what_sticks_rolls_without_work_to_the_square_of_the_step() -> None:
+    lost = [abs(rolled(egg(1e5), "rigid", step)[1]) for step in (1e-3, 5e-4)]
+    assert lost[0] < 1e-6
+    assert lost[1] < 0.3 * lost[0]
+
+
+def test_springs_that_roll_approach_their_twin_as_they_grow_stiff() -> None:
+    """The body's shape is off by its load over k."""
+    exact, _ = rolled(egg(1e5), "rigid", 5e-5)
+    off = [
+        np.abs(rolled(egg(stiffness), "springs", step)[0] - exact).max()
+        for stiffness, step in ((1e4, 5e-5), (1e5, 5e-5), (1e6, 2e-5))
+    ]
+    assert off[1] < 0.2 * off[0]
+    assert off[2] < 0.2 * off[1]
+    assert off[2] < 3e-5
+
+
+def test_ball_swings_about_its_pin_and_hits_the_floor() -> None:
+    begun = placed(BALL, contact=Contact(0.3, 1.0), up=0.01)
+    of = Scene(BALL, begun.positions, pinned=(0,), surfaces=begun.surfaces, contact=begun.contact)
+    simulator, lowest, balance = simulated(of, "rigid", 1e-4), [], []
+    for _ in range(300):
+        simulator.advance(20)
+        m = simulator.measure()
+        lowest.append(m.centre[0, 2])
+        balance.append(m.balance[0])
+    assert simulator.positions[0, 0].tobytes() == of.positions[0].tobytes()
+    assert 0.1 < min(lowest) < 0.101
+    assert m.friction_loss[0] > 0.05
+    assert np.ptp(balance) < 1e-6
+
+
 # --- What contacts are told ---------------------------------------------------------------------------------
 
 
-def test_contact_of_a_ball_at_rest_bears_its_weight_below_its_centre() -> None:
-    scene = placed(BALL)
-    simulator = Simulator(scene, varying=VARYING)
+@each_dynamics
+def test_contact_of_a_ball_at_rest_bears_its_weight_below_its_centre(dynamics: str) -> None:
+    scene, rigid = placed(BALL), dynamics == "rigid"
+    simulator = simulated(scene, dynamics)
     simulator.advance(3000)
     found, centre = simulator.contacts(), simulator.measure().centre[0]
     strength, reach = scales(GRIP, BALL)
     gap = rest_height(G, strength, reach)
     assert found.there.tolist() == [[True]]
     assert [of[0, 0] for of in found[1:5]] == [0, -1, 0, -1]
-    np.testing.assert_allclose(found.force[0, 0], (0, 0, G), atol=1e-8)
+    np.testing.assert_allclose(found.force[0, 0], (0, 0, G), atol=1e-9 if rigid else 1e-8)
     np.testing.assert_allclose(found.normal[0, 0], (0, 0, 1), atol=1e-15)
     assert found.gap[0, 0] == pytest.approx(gap, rel=1e-6)
     # the point is half of the gap below the skin, and the springs give way by m g/k at the most
-    np.testing.assert_allclose(found.point[0, 0], centre - (0, 0, 0.1 + gap / 2), atol=G / 1e5)
+    below = (0, 0, 0.1 + found.gap[0, 0] / 2)
+    np.testing.assert_allclose(found.point[0, 0], centre - below, atol=1e-12 if rigid else G / 1e5)
+    if rigid:
+        assert np.abs(simulator.velocities).max() < 1e-12
     simulator.place(scene.positions + np.array((0, 0, 1.0)), scene.velocities)
     assert simulator.contacts().there.shape == (1, 0)
 
@@ -482,25 +583,36 @@ def thrown_into_a_corner() -> tuple[Scene, np.ndarray, np.ndarray]:
 
 
 @pytest.mark.slow
-def test_copies_of_a_batch_are_single_ones_to_the_bit() -> None:
+@each_dynamics
+def test_copies_of_a_batch_are_single_ones_to_the_bit(dynamics: str) -> None:
     scene, x, v = thrown_into_a_corner()
-    many = Simulator(scene, copies=18, varying=VARYING)
-    many.place(x, v)
-    many.advance(300)
-    many.advance(301)
-    told = many.contacts()
-    assert told.there.any()
-    assert not told.there.all()
-    for n in (0, 7, 16, 17):
-        one = Simulator(scene, varying=VARYING)
-        one.place(x[n], v[n])
-        one.advance(601)
-        for own, others in zip(one.contacts(), told, strict=True):
-            np.testing.assert_allclose(own[0][one.contacts().there[0]], others[n][told.there[n]], rtol=1e-12)
-        assert (one.positions[0] == many.positions[n]).all()
-        assert (one.velocities[0] == many.velocities[n]).all()
-        for field, fields in zip(one.measure(), many.measure(), strict=True):
-            assert (np.asarray(field)[0] == np.asarray(fields)[n]).all()
+    options: Any = {"dynamics": dynamics, "step": 2e-4 if dynamics == "springs" else 1e-3}
+    options["varying"] = VARYING if dynamics == "springs" else RUBBING
+    calls = (300, 301)  # each of which begins the sweeps of rigid bodies anew
+    check_alone(
+        lambda copies: Simulator(scene, copies=copies, **options),
+        x,
+        v,
+        calls,
+        (0, 7, 16, 17),
+        calls_alone=calls if dynamics == "rigid" else None,
+    )
+
+
+@pytest.mark.slow
+def test_rigid_ball_rolls_to_and_fro_in_a_bowl() -> None:
+    """A ball swings in a bowl with ω² = g/((R − r)(1 + I/m r²)), if its swings are small."""
+    swing, how = 0.1, Contact(friction=0.8, restitution=0.5, strength=1e-4, reach=1e-3)
+    arm = 0.9 - rest_height(G, 1e-4, 1e-3)
+    begun = start(BALL, position=(arm * math.sin(swing), 0.0, 1.0 - arm * math.cos(swing)))
+    bowl = Scene(BALL, begun.positions, surfaces=(Bowl((0, 0, 1.0), 1.0),), contact=how)
+    times, m = run(bowl, 8.0, 10, "rigid")
+    angle = np.arctan2(m.centre[:, 0], 1.0 - m.centre[:, 2])
+    ups = np.flatnonzero((angle[:-1] < 0) & (angle[1:] >= 0))
+    at = times[ups] - angle[ups] * np.diff(times)[0] / (angle[ups + 1] - angle[ups])
+    period = 2 * math.pi * math.sqrt(1.4 * arm / G) * (1 + swing**2 / 16)
+    assert np.diff(at).mean() == pytest.approx(period, rel=1e-3)
+    assert np.abs(angle[-80:]).max() > 0.995 * swing
 
 
 @pytest.mark.slow
