@@ -91,7 +91,7 @@ def test_levels_are_those_of_the_compiler() -> None:
         (["CartPole-v1", "--only", "batch", "--dtype", "float32"], "unexpected keyword argument 'dtype'"),
         (["Pendulum-v1", "--only", "batch"], "Pendulum-v1 is registered without a batch"),
         (["SpringTop-v0", "--only", "single", "--dtype", "float32"], "--dtype float32 is of batches"),
-        (["nowhere:Own-v0"], "nowhere:Own-v0: No module named 'nowhere'"),
+        (["nowhere:Own-v0"], "Unknown environment 'nowhere:Own-v0'. No module named 'nowhere'"),
     ],
 )
 def test_what_cannot_be_compiled_is_told_in_a_line(
