@@ -193,7 +193,8 @@ def _between() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the cells (places, 4) around each place half-way between two or four cells, `CELLS`² for none,
     how many they are (places, 1), and the numbers of the places by twice their row and column.
     """
-    corners, number = [], np.zeros((2 * CELLS, 2 * CELLS), int)
+    corners: list[list[int]] = []
+    number = np.zeros((2 * CELLS, 2 * CELLS), int)
     for (i, j), (a, b) in product(product(range(CELLS), repeat=2), ((1, 0), (0, 1), (1, 1))):
         if i + a < CELLS and j + b < CELLS:
             number[2 * i + a, 2 * j + b] = len(corners)
@@ -264,10 +265,9 @@ class SpringLabyrinth(PlacedAtOnce):
 
     def starts(self, drawn: np.ndarray) -> Start:
         way, boards = ways()[drawn[:, -3].astype(int)], np.arange(len(drawn))[:, None]
-        corner = (0.5 / CELLS - 0.5) * 2 * HALF
         cells = np.stack(np.divmod(np.arange(CELLS**2), CELLS), axis=-1)
         shifts = -SHIFT + 2 * SHIFT * drawn[:, 1:-3].reshape(-1, CELLS**2, 2)
-        middles = corner + 2 * HALF / CELLS * cells + shifts
+        middles = (0.5 / CELLS - 0.5) * 2 * HALF + 2 * HALF / CELLS * cells + shifts
         points = middles[boards, CELLS * way[:, :, 0] + way[:, :, 1]]
         holes = beside(middles, way, points)
         points[:, 0] += LATEST * drawn[:, :1] * (points[:, 1] - points[:, 0])
