@@ -15,15 +15,15 @@ def rotation(axis: ArrayLike, angle: float) -> np.ndarray:
     return turned(direction("axis", axis), number("angle", angle))
 
 
-def turned(axis: np.ndarray, angle: float) -> np.ndarray:
-    """Return the matrix (3, 3) of `rotation` for a unit vector, which is not checked."""
-    u = skew(axis)
-    return np.eye(3) + np.sin(angle) * u + (1 - np.cos(angle)) * u @ u
+def turned(axis: np.ndarray, angle: ArrayLike) -> np.ndarray:
+    """Return the matrices (…, 3, 3) of `rotation` for unit vectors (…, 3), not checked, and angles (…)."""
+    u, angles = skew(axis), np.array(angle)[..., None, None]
+    return np.eye(3) + np.sin(angles) * u + (1 - np.cos(angles)) * u @ u
 
 
 def skew(u: np.ndarray) -> np.ndarray:
-    """Return the matrix (3, 3) of u × …"""
-    return np.array([[0, -u[2], u[1]], [u[2], 0, -u[0]], [-u[1], u[0], 0]])
+    """Return the matrices (…, 3, 3) of u × … for vectors (…, 3)."""
+    return cross(np.eye(3), u[..., None, :])
 
 
 NEXT, LAST = np.array([1, 2, 0]), np.array([2, 0, 1])

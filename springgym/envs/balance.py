@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
 
@@ -11,7 +11,8 @@ import gymnasium as gym
 import numpy as np
 from numpy.random import Generator
 
-from springgym.bodies import Body, rolling_ball, rotation, top
+from springgym.bodies import Body, rolling_ball, top
+from springgym.bodies.rotations import turned
 from springgym.checks import flag
 from springgym.core.compiling import compiled, kernel
 from springgym.envs.arrows import across, torque_arrow
@@ -21,7 +22,7 @@ from springgym.envs.options import Autoreset, EnvOptions, Observation, number
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import angle_of, gaussian, height_above, long_tail, thrift
 from springgym.envs.starts import uniform
-from springgym.envs.task import Start, Task, level
+from springgym.envs.task import PlacedAtOnce, Start, at_rest, level
 from springgym.measures import Measures
 from springgym.rendering import Camera, Look, Marks, Scenery
 from springgym.rendering.look import GREEN, ORANGE, RED
@@ -98,7 +99,7 @@ def move(m: Measures, s: Situation, goal: np.ndarray) -> None:
             goal[c, n + 1] = sine * x + cosine * y
 
 
-class SpringBalance(Task):
+class SpringBalance(PlacedAtOnce):
     """Define the MDP of `SpringBalanceEnv`, which describes it."""
 
     actions: ClassVar = {"torque": 2}
@@ -156,7 +157,7 @@ class SpringBalance(Task):
         seen = (*range(CROWN + 1), ball, ball + 1, ball + 3)  # the last is opposite to the first
         return ObservedParticles(seen, np.full(count, 0.25), np.full(count, 0.5), about="goal")
 
-    def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
+    def draw(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Sequence[float]:
         low = (0.0, -math.pi, 0.0, -math.pi, ORBIT[0], -math.pi, self.rate[0], -1.0)
         high = (0.05, math.pi, 1.0, math.pi, ORBIT[1], math.pi, self.rate[1], 1.0)
         tilt, azimuth, share, bearing, radius, phase, rate, sense = uniform(rng, low, high)
@@ -165,14 +166,17 @@ class SpringBalance(Task):
         radius = number(options, "radius", radius, 0.0, 0.4)
         rate = number(options, "rate", math.copysign(rate, sense), -3.0, 3.0)
         lean = (-math.sin(azimuth), math.cos(azimuth), 0.0)
-        shape = factors["scale"] * self.plate.positions
-        height = shape[CROWN, 2] + BALL_RADIUS + self._height(factors)
-        resting = np.array([away * math.cos(bearing), away * math.sin(bearing), height])
-        turn = rotation(lean, tilt)
+        height = factors["scale"] * self.plate.positions[CROWN, 2] + BALL_RADIUS + self._height(factors)
+        resting = (away * math.cos(bearing), away * math.sin(bearing), height)
         place = (radius * math.cos(phase), radius * math.sin(phase), HEIGHT + BALL_RADIUS)
         goal = (*place, -rate * place[1], rate * place[0], rate)
-        positions = np.vstack([shape, resting + self.ball.positions]) @ turn.T
-        return Start(positions, np.zeros_like(positions), goal)
+        return factors["scale"], tilt, *lean, *resting, *goal
+
+    def starts(self, drawn: np.ndarray) -> Start:
+        lean, shape = drawn[:, None, 2:5], drawn[:, :1, None] * self.plate.positions
+        turn = turned(lean[:, 0] / np.sqrt(lean @ lean.swapaxes(1, 2))[:, 0], drawn[:, 1])
+        lying = np.hstack([shape, drawn[:, None, 5:8] + self.ball.positions])
+        return at_rest(lying @ turn.swapaxes(1, 2), drawn[:, 8:])
 
     @property
     def limits(self) -> np.ndarray:

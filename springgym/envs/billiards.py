@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
@@ -20,7 +20,7 @@ from springgym.envs.options import Autoreset, EnvOptions, Observation, number
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import gaussian, thrift
 from springgym.envs.starts import uniform
-from springgym.envs.task import Start, Task
+from springgym.envs.task import PlacedAtOnce, Start, at_rest
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
 from springgym.rendering.look import GREEN, INK, ORANGE, RED
@@ -102,7 +102,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
             observation[c, 8 + axis] = s.goal[c, STROKES + axis]
 
 
-class SpringBilliards(Task):
+class SpringBilliards(PlacedAtOnce):
     """Define the MDP of `SpringBilliardsEnv`, which describes it."""
 
     actions: ClassVar = {"stroke": 2}
@@ -129,12 +129,12 @@ class SpringBilliards(Task):
 
     @cached_property
     def scene(self) -> Scene:
-        cue, other = self._placed((-0.6, 0.0), (0.0, 0.0), NOMINAL)
+        cue, other = np.reshape(self._placed((-0.6, 0.0), (0.0, 0.0), NOMINAL), (2, 1, 3))
         contact = Contact(friction=FRICTION, restitution=RESTITUTION, strength=STRENGTH, reach=REACH)
         return Scene(
             bodies=(
-                Placed(self.ball, cue[None], thrust=ThrustActuator((0,)), name="cue"),
-                Placed(self.ball, other[None], thrust=ThrustActuator((0,)), name="ball"),
+                Placed(self.ball, cue, thrust=ThrustActuator((0,)), name="cue"),
+                Placed(self.ball, other, thrust=ThrustActuator((0,)), name="ball"),
             ),
             surfaces=(floor(),),
             contact=contact,
@@ -143,25 +143,27 @@ class SpringBilliards(Task):
 
     def _placed(
         self, cue: tuple[float, float], other: tuple[float, float], factors: Mapping[str, float]
-    ) -> np.ndarray:
-        """Return positions (2, 3) of balls that lie on the table [m]."""
+    ) -> tuple[float, ...]:
+        """Return the positions of two balls that lie on the table [m], one after the other."""
         height = RADIUS + rest_height(weight_of(MASS, factors), STRENGTH, REACH)
-        return np.array([(*cue, height), (*other, height)])
+        return *cue, height, *other, height
 
     @cached_property
     def particles(self) -> ObservedParticles:
         level = ((0, 2), (1, 2))
         return ObservedParticles((0, 1), np.full(2, WAY_UNIT), np.full(2, SPEED_UNIT), skipped=level)
 
-    def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
+    def draw(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Sequence[float]:
         low = (-0.2, -0.2, -math.pi, APART[0], WAY[0], -CUT)
         high = (0.2, 0.2, math.pi, APART[1], WAY[1], CUT)
         x, y, bearing, apart, way, cut = uniform(rng, low, high)
         cut = number(options, "cut", cut, -CUT, CUT)
         cue = (x - apart * math.cos(bearing), y - apart * math.sin(bearing))
         pocket = (x + way * math.cos(bearing + cut), y + way * math.sin(bearing + cut))
-        positions = self._placed(cue, (x, y), factors)
-        return Start(positions, np.zeros_like(positions), (*pocket, 1.0, 0.0))
+        return *self._placed(cue, (x, y), factors), *pocket, 1.0, 0.0
+
+    def starts(self, drawn: np.ndarray) -> Start:
+        return at_rest(drawn[:, :6].reshape(-1, 2, 3), drawn[:, 6:])
 
     @property
     def limits(self) -> np.ndarray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
@@ -21,8 +21,8 @@ from springgym.envs.observation import BOUND, Entry, ObservedParticles, Situatio
 from springgym.envs.options import Autoreset, EnvOptions, Observation, number
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import angle_of, gaussian, thrift
-from springgym.envs.starts import above_bowl, standing, uniform
-from springgym.envs.task import Start, Task, level
+from springgym.envs.starts import above_bowl, standing, uniform, varied_top
+from springgym.envs.task import PlacedAtOnce, Start, level
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks
 from springgym.rendering.look import AMBER, BLUE, GREEN, INK, IVORY, RED, TEAL, together, two_tone
@@ -175,7 +175,7 @@ OPPONENTS: dict[str, Opponent] = {
 """Scripted opponents."""
 
 
-class SpringDuel(Task):
+class SpringDuel(PlacedAtOnce):
     """Define the MDP of `SpringDuelEnv`, which describes it."""
 
     actions: ClassVar = {"push": 2}
@@ -217,9 +217,9 @@ class SpringDuel(Task):
     @cached_property
     def scene(self) -> Scene:
         contact = Contact(friction=0.02, restitution=0.5, strength=STRENGTH, reach=REACH)
-        bodies = []
-        for name, bearing in (("first", math.pi), ("second", 0.0)):
-            x, v = self._standing(bearing, 0.0, 0.0, SPINS[0], NOMINAL)
+        poses = [self._pose(bearing, 0.0, 0.0, SPINS[0], NOMINAL) for bearing in (math.pi, 0.0)]
+        bodies, states = [], self.starts(np.reshape(poses, (1, -1)))[:2]
+        for name, x, v in zip(("first", "second"), *(of.reshape(2, -1, 3) for of in states), strict=True):
             thrust = ThrustActuator(self.body.parts["crown"])
             bodies.append(Placed(self.body, x, v, thrust=thrust, name=name))
         return Scene(
@@ -229,15 +229,14 @@ class SpringDuel(Task):
             collisions=Contact(friction=GRIP, restitution=REBOUND, strength=STRENGTH, reach=REACH),
         )
 
-    def _standing(
+    def _pose(
         self, bearing: float, tilt: float, azimuth: float, spin: float, factors: Mapping[str, float]
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return positions and velocities of a top that stands on its tip in the bowl."""
+    ) -> tuple[float, ...]:
+        """Return azimuth, tilt, spin, `varied_top`, and the place of the tip in the bowl."""
         height = rest_height(weight_of(MASS, factors), STRENGTH, REACH)
         away, height = above_bowl(BOWL, factors["scale"] * APART, height)
-        foot = np.array([away * math.cos(bearing), away * math.sin(bearing), height])
-        arms, velocities = standing(self._shape, self._tip, np.array([(azimuth, tilt, spin)]), [factors])
-        return foot + arms[0], velocities[0]
+        foot = away * math.cos(bearing), away * math.sin(bearing), height
+        return azimuth, tilt, spin, *varied_top(factors), *foot
 
     @cached_property
     def particles(self) -> ObservedParticles:
@@ -247,23 +246,27 @@ class SpringDuel(Task):
             tuple(range(count)), np.full(count, 0.7), np.tile(SPINS[1] * outwards + 1.0, 2)
         )
 
-    def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
-        if factors["scale"] > LARGEST:
-            found = factors["scale"]
+    def draw(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Sequence[float]:
+        if (found := factors["scale"]) > LARGEST:
             raise ValueError(
                 f"randomize allows tops of scale {found:.4g}; it must be at most {LARGEST}, "
                 "or two tops do not fit into the ring"
             )
         bearing = rng.uniform(-math.pi, math.pi)
         low, high = (0.0, -math.pi, SPINS[0], -1.0), (0.08, math.pi, SPINS[1], 1.0)
-        placed = []
+        drawn: list[float] = []
         for n, whose in enumerate(("", "other_")):
             tilt, azimuth, spin, sense = uniform(rng, low, high)
             tilt = number(options, f"{whose}tilt", tilt, 0.0, STEEPEST)
             spin = number(options, f"{whose}spin", math.copysign(spin, sense), -SPINS[1], SPINS[1])
-            placed.append(self._standing(bearing + n * math.pi, tilt, azimuth, spin, factors))
-        (x, v), (others_x, others_v) = placed
-        return Start(np.concatenate([x, others_x]), np.concatenate([v, others_v]))
+            drawn += self._pose(bearing + n * math.pi, tilt, azimuth, spin, factors)
+        return drawn
+
+    def starts(self, drawn: np.ndarray) -> Start:
+        poses = drawn.reshape(2 * len(drawn), -1)
+        arms, v = standing(self._shape, self._tip, poses[:, :5])
+        x = poses[:, None, 5:] + arms
+        return Start(x.reshape(len(drawn), -1, 3), v.reshape(len(drawn), -1, 3))
 
     @property
     def limits(self) -> np.ndarray:

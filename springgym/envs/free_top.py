@@ -20,8 +20,8 @@ from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, made, number
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import angle_of, gaussian, spinning, thrift
-from springgym.envs.starts import above_bowl, standing, uniform
-from springgym.envs.task import Start, Task
+from springgym.envs.starts import above_bowl, standing, uniform, varied_top
+from springgym.envs.task import PlacedAtOnce, Start
 from springgym.envs.top import tilt_of
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks
@@ -75,7 +75,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
             observation[c, 9 + axis] = m.centre_velocity[c, axis] / WAY_UNIT
 
 
-class SpringFreeTop(Task):
+class SpringFreeTop(PlacedAtOnce):
     """Define the MDP of `SpringFreeTopEnv`, which describes it."""
 
     actions: ClassVar = {"push": 3}
@@ -139,38 +139,32 @@ class SpringFreeTop(Task):
         count = len(outwards)
         return ObservedParticles(tuple(range(count)), np.full(count, 0.5), WANTED * outwards + 0.5)
 
-    def draw_starts(
-        self,
-        generators: Sequence[Generator],
-        options: Sequence[dict[str, Any]],
-        factors: Sequence[Mapping[str, float]],
-    ) -> Start:
+    def draw(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Sequence[float]:
         low = (0.02, -math.pi, self.spins[0], 0.0, -math.pi)
         high = (self.steepest, math.pi, self.spins[1], 1.0, math.pi)
-        poses, feet, heights = [], [], []
-        for rng, own, varied in zip(generators, options, factors, strict=True):
-            tilt, azimuth, spin, share, bearing = uniform(rng, low, high)
-            tilt = number(own, "tilt", tilt, 0.0, FALLEN)
-            spin = number(own, "spin", spin, WANTED - BAND, WANTED + BAND)
-            away = number(own, "error", self.farthest * math.sqrt(share), 0.0, ARENA)
-            height = self._height(varied)
-            poses.append((azimuth, tilt, spin))
-            heights.append(height)
-            if self.surface == "bowl":
-                away, height = above_bowl(BOWL, away, height)
-            feet.append((away * math.cos(bearing), away * math.sin(bearing), height))
-        arms, velocities = standing(self._shape, self._tip, np.array(poses), factors)
-        positions = np.array(feet)[:, None] + arms
-        positions[:, :, 2] += self._lift(positions, np.array(heights)[:, None])
-        return Start(positions, velocities)
+        tilt, azimuth, spin, share, bearing = uniform(rng, low, high)
+        tilt = number(options, "tilt", tilt, 0.0, FALLEN)
+        spin = number(options, "spin", spin, WANTED - BAND, WANTED + BAND)
+        away = number(options, "error", self.farthest * math.sqrt(share), 0.0, ARENA)
+        height = self._height(factors)
+        return azimuth, tilt, spin, *varied_top(factors), *self._foot(away, bearing, height), height
 
-    def _lift(self, positions: np.ndarray, height: np.ndarray) -> np.ndarray:
-        """Heights (k, 1) [m] by which to lift tops whose rings are in the surface, so that they lie on it."""
-        ground = height
+    def starts(self, drawn: np.ndarray) -> Start:
+        arms, velocities = standing(self._shape, self._tip, drawn[:, :5])
+        positions = drawn[:, None, 5:8] + arms
+        ground = height = drawn[:, 8:]
         if self.surface == "bowl":
             across = positions[:, self._others, :2]
             ground = BOWL - np.sqrt((BOWL - height) ** 2 - (across**2).sum(axis=2))
-        return np.maximum((ground - positions[:, self._others, 2]).max(axis=1, keepdims=True), 0.0)
+        sunk = (ground - positions[:, self._others, 2]).max(axis=1, keepdims=True)
+        positions[:, :, 2] += np.maximum(sunk, 0.0)  # tops whose rings are in the surface lie on them
+        return Start(positions, velocities)
+
+    def _foot(self, away: float, bearing: float, height: float) -> tuple[float, float, float]:
+        """Find where a tip stands that is ``height`` above the surface [m]."""
+        if self.surface == "bowl":
+            away, height = above_bowl(BOWL, away, height)
+        return away * math.cos(bearing), away * math.sin(bearing), height
 
     @property
     def limits(self) -> np.ndarray:

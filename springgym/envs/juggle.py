@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
 
@@ -20,7 +20,7 @@ from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, number
 from springgym.envs.rewards import angle_of, gaussian, height_above, long_tail, thrift
 from springgym.envs.starts import uniform
-from springgym.envs.task import Start, Task, level
+from springgym.envs.task import PlacedAtOnce, Start, level
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
 from springgym.rendering.look import GREEN, ORANGE, RED
@@ -129,7 +129,7 @@ def ball_entries(which: str) -> tuple[Entry, ...]:
     )
 
 
-class SpringJuggle(Task):
+class SpringJuggle(PlacedAtOnce):
     """Define the MDP of `SpringJuggleEnv`, which describes it."""
 
     actions: ClassVar = {"wrench": 5}
@@ -191,24 +191,25 @@ class SpringJuggle(Task):
         speeds = np.append(np.ones(count), np.full(size * self.balls, BALL_SPEED_UNIT))
         return ObservedParticles(seen, np.full(len(speeds), 0.25), speeds)
 
-    def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
+    def draw(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Sequence[float]:
         low = (self.wanted[0], DROPPED[0], 0.0, -math.pi, -0.1, -0.1)
         high = (self.wanted[1], DROPPED[1], 0.1, math.pi, 0.1, 0.1)
         wanted, height, away, bearing, east, north = uniform(rng, low, high)
         wanted = number(options, "wanted", wanted, 0.4, 1.0)
         height = number(options, "height", height, 0.1, 1.0)
         away = number(options, "away", away, 0.0, 0.2)
-        dropped = [self.columns[0] + away * math.cos(bearing), away * math.sin(bearing), height + BALL_RADIUS]
-        positions = np.vstack([factors["scale"] * self._shape, dropped + self.ball.positions])
-        velocities = np.zeros_like(positions)
-        velocities[len(self._shape) :, :2] = east, north
+        dropped = (self.columns[0] + away * math.cos(bearing), away * math.sin(bearing), height + BALL_RADIUS)
+        states = [*dropped, east, north, 0.0]
         if self.balls == 2:  # the other has just left the paddle, and comes to the height that is asked for
-            begun = [self.columns[1], 0.0, 2 * BALL_RADIUS]
             speed = math.sqrt(2.0 * FALL * max(wanted - BALL_RADIUS, 0.0))
-            rising = np.tile([0.0, 0.0, speed], (len(self.ball.masses), 1))
-            positions = np.vstack([positions, begun + self.ball.positions])
-            velocities = np.vstack([velocities, rising])
-        return Start(positions, velocities, (wanted,))
+            states += (self.columns[1], 0.0, 2 * BALL_RADIUS, 0.0, 0.0, speed)
+        return wanted, factors["scale"], *states
+
+    def starts(self, drawn: np.ndarray) -> Start:
+        paddle, balls = drawn[:, 1:2, None] * self._shape, drawn[:, 2:].reshape(len(drawn), -1, 2, 1, 3)
+        placed = [balls[:, n, 0] + self.ball.positions for n in range(self.balls)]
+        thrown = [balls[:, n, 1] + np.zeros_like(self.ball.positions) for n in range(self.balls)]
+        return Start(np.hstack([paddle, *placed]), np.hstack([np.zeros_like(paddle), *thrown]), drawn[:, :1])
 
     @property
     def limits(self) -> np.ndarray:

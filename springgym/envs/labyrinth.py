@@ -20,8 +20,7 @@ from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import gaussian, thrift
-from springgym.envs.starts import uniform
-from springgym.envs.task import Start, Task
+from springgym.envs.task import PlacedAtOnce, Start, at_rest
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
 from springgym.rendering.look import GREEN, INK, RED, Color, together
@@ -163,42 +162,45 @@ def ways() -> np.ndarray:
     return np.array([way for cell in product(range(CELLS), range(CELLS)) for way in longer([cell])])
 
 
-def beside(middles: np.ndarray, way: np.ndarray) -> np.ndarray:
-    """Return the holes (HOLES, 2) of a board: of all places half-way between cells, the nearest to the way.
+def beside(middles: np.ndarray, way: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Return the holes (k, HOLES, 2) of boards: of all places half-way between cells, the nearest to the way.
 
     Places are half-way between two neighbours that the way does not join, or between four. Half-way between
     cells whose middles are shifted by `SHIFT`, they are at least 6 cm from the way.
 
     Parameters
     ----------
-    middles : (CELLS, CELLS, 2)
+    middles : (k, CELLS², 2)
         Of the cells [m].
-    way : (LEGS + 1, 2)
+    way : (k, LEGS + 1, 2)
         The cells of the way.
+    points : (k, LEGS + 1, 2)
+        Their middles [m].
     """
-    halves = (way[1:] + way[:-1]).tolist()
-    joined = {tuple(half) for half in halves}
-    places = [
-        middles[i : i + 1 + across, j : j + 1 + along].reshape(-1, 2).mean(axis=0)
-        for i, j, across, along in _between()
-        if (2 * i + across, 2 * j + along) not in joined
-    ]
-    points, found = middles[way[:, 0], way[:, 1]], np.array(places)
-    legs, arms = np.diff(points, axis=0), found[:, None] - points[:-1]
-    share = np.clip((arms * legs).sum(axis=2) / (legs * legs).sum(axis=1), 0.0, 1.0)
-    away = np.square(arms - share[:, :, None] * legs).sum(axis=2).min(axis=1)
-    return found[np.argsort(away, kind="stable")[:HOLES]]
+    boards, (corners, counts, number) = np.arange(len(way))[:, None], _between()
+    halves = way[:, 1:] + way[:, :-1]
+    found = np.hstack([middles, np.zeros((len(way), 1, 2))])[:, corners].sum(axis=2) / counts
+    legs, arms = np.diff(points, axis=1)[:, None], found[:, :, None] - points[:, None, :-1]
+    (u, v), (x, y) = np.moveaxis(legs, 3, 0), np.moveaxis(arms, 3, 0)
+    share = np.clip((x * u + y * v) / (u * u + v * v), 0.0, 1.0)
+    away = (np.square(x - share * u) + np.square(y - share * v)).min(axis=2)
+    away[boards, number[halves[:, :, 0], halves[:, :, 1]]] = math.inf
+    return found[boards, np.argsort(away, kind="stable")[:, :HOLES]]
 
 
 @cache
-def _between() -> list[tuple[int, int, int, int]]:
-    """Return the places between cells: the first of two or four, and whether others lie across, along."""
-    return [
-        (i, j, across, along)
-        for i, j in product(range(CELLS), repeat=2)
-        for across, along in ((1, 0), (0, 1), (1, 1))
-        if i + across < CELLS and j + along < CELLS
-    ]
+def _between() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the cells (places, 4) around each place half-way between two or four cells, `CELLS`² for none,
+    how many they are (places, 1), and the numbers of the places by twice their row and column.
+    """
+    corners: list[list[int]] = []
+    number = np.zeros((2 * CELLS, 2 * CELLS), int)
+    for (i, j), (a, b) in product(product(range(CELLS), repeat=2), ((1, 0), (0, 1), (1, 1))):
+        if i + a < CELLS and j + b < CELLS:
+            number[2 * i + a, 2 * j + b] = len(corners)
+            own = [CELLS * p + q for p in range(i, i + a + 1) for q in range(j, j + b + 1)]
+            corners.append(own + [CELLS**2] * (4 - len(own)))
+    return np.array(corners), np.sum(np.array(corners) < CELLS**2, axis=1, keepdims=True), number
 
 
 def turned(angles: np.ndarray) -> np.ndarray:
@@ -207,7 +209,7 @@ def turned(angles: np.ndarray) -> np.ndarray:
     return np.array([[a, 0.0, p], [-p * q, b, a * q], [-p * b, -q, a * b]])
 
 
-class SpringLabyrinth(Task):
+class SpringLabyrinth(PlacedAtOnce):
     """Define the MDP of `SpringLabyrinthEnv`, which describes it."""
 
     actions: ClassVar = {"tilt": 2}
@@ -242,34 +244,36 @@ class SpringLabyrinth(Task):
     def scene(self) -> Scene:
         return Scene(
             self.ball,
-            self._resting((0.0, 0.0), NOMINAL),
+            np.add(self.ball.positions, (0.0, 0.0, self._height(NOMINAL))),
             wrench=WrenchActuator(),
             surfaces=(floor(),),
             contact=Contact(friction=0.5, restitution=0.3, strength=STRENGTH, reach=REACH),
         )
 
-    def _resting(self, place: tuple[float, float], factors: Mapping[str, float]) -> np.ndarray:
-        """Return the positions (6, 3) of a ball that lies at a place of a level board [m]."""
-        height = factors["scale"] * RADIUS + rest_height(weight_of(MASS, factors), STRENGTH, REACH)
-        return factors["scale"] * self.ball.positions + np.array([*place, height])
+    def _height(self, factors: Mapping[str, float]) -> float:
+        """Return the height of the centre of a ball that lies on a level board [m]."""
+        return factors["scale"] * RADIUS + rest_height(weight_of(MASS, factors), STRENGTH, REACH)
 
     @cached_property
     def particles(self) -> ObservedParticles:
         count = len(self.ball.masses)
         return ObservedParticles(tuple(range(count)), np.full(count, WAY_UNIT), np.full(count, SPEED_UNIT))
 
-    def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
-        way = ways()[rng.integers(len(ways()))]
-        corner = (0.5 / CELLS - 0.5) * 2 * HALF
-        share, *drawn = uniform(rng, [0.0] + [-SHIFT] * 2 * CELLS**2, [LATEST] + [SHIFT] * 2 * CELLS**2)
-        cells = np.stack(np.meshgrid(*[np.arange(CELLS)] * 2, indexing="ij"), axis=-1)
-        middles = corner + 2 * HALF / CELLS * cells + np.reshape(drawn, (CELLS, CELLS, 2))
-        points = middles[way[:, 0], way[:, 1]]
-        points[0] += share * (points[1] - points[0])
-        x, y = points[0].tolist()
-        positions = self._resting((x, y), factors)
-        goal = np.concatenate([points.ravel(), beside(middles, way).ravel(), np.zeros(3)])
-        return Start(positions, np.zeros_like(positions), goal.tolist())
+    def draw(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Sequence[float]:
+        way = rng.integers(len(ways()))
+        return *rng.random(1 + 2 * CELLS**2).tolist(), way, self._height(factors), factors["scale"]
+
+    def starts(self, drawn: np.ndarray) -> Start:
+        way, boards = ways()[drawn[:, -3].astype(int)], np.arange(len(drawn))[:, None]
+        cells = np.stack(np.divmod(np.arange(CELLS**2), CELLS), axis=-1)
+        shifts = -SHIFT + 2 * SHIFT * drawn[:, 1:-3].reshape(-1, CELLS**2, 2)
+        middles = (0.5 / CELLS - 0.5) * 2 * HALF + 2 * HALF / CELLS * cells + shifts
+        points = middles[boards, CELLS * way[:, :, 0] + way[:, :, 1]]
+        holes = beside(middles, way, points)
+        points[:, 0] += LATEST * drawn[:, :1] * (points[:, 1] - points[:, 0])
+        goal = np.hstack([points, holes]).reshape(len(drawn), -1)
+        place = np.hstack([points[:, 0], drawn[:, -2:-1]])[:, None]
+        return at_rest(drawn[:, -1:, None] * self.ball.positions + place, np.pad(goal, ((0, 0), (0, 3))))
 
     @property
     def limits(self) -> np.ndarray:

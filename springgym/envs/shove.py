@@ -11,7 +11,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.random import Generator
 
-from springgym.bodies import Body, box, rolling_ball, rotation
+from springgym.bodies import Body, box, rolling_ball
 from springgym.checks import flag
 from springgym.core.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
@@ -20,8 +20,8 @@ from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, number
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import gaussian, long_tail, thrift
-from springgym.envs.starts import uniform
-from springgym.envs.task import Start, Task, level
+from springgym.envs.starts import headed, uniform
+from springgym.envs.task import PlacedAtOnce, Start, at_rest, level
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks
 from springgym.rendering.look import GREEN, ORANGE, RED
@@ -131,7 +131,7 @@ def achieve(m: Measures, s: Situation, achieved: np.ndarray, desired: np.ndarray
             achieved[c, axis], desired[c, axis] = m.centre[c, BOX, axis], 0.0
 
 
-class SpringShove(Task):
+class SpringShove(PlacedAtOnce):
     """Define the MDP of `SpringShoveEnv`, which describes it."""
 
     actions: ClassVar = {"push": 2}
@@ -170,7 +170,7 @@ class SpringShove(Task):
 
     @cached_property
     def scene(self) -> Scene:
-        started = self._placed((-0.5, 0.0), (0.0, 0.0), 0.0, NOMINAL)
+        (started,), *_ = self.starts(np.array([self._placed((-0.5, 0.0), (0.0, 0.0), 0.0, NOMINAL)]))
         return Scene(
             bodies=(
                 Placed(self.pusher, started[:CORNERS], wrench=WrenchActuator(), name="pusher"),
@@ -183,14 +183,12 @@ class SpringShove(Task):
 
     def _placed(
         self, pusher: Level, place: Level, heading: float, factors: Mapping[str, float]
-    ) -> np.ndarray:
-        """Return positions (14, 3) of pusher and box that lie on the floor [m]."""
+    ) -> tuple[float, ...]:
+        """Return what `starts` takes: the places of the pusher and of the middle of the box's lower side, as
+        they lie on the floor, the box's heading, and the scale."""
         weight = weight_of(MASS, factors)
-        shape = factors["scale"] * self.box.positions @ rotation((0, 0, 1), heading).T
-        shape[:, 2] += rest_height(weight / 4, STRENGTH, REACH) - shape[:, 2].min()
-        shape[:, :2] += place
-        lying = (*pusher, RADIUS + rest_height(weight, STRENGTH, REACH))
-        return np.vstack([lying + self.pusher.positions, shape])
+        lying, carried = rest_height(weight / 4, STRENGTH, REACH), rest_height(weight, STRENGTH, REACH)
+        return *pusher, RADIUS + carried, *place, lying, heading, factors["scale"]
 
     @cached_property
     def particles(self) -> ObservedParticles:
@@ -200,16 +198,22 @@ class SpringShove(Task):
         level = tuple((corner, 2) for corner in upper)
         return ObservedParticles(seen, np.full(count, 0.5), np.full(count, 0.5), skipped=level)
 
-    def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
+    def draw(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Sequence[float]:
         low = (0.3, -math.pi, -self.turned, 0.35, -math.pi)
         high = (self.farthest, math.pi, self.turned, 0.6, math.pi)
         away, bearing, heading, apart, side = uniform(rng, low, high)
         away = number(options, "error", away, 0.0, 1.2)
         heading = number(options, "heading", heading, -math.pi, math.pi)
-        place = np.array([away * math.cos(bearing), away * math.sin(bearing)])
-        pusher = place + max(1.0, factors["scale"]) * apart * np.array([math.cos(side), math.sin(side)])
-        positions = self._placed(pusher, place, heading, factors)
-        return Start(positions, np.zeros_like(positions))
+        x, y = away * math.cos(bearing), away * math.sin(bearing)
+        apart *= max(1.0, factors["scale"])
+        pusher = x + apart * math.cos(side), y + apart * math.sin(side)
+        return self._placed(pusher, (x, y), heading, factors)
+
+    def starts(self, drawn: np.ndarray) -> Start:
+        pusher, place = drawn[:, :6].reshape(-1, 2, 1, 3).swapaxes(0, 1)
+        shape = headed(drawn[:, 7:, None] * self.box.positions, drawn[:, 6])
+        shape += place - shape.min(axis=1, keepdims=True) * (0.0, 0.0, 1.0)
+        return at_rest(np.hstack([pusher + self.pusher.positions, shape]))
 
     @property
     def limits(self) -> np.ndarray:

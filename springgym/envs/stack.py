@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
@@ -12,7 +12,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.random import Generator
 
-from springgym.bodies import Body, box, rolling_ball, rotation
+from springgym.bodies import Body, box, rolling_ball
 from springgym.core.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
@@ -38,8 +38,8 @@ from springgym.envs.shove import (
     heading_of,
     see_pusher,
 )
-from springgym.envs.starts import uniform
-from springgym.envs.task import Start, Task, level
+from springgym.envs.starts import headed, uniform
+from springgym.envs.task import PlacedAtOnce, Start, at_rest, level
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks
 from springgym.rendering.look import GREEN, ORANGE, RED, STEEL, TEAL
@@ -97,7 +97,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
         see_pusher(m, c, observation, 9)
 
 
-class SpringStack(Task):
+class SpringStack(PlacedAtOnce):
     """Define the MDP of `SpringStackEnv`, which describes it."""
 
     actions: ClassVar = {"push": 2}
@@ -128,7 +128,8 @@ class SpringStack(Task):
 
     @cached_property
     def scene(self) -> Scene:
-        started = self._placed((-0.7, 0.0), 0.0, (-1.1, 0.0), (0.2, 0.0), NOMINAL)
+        drawn = self._placed((-0.7, 0.0), 0.0, (-1.1, 0.0), (0.2, 0.0), NOMINAL)
+        (started,), *_ = self.starts(np.array([drawn]))
         contact = Contact(friction=FRICTION, restitution=0.3, strength=STRENGTH, reach=REACH)
         return Scene(
             bodies=(
@@ -144,17 +145,14 @@ class SpringStack(Task):
 
     def _placed(
         self, place: Level, heading: float, pusher: Level, block: Level, factors: Mapping[str, float]
-    ) -> np.ndarray:
-        """Return positions (30, 3) [m]: pusher and box lie on the shelf, the block on the floor."""
+    ) -> tuple[float, ...]:
+        """Return what `starts` takes: the places of pusher, box and block, the height of the shelf, the box's
+        heading, and the scale. Pusher and box lie on the shelf, the block on the floor."""
         scale, weight = factors["scale"], weight_of(MASS, factors)
         lying, top = rest_height(weight / 4, STRENGTH, REACH), scale * TOP
-        turned = scale * self.box.positions @ rotation((0, 0, 1), heading).T
-        turned += (*place, top + lying + scale * SIDES[2] / 2)
-        still = scale * self.box.positions + (*block, lying + scale * SIDES[2] / 2)
-        shelf = scale * self.shelf.positions
-        shelf += (-shelf[:, 0].max(), 0.0, top - shelf[:, 2].max())
-        carried = (*pusher, top + RADIUS + rest_height(weight, STRENGTH, REACH))
-        return np.vstack([carried + self.pusher.positions, turned, still, shelf])
+        carried = top + RADIUS + rest_height(weight, STRENGTH, REACH)
+        half = scale * SIDES[2] / 2
+        return *pusher, carried, *place, top + lying + half, *block, lying + half, top, heading, scale
 
     @cached_property
     def particles(self) -> ObservedParticles:
@@ -163,9 +161,8 @@ class SpringStack(Task):
         level = tuple((corner, 2) for corner in upper)
         return ObservedParticles(seen, np.full(SHELFS + 8, 0.5), np.full(SHELFS + 8, 0.5), skipped=level)
 
-    def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
-        scale = factors["scale"]
-        if scale < SMALLEST:
+    def draw(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Sequence[float]:
+        if (scale := factors["scale"]) < SMALLEST:
             raise ValueError(
                 f"randomize allows bodies of scale {scale:.4g}; it must be at least "
                 f"{SMALLEST}, or the ball does not fit"
@@ -174,11 +171,19 @@ class SpringStack(Task):
         high = (-0.5, 0.3, 0.5, 0.5, 4 * math.pi / 3, GAPS[1], 0.3)
         along, across, heading, apart, bearing, gap, aside = uniform(rng, low, high)
         heading = number(options, "heading", heading, -math.pi, math.pi)
-        place = scale * np.array([along, across])
-        pusher = place + max(1.0, scale) * apart * np.array([math.cos(bearing), math.sin(bearing)])
-        block = np.array([gap + scale * SIDES[0] / 2, scale * aside])
-        positions = self._placed(place, heading, pusher, block, factors)
-        return Start(positions, np.zeros_like(positions))
+        x, y = scale * along, scale * across
+        apart *= max(1.0, scale)
+        pusher = x + apart * math.cos(bearing), y + apart * math.sin(bearing)
+        block = gap + scale * SIDES[0] / 2, scale * aside
+        return self._placed((x, y), heading, pusher, block, factors)
+
+    def starts(self, drawn: np.ndarray) -> Start:
+        pusher, place, block = drawn[:, :9].reshape(-1, 3, 1, 3).swapaxes(0, 1)
+        box, shelf = (drawn[:, 11:, None] * body.positions for body in (self.box, self.shelf))
+        shelf[:, :, 0] -= shelf[:, :, 0].max(axis=1, keepdims=True)
+        shelf[:, :, 2] += drawn[:, 9:10] - shelf[:, :, 2].max(axis=1, keepdims=True)
+        moved = place + headed(box, drawn[:, 10])
+        return at_rest(np.hstack([pusher + self.pusher.positions, moved, block + box, shelf]))
 
     @property
     def limits(self) -> np.ndarray:

@@ -14,7 +14,7 @@ from numpy.random import Generator
 
 from springgym.bodies import Body
 from springgym.bodies.equilibrium import StretchedShapes
-from springgym.bodies.rotations import cross
+from springgym.bodies.rotations import cross, turned
 from springgym.checks import whole
 from springgym.core.compiling import compiled, kernel
 from springgym.core.lanes import multiply_add
@@ -86,6 +86,11 @@ def tilted(azimuth: float | np.ndarray, tilt: float | np.ndarray) -> np.ndarray:
     return np.array([turn_of.py_func(*own) for own in zip(*sines, *cosines, strict=True)])
 
 
+def headed(shapes: np.ndarray, headings: np.ndarray) -> np.ndarray:
+    """Return shapes (…, N, 3) turned about z by headings (…) [rad]."""
+    return shapes @ turned(np.array([0.0, 0.0, 1.0]), headings).swapaxes(-1, -2)
+
+
 @compiled
 def turn_of(s: float, sine: float, cos: float, cosine: float) -> tuple[tuple[float, float, float], ...]:
     """Return a rotation about y, then z, from the sines of the angles about z and y, and their cosines."""
@@ -93,10 +98,13 @@ def turn_of(s: float, sine: float, cos: float, cosine: float) -> tuple[tuple[flo
     return (c * cosine, -s, c * sine), (s * cosine, c, s * sine), (-sine, 0.0 * c, cosine)
 
 
-def standing(
-    shape: StretchedShapes, tip: int, poses: np.ndarray, factors: Sequence[Mapping[str, float]]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the states of spinning, leaning tops, each with the factors of its episode's randomisation.
+def varied_top(factors: Mapping[str, float]) -> tuple[float, float]:
+    """Return what `standing` has to know of an episode's randomisation: scale, and masses over stiffness."""
+    return factors["scale"], factors["masses"] / factors["stiffness"]
+
+
+def standing(shape: StretchedShapes, tip: int, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the states of spinning, leaning tops.
 
     Parameters
     ----------
@@ -104,33 +112,28 @@ def standing(
         The shapes of the top at all spins.
     tip
         The particle on which they stand.
-    poses : (k, 3)
-        Azimuth and tilt [rad], and spin [rad/s].
+    poses : (k, 5)
+        Azimuth and tilt [rad], spin [rad/s], and `varied_top`.
 
     Returns
     -------
     positions from the tip (k, N, 3) [m], velocities (k, N, 3) [m/s] if that is at rest
     """
-    varied = np.array([(own["scale"], own["masses"] / own["stiffness"]) for own in factors])
-    shapes = shape.at(poses[:, 2] * np.sqrt(varied[:, 1]))
+    poses = np.ascontiguousarray(poses)
+    shapes = shape.at(poses[:, 2] * np.sqrt(poses[:, 4]))
     positions, velocities = np.empty((2, *shapes.shape))
-    lean(shapes, tip, poses, varied, positions, velocities)
+    lean(shapes, tip, poses, positions, velocities)
     return positions, velocities
 
 
 @kernel
 def lean(
-    shapes: np.ndarray,
-    tip: int,
-    poses: np.ndarray,
-    varied: np.ndarray,
-    positions: np.ndarray,
-    velocities: np.ndarray,
+    shapes: np.ndarray, tip: int, poses: np.ndarray, positions: np.ndarray, velocities: np.ndarray
 ) -> None:
     """Scale upright shapes (k, N, 3), turn them about the tip, and let them spin; see `standing`."""
     for k in range(shapes.shape[0]):
         azimuth, tilt, spin = poses[k, 0], poses[k, 1], poses[k, 2]
-        scale, (i, j, m) = varied[k, 0], (shapes[k, tip, 0], shapes[k, tip, 1], shapes[k, tip, 2])
+        scale, (i, j, m) = poses[k, 3], (shapes[k, tip, 0], shapes[k, tip, 1], shapes[k, tip, 2])
         turn = turn_of(math.sin(azimuth), math.sin(tilt), math.cos(azimuth), math.cos(tilt))
         u, v, w = spin * turn[0][2], spin * turn[1][2], spin * turn[2][2]
         for n in range(shapes.shape[1]):

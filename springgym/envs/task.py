@@ -44,8 +44,13 @@ class Start(NamedTuple):
     """(N, 3) [m]"""
     velocities: np.ndarray
     """(N, 3) [m/s]"""
-    goal: Sequence[Any] = ()
+    goal: Sequence[Any] | np.ndarray = ()
     """the goal of this episode, of length `Task.goal_size`"""
+
+
+def at_rest(positions: np.ndarray, goal: Sequence[Any] | np.ndarray = ()) -> Start:
+    """Return the starts of k episodes where nothing moves."""
+    return Start(positions, np.zeros_like(positions), goal)
 
 
 class Task:
@@ -158,16 +163,10 @@ class Task:
         options: Sequence[dict[str, Any]],
         factors: Sequence[Mapping[str, float]],
     ) -> Start:
-        """Draw the starts of k episodes, each as `start` does.
-
-        A task whose episodes often end can override this, to compute all starts at once in less time.
-        """
-        each = [self.start(*own) for own in zip(generators, options, factors, strict=True)]
-        return Start(
-            np.array([start.positions for start in each]),
-            np.array([start.velocities for start in each]),
-            [start.goal for start in each],
-        )
+        """Draw the starts of k episodes, each as `start` does; `PlacedAtOnce` takes less time."""
+        each = zip(generators, options, factors, strict=True)
+        positions, velocities, goals = zip(*(self.start(*own) for own in each), strict=True)
+        return Start(np.array(positions), np.array(velocities), goals)
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
         """Return the values for `Simulator.actuate` that belong to clipped actions (n, A)."""
@@ -217,3 +216,21 @@ class Task:
         if self.observation != "particles":
             return sum(entry.size for entry in self.entries)
         return self.particles.size(self.goal_size)
+
+
+class PlacedAtOnce(Task):
+    """A task that draws some numbers for each episode, and computes the starts of k episodes from them."""
+
+    draw: Callable[..., Sequence[float]]
+    """draws the numbers that determine the start of an episode, from the arguments of `Task.start`"""
+    starts: Callable[[np.ndarray], Start]
+    """computes the starts of k episodes from what ``draw`` returned for each, (k, numbers)"""
+
+    def draw_starts(
+        self,
+        generators: Sequence[Generator],
+        options: Sequence[dict[str, Any]],
+        factors: Sequence[Mapping[str, float]],
+    ) -> Start:
+        each = zip(generators, options, factors, strict=True)
+        return self.starts(np.array([self.draw(*own) for own in each]))

@@ -19,8 +19,8 @@ from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, made, number
 from springgym.envs.rewards import angle_of, long_tail, spinning, thrift
-from springgym.envs.starts import standing, uniform
-from springgym.envs.task import Start, Task
+from springgym.envs.starts import standing, uniform, varied_top
+from springgym.envs.task import PlacedAtOnce, Start
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
 from springgym.rendering.look import GREEN, RED
@@ -71,7 +71,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
         observation[c, 6] = (spin - WANTED) / SPIN_UNIT
 
 
-class SpringTop(Task):
+class SpringTop(PlacedAtOnce):
     """Define the MDP of `SpringTopEnv`, which describes it."""
 
     actions: ClassVar = {"torque": 3, "impulse": 3}
@@ -130,20 +130,15 @@ class SpringTop(Task):
         outwards = np.hypot(self.body.positions[:, 0], self.body.positions[:, 1])
         return ObservedParticles((*ring, self.upper), reach, WANTED * outwards + 2.0 * reach)
 
-    def draw_starts(
-        self,
-        generators: Sequence[Generator],
-        options: Sequence[dict[str, Any]],
-        factors: Sequence[Mapping[str, float]],
-    ) -> Start:
+    def draw(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Sequence[float]:
         low, high = (0.1, -math.pi, self.spins[0]), (0.6, math.pi, self.spins[1])
-        poses = []
-        for rng, own in zip(generators, options, strict=True):
-            tilt, azimuth, spin = uniform(rng, low, high)
-            tilt = number(own, "tilt", tilt, 0.0, FALLEN)
-            azimuth = number(own, "azimuth", azimuth, -math.pi, math.pi)
-            poses.append((azimuth, tilt, number(own, "spin", spin, -FASTEST, FASTEST)))
-        return Start(*standing(self._shape, self.body.particle("tip"), np.array(poses), factors))
+        tilt, azimuth, spin = uniform(rng, low, high)
+        tilt = number(options, "tilt", tilt, 0.0, FALLEN)
+        azimuth = number(options, "azimuth", azimuth, -math.pi, math.pi)
+        return azimuth, tilt, number(options, "spin", spin, -FASTEST, FASTEST), *varied_top(factors)
+
+    def starts(self, drawn: np.ndarray) -> Start:
+        return Start(*standing(self._shape, self.body.particle("tip"), drawn))
 
     @property
     def limits(self) -> np.ndarray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
@@ -12,7 +12,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.random import Generator
 
-from springgym.bodies import Body, box, rotation
+from springgym.bodies import Body, box
 from springgym.checks import whole
 from springgym.core.compiling import compiled, kernel
 from springgym.envs.arrows import torque_arrow
@@ -21,8 +21,8 @@ from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import gaussian, long_tail, thrift
-from springgym.envs.starts import uniform
-from springgym.envs.task import Start, Task
+from springgym.envs.starts import headed, uniform
+from springgym.envs.task import PlacedAtOnce, Start, at_rest
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks
 from springgym.rendering.look import BLUE, GREEN, RED, STEEL, TEAL
@@ -131,7 +131,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
                 observation[c, first + 3 + axis] = m.axis[c, k, axis] / TILT_UNIT
 
 
-class SpringTower(Task):
+class SpringTower(PlacedAtOnce):
     """Define the MDP of `SpringTowerEnv`, which describes it."""
 
     actions: ClassVar = {"crane": 4}
@@ -172,7 +172,8 @@ class SpringTower(Task):
     @cached_property
     def scene(self) -> Scene:
         places = [(0.6 * k, 0.0) for k in range(self.blocks)]
-        started = self._placed(places, [0.0] * self.blocks, NOMINAL).reshape(self.blocks, CORNERS, 3)
+        drawn = np.array([self._placed(places, [0.0] * self.blocks, NOMINAL)])
+        started = self.starts(drawn).positions.reshape(self.blocks, CORNERS, 3)
         contact = Contact(friction=FRICTION, restitution=0.3, strength=STRENGTH, reach=REACH)
         return Scene(
             bodies=tuple(
@@ -186,24 +187,19 @@ class SpringTower(Task):
 
     def _placed(
         self, places: list[tuple[float, float]], headings: list[float], factors: Mapping[str, float]
-    ) -> np.ndarray:
-        """Positions (8 blocks, 3) of blocks that stand on the floor [m]."""
-        lying = rest_height(weight_of(MASS, factors) / 4, STRENGTH, REACH)
-        height = factors["scale"] * SIDES[2] / 2 + lying
-        return np.vstack(
-            [
-                factors["scale"] * self.block.positions @ rotation((0, 0, 1), heading).T
-                + np.array([*place, height])
-                for place, heading in zip(places, headings, strict=True)
-            ]
-        )
+    ) -> list[float]:
+        """Return what `starts` takes for blocks that stand on the floor: the scale, and place and heading of
+        each."""
+        height = factors["scale"] * SIDES[2] / 2 + rest_height(weight_of(MASS, factors) / 4, STRENGTH, REACH)
+        poses = zip(places, headings, strict=True)
+        return [factors["scale"], *(n for place, heading in poses for n in (*place, height, heading))]
 
     @cached_property
     def particles(self) -> ObservedParticles:
         count = CORNERS * self.blocks
         return ObservedParticles(tuple(range(count)), np.full(count, 0.5), np.full(count, 0.5))
 
-    def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
+    def draw(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Sequence[float]:
         others = self.blocks - 1
         x, y, first, *drawn = uniform(
             rng,
@@ -216,8 +212,12 @@ class SpringTower(Task):
             away, shift = max(1.0, factors["scale"]) * ways[2 * k], ways[2 * k + 1]
             bearing = first + 2 * math.pi / others * (k + shift)
             places.append((x + away * math.cos(bearing), y + away * math.sin(bearing)))
-        positions = self._placed(places, headings, factors)
-        return Start(positions, np.zeros_like(positions), (1.0,))
+        return self._placed(places, headings, factors)
+
+    def starts(self, drawn: np.ndarray) -> Start:
+        poses = drawn[:, 1:].reshape(len(drawn), self.blocks, 1, 4)
+        placed = headed(drawn[:, :1, None, None] * self.block.positions, poses[:, :, 0, 3]) + poses[..., :3]
+        return at_rest(placed.reshape(len(drawn), -1, 3), np.ones((len(drawn), 1)))
 
     @property
     def limits(self) -> np.ndarray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
 
@@ -22,7 +22,7 @@ from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, number
 from springgym.envs.rewards import angle_of, gaussian, long_tail, thrift
 from springgym.envs.starts import any_rotation, uniform
-from springgym.envs.task import Start, Task
+from springgym.envs.task import PlacedAtOnce, Start
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks
 from springgym.rendering.look import AMBER, BLUE, GREEN, IVORY, ORANGE, RED
@@ -125,7 +125,7 @@ def achieve(m: Measures, s: Situation, achieved: np.ndarray, desired: np.ndarray
         achieved[c, 5], desired[c, 5] = fastest(s.v, c), 0.0
 
 
-class SpringTumble(Task):
+class SpringTumble(PlacedAtOnce):
     """Define the MDP of `SpringTumbleEnv`, which describes it."""
 
     actions: ClassVar = {"wrench": 6, "impulses": 3 * len(CORNERS)}
@@ -179,20 +179,21 @@ class SpringTumble(Task):
             tuple(range(count)), np.full(count, 0.5), np.full(count, 2.0), about="goal", pointed=3
         )
 
-    def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
-        turn, omega = any_rotation(rng), rng.uniform(-4.0, 4.0, 3)
-        drawn_height, drawn_distance, bearing = uniform(
-            rng, (0.5, 0.5, -math.pi), (0.9, self.farthest, math.pi)
-        )
-        height = number(options, "height", max(1.0, factors["scale"]) * drawn_height, 0.4, 5.0)
-        distance = number(options, "distance", drawn_distance, 0.0, 3.0)
+    def draw(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Sequence[float]:
+        motion = *any_rotation(rng).ravel().tolist(), *rng.uniform(-4.0, 4.0, 3).tolist()
+        height, distance, bearing = uniform(rng, (0.5, 0.5, -math.pi), (0.9, self.farthest, math.pi))
+        height = number(options, "height", max(1.0, factors["scale"]) * height, 0.4, 5.0)
+        distance = number(options, "distance", distance, 0.0, 3.0)
         corner = int(rng.integers(4))
         if "corner" in options:
             corner = whole("reset option 'corner'", options.pop("corner"), 0, len(CORNERS) - 1)
-        arm = factors["scale"] * self._shape @ turn.T
         goal = (distance * math.cos(bearing), distance * math.sin(bearing), 0.0, corner)
-        velocities = cross(omega, arm)
-        return Start(arm + np.array([0.0, 0.0, height]), velocities, goal)
+        return *motion, factors["scale"], 0.0, 0.0, height, *goal
+
+    def starts(self, drawn: np.ndarray) -> Start:
+        turn, omega, scale = drawn[:, :9].reshape(-1, 3, 3), drawn[:, None, 9:12], drawn[:, 12:13, None]
+        arm = scale * self._shape @ turn.swapaxes(1, 2)
+        return Start(arm + drawn[:, None, 13:16], cross(omega, arm), drawn[:, 16:])
 
     @property
     def limits(self) -> np.ndarray:

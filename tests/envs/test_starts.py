@@ -180,11 +180,9 @@ def test_the_steepest_tops_of_a_duel_do_not_touch(scale: float) -> None:
     factors = {"masses": 1.0, "stiffness": 1.0, "gravity": 1.0, "scale": scale}
 
     def start(tilt: float) -> None:
-        one, other = (
-            task._standing(bearing, tilt, bearing + np.pi, SPINS[1], factors)
-            for bearing in (0.7, 0.7 + np.pi)
-        )
-        task.scene.check_start(*(np.concatenate(both) for both in zip(one, other, strict=True)))
+        poses = [task._pose(turn, tilt, turn + np.pi, SPINS[1], factors) for turn in (0.7, 0.7 + np.pi)]
+        begun = task.starts(np.reshape(poses, (1, -1)))
+        task.scene.check_start(begun.positions[0], begun.velocities[0])
 
     start(STEEPEST)
     with pytest.raises(ValueError, match="deep in each other"):
@@ -248,7 +246,8 @@ def test_tops_stand_on_their_tips_as_the_equations_say() -> None:
         dict.fromkeys(RANDOMIZABLE, 1.0) | {"scale": 1 + 0.1 * k, "masses": 1.2, "stiffness": 1 + 0.2 * k}
         for k in range(5)
     ]
-    positions, velocities = standing(shape, tip, poses, factors)
+    varied = [(own["scale"], own["masses"] / own["stiffness"]) for own in factors]
+    positions, velocities = standing(shape, tip, np.hstack([poses, varied]))
     for k, (azimuth, tilt, spin) in enumerate(poses):
         turn = rotation((0, 0, 1), azimuth) @ rotation((0, 1, 0), tilt)
         upright = factors[k]["scale"] * shape(spin * np.sqrt(1.2 / factors[k]["stiffness"]))
