@@ -44,10 +44,7 @@ ACTIVATIONS: dict[str, type[torch.nn.Module]] = {"tanh": torch.nn.Tanh, "relu": 
 
 def policy_kwargs(config: NetworkConfig) -> dict[str, Any]:
     """Return the settings of the networks, in the form that Stable-Baselines3's policies take."""
-    kwargs: dict[str, Any] = {
-        "net_arch": config.net_arch,
-        "activation_fn": ACTIVATIONS[config.activation],
-    }
+    kwargs: dict[str, Any] = {"net_arch": config.net_arch, "activation_fn": ACTIVATIONS[config.activation]}
     if isinstance(config, PPOConfig):
         kwargs |= {
             "log_std_init": config.log_std_init,

@@ -22,16 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from config import (
-    MENDABLE,
-    Config,
-    ConfigError,
-    add_overrides,
-    load_config,
-    making,
-    parse_assignments,
-    whole,
-)
+from config import MENDABLE, Config, ConfigError, add_overrides, load_config, making, parse_assignments, whole
 from controllers import UNTRAINED, controller_env_kwargs, make_controller
 from runs import HELD_OUT_SEED, Run, load_policy, open_run, time_limit, write_atomically
 
@@ -215,12 +206,7 @@ def table(evaluations: Sequence[Evaluation], env_id: str) -> str:
         )
     widths = [max(len(row[i]) for row in rows) for i in range(len(header))]
     return "\n".join(
-        "  ".join(
-            [
-                row[0].ljust(widths[0]),
-                *(c.rjust(w) for c, w in zip(row[1:], widths[1:], strict=True)),
-            ]
-        )
+        "  ".join([row[0].ljust(widths[0]), *(c.rjust(w) for c, w in zip(row[1:], widths[1:], strict=True))])
         for row in rows
     )
 

@@ -264,11 +264,7 @@ def load_checkpoint(run: Run, env: StaggeredMonitor, recorder: Recorder) -> Base
 
 
 def _restore(
-    run: Run,
-    env: StaggeredMonitor,
-    recorder: Recorder,
-    state: dict[str, Any],
-    normalize: VecNormalize | None,
+    run: Run, env: StaggeredMonitor, recorder: Recorder, state: dict[str, Any], normalize: VecNormalize | None
 ) -> BaseAlgorithm:
     """Put what `load_checkpoint` read into the algorithm."""
     if normalize:
@@ -379,10 +375,7 @@ def plot_learning_curve(run: Run, end: int, evaluations: Sequence[Evaluation]) -
 
     def curve(column: str, scale: float = 1.0) -> tuple[list[int], list[float]]:
         given = [row for row in rows if row[column]]
-        return (
-            [int(row["timesteps"]) for row in given],
-            [scale * float(row[column]) for row in given],
-        )
+        return ([int(row["timesteps"]) for row in given], [scale * float(row[column]) for row in given])
 
     trained, *baselines = evaluations
     figure, (top, bottom) = plt.subplots(
@@ -394,10 +387,7 @@ def plot_learning_curve(run: Run, end: int, evaluations: Sequence[Evaluation]) -
     for i, baseline in enumerate(baselines, start=1):
         top.axhline(baseline.return_per_step, color=f"C{i}", ls="--", label=baseline.agent)
     top.set(ylabel="return per step", title=f"{run.env_id}, {run.algo.upper()}, seed {run.seed}")
-    for axes, column, scale in (
-        (top, "return_per_step", 1.0),
-        (bottom, "success_rate", 100.0),
-    ):
+    for axes, column, scale in ((top, "return_per_step", 1.0), (bottom, "success_rate", 100.0)):
         if any(row[column] for row in progress):
             steps = [int(row["timesteps"]) for row in progress]
             reached = [scale * float(row[column]) for row in progress]

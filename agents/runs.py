@@ -129,12 +129,7 @@ def create_run(run: Run) -> Run:
 
 def write_config(run: Run) -> None:
     """Write ``config.yaml``."""
-    content = {
-        "algo": run.algo,
-        "env_id": run.env_id,
-        "seed": run.seed,
-        "config": asdict(run.config),
-    }
+    content = {"algo": run.algo, "env_id": run.env_id, "seed": run.seed, "config": asdict(run.config)}
     text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
     write_atomically(run.folder / "config.yaml", text)
 

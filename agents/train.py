@@ -21,16 +21,7 @@ from pathlib import Path
 
 import torch
 from agent import save_agent
-from config import (
-    MENDABLE,
-    ONLINE,
-    ConfigError,
-    LinearConfig,
-    PPOConfig,
-    add_overrides,
-    load_config,
-    whole,
-)
+from config import MENDABLE, ONLINE, ConfigError, LinearConfig, PPOConfig, add_overrides, load_config, whole
 from controllers import controllers_of
 from evaluate import MOST_EPISODES, evaluate, table, task_kwargs, write_json
 from imitation import imitate

@@ -40,12 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--quick", action="store_true", help="fewer steps, and 5 timed runs instead of 20")
     parser.add_argument("--no-peers", action="store_true", help="do not measure MuJoCo and SciPy")
-    parser.add_argument(
-        "--out",
-        type=Path,
-        default=Path("accuracy"),
-        help=f"folder of {REPORT} and figures",
-    )
+    parser.add_argument("--out", type=Path, default=Path("accuracy"), help=f"folder of {REPORT} and figures")
     args = parser.parse_args(arguments)
     return guarded(parser.prog, lambda: run(args), extra="bench")
 

@@ -249,12 +249,7 @@ def _spin_down(figure: Figure, result: dict[str, Any]) -> None:
 
 def _against_stiffness(figure: Figure, ylabel: str) -> Axes:
     return plain(
-        figure,
-        *(0.1, 0.14, 0.63, 0.76),
-        xscale="log",
-        yscale="log",
-        xlabel="stiffness [N/m]",
-        ylabel=ylabel,
+        figure, *(0.1, 0.14, 0.63, 0.76), xscale="log", yscale="log", xlabel="stiffness [N/m]", ylabel=ylabel
     )
 
 

@@ -113,13 +113,7 @@ def cpp(
 
 
 def _cpp(
-    compiler: str,
-    scene: Scene,
-    step: float,
-    copies: int,
-    precision: str,
-    method: str,
-    way: tuple[int, bool],
+    compiler: str, scene: Scene, step: float, copies: int, precision: str, method: str, way: tuple[int, bool]
 ) -> Peer:
     """Return the reference in one of the `WAYS`, or in `SINGLE`."""
     body, dtype, (registers, _) = scene.body, np.dtype(precision), way

@@ -72,14 +72,7 @@ def docstring(row: Row) -> str:
 def describe(row: Row, report: Report) -> str:
     """Return the page of an environment: film, spaces, error, docstring and baselines."""
     return "\n".join(
-        [
-            f"# {row.id}\n",
-            *film(row),
-            *in_short(row, report),
-            docstring(row),
-            "",
-            *baselines(row, report),
-        ]
+        [f"# {row.id}\n", *film(row), *in_short(row, report), docstring(row), "", *baselines(row, report)]
     )
 
 
@@ -99,7 +92,7 @@ def in_short(row: Row, report: Report) -> list[str]:
         f"Action shape {shapes[0]}; observation shape {shapes[1]}, {frame.observation_space.shape} as "
         f'`"frame"`; tier [{row.tier}](../environments.md#tiers-and-harder-variants); sub-step '
         f"{own['step_ms']:.3g} ms; median [error](../features.md#error-of-a-control-period) of a step "
-        f"{own['median']:.1e}.\n",
+        f"{own['median']:.1e}.\n"
     ]
 
 

@@ -70,10 +70,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def guarded(
-    program: str,
-    action: Callable[[], int],
-    mendable: tuple[type[Exception], ...] = MENDABLE,
-    extra: str = "",
+    program: str, action: Callable[[], int], mendable: tuple[type[Exception], ...] = MENDABLE, extra: str = ""
 ) -> int:
     """Run a command, and return its exit status.
 

@@ -43,10 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="target processor: host, or a level (default: SPRINGGYM_CPU, or host)",
     )
     parser.add_argument(
-        "--to",
-        type=Path,
-        metavar="FOLDER",
-        help="output folder (default: the cache that programs use)",
+        "--to", type=Path, metavar="FOLDER", help="output folder (default: the cache that programs use)"
     )
     parser.add_argument(
         "--only",

@@ -466,8 +466,7 @@ def two_masses(simulator: Simulator) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "reason"),
-    [(on_a_line, "on one line in copy 1"), (two_masses, "no moment of inertia")],
+    ("change", "reason"), [(on_a_line, "on one line in copy 1"), (two_masses, "no moment of inertia")]
 )
 @pytest.mark.slow
 def test_what_leaves_no_orientation_or_no_moment_changes_nothing(change, reason: str) -> None:

@@ -166,9 +166,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("tag", nargs="?", help="the tag to check, such as v0.2.0")
     parser.add_argument("--notes", type=Path, metavar="FILE", help="write its changelog to FILE")
     parser.add_argument(
-        "--write",
-        action="store_true",
-        help="write the files that repeat version, date, authors or addresses",
+        "--write", action="store_true", help="write the files that repeat version, date, authors or addresses"
     )
     parser.add_argument(
         "--address", metavar="URL", help="with --write: address of the repository, https://github.com/…/…"

@@ -32,15 +32,7 @@ from config import MENDABLE, ConfigError, IQLConfig, add_overrides, load_config,
 from evaluate import evaluate, table, task_kwargs
 from gymnasium import spaces
 from results import EPISODES, Cell, add_row, folder_name, read_rows, row_of
-from runs import (
-    HELD_OUT_SEED,
-    SELECTION_SEED,
-    Run,
-    create_run,
-    locked,
-    time_limit,
-    versions,
-)
+from runs import HELD_OUT_SEED, SELECTION_SEED, Run, create_run, locked, time_limit, versions
 from torch import nn
 from tqdm import trange
 

@@ -4,14 +4,4 @@ from springgym.collisions.meeting import Collisions, Meeting, Meetings, Pair, me
 from springgym.collisions.overlap import check_apart
 from springgym.collisions.shape import Shape, as_met, shape
 
-__all__ = [
-    "Collisions",
-    "Meeting",
-    "Meetings",
-    "Pair",
-    "Shape",
-    "as_met",
-    "check_apart",
-    "meetings",
-    "shape",
-]
+__all__ = ["Collisions", "Meeting", "Meetings", "Pair", "Shape", "as_met", "check_apart", "meetings", "shape"]

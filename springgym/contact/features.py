@@ -36,18 +36,7 @@ from springgym.core.lanes import (
     store,
     store_each,
 )
-from springgym.core.vectors import (
-    TINY,
-    choose,
-    cross,
-    dot,
-    row,
-    row_each,
-    set_row,
-    set_row_each,
-    unit,
-    vec,
-)
+from springgym.core.vectors import TINY, choose, cross, dot, row, row_each, set_row, set_row_each, unit, vec
 
 TIE, ROUGH = 1e-6, 8192.0
 """Share of h² in the key of a triangle, and what each `epsilon` adds: 1e-3 in single precision."""
@@ -253,13 +242,7 @@ def weighted(x: Rows, i: Number, wi: Number, j: Number, wj: Number, k: Number, w
 
 @compiled
 def vertex_rods(
-    count: int,
-    first: int,
-    m: int,
-    other: int,
-    near: Near,
-    seen: Search,
-    rods: np.ndarray | None,
+    count: int, first: int, m: int, other: int, near: Near, seen: Search, rods: np.ndarray | None
 ) -> int:
     """List the contact of a vertex in row ``m`` with the nearest of the rods of the ``other`` body."""
     if rods is not None:

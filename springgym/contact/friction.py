@@ -39,17 +39,7 @@ from springgym.contact.turning import energy_of_turning, stop_turning, without_t
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
 from springgym.core.lanes import any_lane, load, load_each, maximum, select, sqrt, store
-from springgym.core.vectors import (
-    TINY,
-    choose,
-    cross,
-    dot,
-    plus_scaled,
-    row,
-    row_each,
-    set_row,
-    set_row_each,
-)
+from springgym.core.vectors import TINY, choose, cross, dot, plus_scaled, row, row_each, set_row, set_row_each
 
 SHALLOW = 0.05
 """Where n is nearer to a face's plane than this sine, or along a rod, no friction acts: d/A has no bound."""

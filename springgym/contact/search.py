@@ -58,17 +58,7 @@ from springgym.contact.records import (
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Number, Numbers, Rows, Vector
 from springgym.core.lanes import any_lane, filled, load, load_each, maximum, minimum, select, sqrt, store
-from springgym.core.vectors import (
-    TINY,
-    choose,
-    cross,
-    dot,
-    row,
-    row_each,
-    set_row,
-    unit,
-    vec,
-)
+from springgym.core.vectors import TINY, choose, cross, dot, row, row_each, set_row, unit, vec
 
 Indices: TypeAlias = "np.ndarray | None"
 """The features of a kind, by their particles; None if no body has any."""
@@ -150,14 +140,7 @@ def find_contacts(
 
 
 @compiled
-def find(
-    x: Rows,
-    w: Rows,
-    span: Span,
-    pairs: Pairs,
-    lists: Lists,
-    contacts: ContactRows,
-) -> int:
+def find(x: Rows, w: Rows, span: Span, pairs: Pairs, lists: Lists, contacts: ContactRows) -> int:
     """List the contacts of all pairs, and return how many rows that makes.
 
     ``w`` (N, 3) are the velocities before the node, and ``span`` is its time.

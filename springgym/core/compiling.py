@@ -223,11 +223,7 @@ if LACKING:
 if LOCK is not None and hasattr(os, "register_at_fork"):
     # A forked child has the compiler's lock as it was, but not the thread that held it: it would wait for
     # ever. So a fork waits until no other thread compiles.
-    os.register_at_fork(
-        before=LOCK.acquire,
-        after_in_parent=LOCK.release,
-        after_in_child=LOCK.release,
-    )
+    os.register_at_fork(before=LOCK.acquire, after_in_parent=LOCK.release, after_in_child=LOCK.release)
 
 
 class WholeTuple(models.TupleModel):

@@ -58,11 +58,7 @@ class Mask(types.Type):
 
 
 def _llvm(scalar: types.Type, width: int) -> ir.Type:
-    element = {
-        types.float64: ir.DoubleType(),
-        types.float32: ir.FloatType(),
-        types.boolean: ir.IntType(1),
-    }
+    element = {types.float64: ir.DoubleType(), types.float32: ir.FloatType(), types.boolean: ir.IntType(1)}
     return element[scalar] if width == 1 else ir.VectorType(element[scalar], width)
 
 
@@ -116,8 +112,7 @@ def _define(function, emit, *, compares: bool = False) -> None:
     def lower(context, builder, sig, args):
         lanes = _common(sig.args)
         return emit(
-            builder,
-            *(as_lanes(context, builder, v, t, lanes) for v, t in zip(args, sig.args, strict=True)),
+            builder, *(as_lanes(context, builder, v, t, lanes) for v, t in zip(args, sig.args, strict=True))
         )
 
     for left, right in ((Lanes, Lanes), (Lanes, types.Number), (types.Number, Lanes)):
@@ -132,12 +127,7 @@ for _operator, _inplace, _name in (
 ):
     for _function in (_operator, _inplace):
         _define(_function, lambda builder, a, b, name=_name: getattr(builder, name)(a, b))
-for _operator, _name in (
-    (operator.lt, "<"),
-    (operator.le, "<="),
-    (operator.gt, ">"),
-    (operator.ge, ">="),
-):
+for _operator, _name in ((operator.lt, "<"), (operator.le, "<="), (operator.gt, ">"), (operator.ge, ">=")):
     _define(_operator, lambda builder, a, b, name=_name: builder.fcmp_ordered(name, a, b), compares=True)
 
 

@@ -231,10 +231,7 @@ class SpringLabyrinth(PlacedAtOnce):
     move = staticmethod(move)
 
     def __init__(
-        self,
-        observation: Observation = "particles",
-        action: Literal["tilt"] = "tilt",
-        hard: bool = False,
+        self, observation: Observation = "particles", action: Literal["tilt"] = "tilt", hard: bool = False
     ) -> None:
         super().__init__(observation, action)
         self.rate, self.hole = (SLOW_RATE, WIDE_HOLE) if flag("hard", hard) else (RATE, HOLE)
@@ -366,8 +363,7 @@ def _board_look() -> Look:
     colors = [WOOD] * 6 + [LINE] * LEGS + [INK] * HOLES
     fans = [[(face[0], face[n], face[n + 1]) for n in range(1, len(face) - 1)] for face in faces]
     return Look(
-        triangles=np.concatenate(fans),
-        triangle_colors=np.repeat(colors, [len(fan) for fan in fans], axis=0),
+        triangles=np.concatenate(fans), triangle_colors=np.repeat(colors, [len(fan) for fan in fans], axis=0)
     )
 
 

@@ -72,9 +72,7 @@ class SB3VecEnv(Stateful, VecEnv):
             )
         self.vector_env = vector_env
         super().__init__(
-            vector_env.num_envs,
-            vector_env.single_observation_space,
-            vector_env.single_action_space,
+            vector_env.num_envs, vector_env.single_observation_space, vector_env.single_action_space
         )
 
     def seed(self, seed: int | Sequence[int] | None = None) -> Sequence[int | None]:
@@ -172,11 +170,7 @@ class SB3VecEnv(Stateful, VecEnv):
         setattr(self.vector_env, attr_name, value)
 
     def env_method(
-        self,
-        method_name: str,
-        *method_args: object,
-        indices: VecEnvIndices = None,
-        **method_kwargs: object,
+        self, method_name: str, *method_args: object, indices: VecEnvIndices = None, **method_kwargs: object
     ) -> list[Any]:
         """Call the vector environment's method once; return its result for each copy asked for."""
         result = getattr(self.vector_env, method_name)(*method_args, **method_kwargs)

@@ -146,10 +146,7 @@ class SpringTower(PlacedAtOnce):
     move = staticmethod(move)
 
     def __init__(
-        self,
-        observation: Observation = "particles",
-        action: Literal["crane"] = "crane",
-        blocks: int = 4,
+        self, observation: Observation = "particles", action: Literal["crane"] = "crane", blocks: int = 4
     ) -> None:
         super().__init__(observation, action)
         self.blocks = whole("blocks", blocks, 2, 5)

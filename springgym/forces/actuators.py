@@ -155,9 +155,7 @@ def drive_acceleration(v: Rows, drive: Drive) -> Vector:
     """Acceleration of the driven particle: what is asked for, but not beyond its largest speed."""
     u, a = row(v, drive.particle), vector(drive.acceleration)
     return vec(
-        limited(u[0], a[0], drive.speed),
-        limited(u[1], a[1], drive.speed),
-        limited(u[2], a[2], drive.speed),
+        limited(u[0], a[0], drive.speed), limited(u[1], a[1], drive.speed), limited(u[2], a[2], drive.speed)
     )
 
 

@@ -83,9 +83,7 @@ def turn_drive(
     """`move_drive`, as the node before and what is asked for now have it."""
     if drive is not None:
         acceleration = vec(
-            load(memory.marks, STEERED),
-            load(memory.marks, STEERED + 1),
-            load(memory.marks, STEERED + 2),
+            load(memory.marks, STEERED), load(memory.marks, STEERED + 1), load(memory.marks, STEERED + 2)
         )
         drive_by(v, force, acceleration, tau, drive, ledger)
 

@@ -99,11 +99,7 @@ def _method(name: str, special: str = "") -> tuple[Integrator, Callable[..., Non
 
 
 def advance_kernel(
-    name: str,
-    read: Callable[..., None],
-    surfaces: bool = False,
-    together: bool = False,
-    cycles: bool = False,
+    name: str, read: Callable[..., None], surfaces: bool = False, together: bool = False, cycles: bool = False
 ) -> Callable[..., None]:
     """Return the compiled function that advances blocks of copies by a method.
 

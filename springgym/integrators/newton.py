@@ -18,14 +18,7 @@ ITERATION_LIMIT = 25
 
 
 @compiled
-def record_losses(
-    x: Rows,
-    v: Rows,
-    a: Rows,
-    weight: Number,
-    ledger: Ledger,
-    terms: Terms,
-) -> None:
+def record_losses(x: Rows, v: Rows, a: Rows, weight: Number, ledger: Ledger, terms: Terms) -> None:
     """Add ``weight`` [s] times the power lost at a state to the ledger."""
     record_damping(x, v, a, weight, ledger, terms, terms.dampers)
 

@@ -131,11 +131,7 @@ def refusal(method: Integrator, scene: Scene, varying: Collection[str] = ()) -> 
 
 
 def advance_kernel(
-    name: str,
-    read: Callable[..., None],
-    surfaces: bool = False,
-    together: bool = False,
-    cycles: bool = False,
+    name: str, read: Callable[..., None], surfaces: bool = False, together: bool = False, cycles: bool = False
 ) -> Callable[..., None]:
     """Return the compiled function that advances blocks of copies of rigid bodies; all methods share it."""
     return kernel_reading(read, move_together) if together else kernel_reading(read)

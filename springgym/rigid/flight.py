@@ -54,12 +54,7 @@ def angular_velocity(spin: Vector, rigid: Rigid) -> Vector:
 def twist_about_second(q: Vector, spin: Vector, tau: Number, asymmetry: Numbers) -> tuple[Vector, Vector]:
     """Follow the flow of ½(1/I₂ − 1/I₁) Π₂²."""
     s, c = sine_cosine(0.5 * tau * load(asymmetry, 0) * spin[1])
-    turned = (
-        c * q[0] - s * q[2],
-        c * q[1] - s * q[3],
-        c * q[2] + s * q[0],
-        c * q[3] + s * q[1],
-    )
+    turned = (c * q[0] - s * q[2], c * q[1] - s * q[3], c * q[2] + s * q[0], c * q[3] + s * q[1])
     sine, cosine = 2.0 * s * c, 1.0 - 2.0 * s * s
     return turned, vec(cosine * spin[0] - sine * spin[2], spin[1], cosine * spin[2] + sine * spin[0])
 
@@ -70,12 +65,7 @@ def turn_freely(q: Vector, spin: Vector, tau: Number, rigid: Rigid) -> tuple[Vec
     slow = 1.0 / load(rigid.moments, 0)
     q = product(q, rotation_vector(spin, tau * slow))
     s, c = sine_cosine(0.5 * tau * (1.0 / load(rigid.moments, 2) - slow) * spin[2])
-    turned = (
-        c * q[0] - s * q[3],
-        c * q[1] + s * q[2],
-        c * q[2] - s * q[1],
-        c * q[3] + s * q[0],
-    )
+    turned = (c * q[0] - s * q[3], c * q[1] + s * q[2], c * q[2] - s * q[1], c * q[3] + s * q[0])
     sine, cosine = 2.0 * s * c, 1.0 - 2.0 * s * s
     return normalised(turned), vec(
         cosine * spin[0] + sine * spin[1], cosine * spin[1] - sine * spin[0], spin[2]

@@ -239,12 +239,7 @@ def record_surface_losses(
 
 @compiled
 def losses(
-    node: RigidNode,
-    given: Motion,
-    middle: Motion,
-    workspace: np.ndarray,
-    solid: Solid,
-    rounds: Rounds | None,
+    node: RigidNode, given: Motion, middle: Motion, workspace: np.ndarray, solid: Solid, rounds: Rounds | None
 ) -> tuple[Number, Number, Number, Number]:
     """Return what surfaces took by their pushes and by friction [J]; and the products of these pushes with
     the motion by gravity in a second [J/s], and with ``given`` [J]."""
@@ -484,12 +479,7 @@ def push_by_surfaces(body: int, span: Span, space: Company, twin: Twin) -> None:
 
 @compiled
 def ask_surfaces(
-    body: int,
-    span: Span,
-    going: Mask,
-    space: Company,
-    twin: Twin,
-    surfaces: Surfaces | None,
+    body: int, span: Span, going: Mask, space: Company, twin: Twin, surfaces: Surfaces | None
 ) -> None:
     """Find what surfaces, if there are any, give a body in the copies that are ``going``."""
     if surfaces is not None:

@@ -18,14 +18,7 @@ import numpy as np
 
 from springgym.contact.cone import within_cone
 from springgym.contact.law import Span, meet
-from springgym.contact.surfaces import (
-    coefficient,
-    count,
-    energy_at,
-    facing,
-    lowest,
-    strength_and_reach,
-)
+from springgym.contact.surfaces import coefficient, count, energy_at, facing, lowest, strength_and_reach
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Vector
 from springgym.core.lanes import any_lane, epsilon, maximum, minimum, select, sqrt

@@ -71,10 +71,7 @@ def graphs(m: Measures, scene: Scene) -> dict[str, dict[str, Curve]]:
         return drawn
     tilt = np.degrees(np.arctan2(np.hypot(m.axis[:, 0], m.axis[:, 1]), m.axis[:, 2]))
     spin = np.einsum("ti,ti->t", m.angular_velocity, m.axis)
-    return drawn | {
-        "tilt [°]": {"tilt": Curve(tilt, ORANGE)},
-        "spin [rad/s]": {"spin": Curve(spin, TEAL)},
-    }
+    return drawn | {"tilt [°]": {"tilt": Curve(tilt, ORANGE)}, "spin [rad/s]": {"spin": Curve(spin, TEAL)}}
 
 
 def turns(scene: Scene) -> bool:

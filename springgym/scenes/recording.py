@@ -80,11 +80,7 @@ class Recording:
 
 
 def record(
-    plan: Plan,
-    *,
-    dynamics: str = "springs",
-    contacts: bool = False,
-    progress: Progress = iter,
+    plan: Plan, *, dynamics: str = "springs", contacts: bool = False, progress: Progress = iter
 ) -> Recording:
     """Simulate a plan.
 

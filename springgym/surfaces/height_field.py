@@ -262,13 +262,7 @@ def _coefficients(values: np.ndarray) -> np.ndarray:
     return np.concatenate([2.0 * c[:1] - c[1:2], c, 2.0 * c[-1:] - c[-2:-1]])
 
 
-def waves(
-    amplitude: float,
-    length: float,
-    size: float,
-    spacing: float,
-    level: float = 0.0,
-) -> HeightField:
+def waves(amplitude: float, length: float, size: float, spacing: float, level: float = 0.0) -> HeightField:
     """Return ground with waves along x, f = z₀ + a cos(2π x/λ), on a square around the origin.
 
     Parameters

@@ -45,10 +45,7 @@ def cube_on_vertex(mass: float, edge: float, gravity: float = 9.81) -> CornerCub
     """
     length = math.sqrt(3) / 2 * edge
     return CornerCube(
-        i1=1.25 * mass * edge**2,
-        i3=0.5 * mass * edge**2,
-        length=length,
-        mgl=mass * gravity * length,
+        i1=1.25 * mass * edge**2, i3=0.5 * mass * edge**2, length=length, mgl=mass * gravity * length
     )
 
 

@@ -215,12 +215,7 @@ def jellett(angular_momentum: ArrayLike, axis: ArrayLike, radius: float, offset:
 
 
 def egg_rise(
-    start: float,
-    end: float,
-    semi_axes: tuple[float, float],
-    jellett: float,
-    weight: float,
-    friction: float,
+    start: float, end: float, semi_axes: tuple[float, float], jellett: float, weight: float, friction: float
 ) -> float:
     """Time in which a spinning spheroid rises from one tilt to another, s.
 

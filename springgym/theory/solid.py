@@ -208,11 +208,7 @@ def polyhedron_rule(points: ArrayLike, triangles: ArrayLike, degree: int = DEGRE
 
 
 def elastic_solid(
-    rule: Rule,
-    density: float,
-    elasticity: ArrayLike,
-    axes: ArrayLike | None = None,
-    marks: ArrayLike = (),
+    rule: Rule, density: float, elasticity: ArrayLike, axes: ArrayLike | None = None, marks: ArrayLike = ()
 ) -> ElasticSolid:
     """Compute mass, inertia, frequencies and spin stretch of a free elastic solid.
 

@@ -106,13 +106,7 @@ def test_missing_file():
 
 def test_overrides(load):
     c = load(
-        GOOD,
-        [
-            "learning_rate=1e-3",
-            "net_arch=[8]",
-            "env_kwargs.body.mass=3",
-            "eval_env_kwargs.start=up",
-        ],
+        GOOD, ["learning_rate=1e-3", "net_arch=[8]", "env_kwargs.body.mass=3", "eval_env_kwargs.start=up"]
     )
     assert (c.learning_rate, c.net_arch) == (1e-3, [8])
     assert c.env_kwargs == {"tilt": 0.01, "body": {"mass": 3}}

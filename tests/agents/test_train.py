@@ -294,10 +294,7 @@ CHECKPOINTS = {
     "no model": (lambda good: without(good, "policy.pth", "data"), "not a checkpoint of this run"),
     "another run": (lambda good: zipped(run__json='{"algo": "sac"}'), "algo is 'ppo', but"),
     "another thing": (lambda good: zipped(run__json="[]"), "not a checkpoint of this run"),
-    "not pickled": (
-        lambda good: replaced(good, training_state__pkl=b"x"),
-        "not a checkpoint of this run",
-    ),
+    "not pickled": (lambda good: replaced(good, training_state__pkl=b"x"), "not a checkpoint of this run"),
     "nothing in it": (
         lambda good: replaced(good, training_state__pkl=pickle.dumps(None)),
         "not a checkpoint of this run",

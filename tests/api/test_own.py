@@ -206,11 +206,7 @@ class Short(NamedTuple):
         (lambda: Scene(CUBE, forces=(3,)), TypeError, r"forces\[0\] is 3; it must be a named tuple"),
         (lambda: Scene(CUBE, forces=(Bare(1),)), TypeError, r"no compiled function add\(x, force, own\)"),
         (lambda: Scene(CUBE, forces=(Uncompiled(1),)), TypeError, r"springgym\.core\.compiled$"),
-        (
-            lambda: Scene(CUBE, forces=(Short(1),)),
-            TypeError,
-            r"add\(x, force\); it must be add\(x, f",
-        ),
+        (lambda: Scene(CUBE, forces=(Short(1),)), TypeError, r"add\(x, force\); it must be add\(x, f"),
         (lambda: Scene(CUBE, forces=(Tether(0, ANCHOR, "k"),)), TypeError, r"forces\[0\].stiffness is 'k'"),
         (lambda: Scene(CUBE, forces=(Tether(0, ANCHOR, np.nan),)), ValueError, "stiffness"),
         (lambda: Scene(CUBE, forces=(Tether(0, np.full(3, np.inf), 1.0),)), ValueError, "anchor"),

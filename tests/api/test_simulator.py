@@ -89,10 +89,7 @@ def finite(measured: Measures) -> bool:
 
 # --- Making one --------------------------------------------------------------------------------------
 
-DOORS = [
-    door(Simulator, scene=PLAIN),
-    door(Simulator.paper, scene=PLAIN),
-]
+DOORS = [door(Simulator, scene=PLAIN), door(Simulator.paper, scene=PLAIN)]
 
 
 USUAL = ("step", "copies", "dtype", "integrator", "dynamics", "varying", "scene")

@@ -15,14 +15,7 @@ from benchmarks.accuracy import REPORT, main
 from benchmarks.peers import derivative, jacobian, mujoco_rungs, scipy_rungs
 from benchmarks.problems import PROBLEMS
 from benchmarks.timing import FAILED, rows_of
-from benchmarks.work_precision import (
-    cheapest,
-    default_count,
-    edge,
-    measure,
-    own_rung,
-    reference,
-)
+from benchmarks.work_precision import cheapest, default_count, edge, measure, own_rung, reference
 from springgym.bodies import cube
 from springgym.bodies.distances import largest_distance, rms_distance
 from springgym.simulator import Simulator

@@ -61,10 +61,7 @@ def test_lengths_are_those_of_the_shape():
         ({"springs": [(0, 1), (1, 2)]}, "1 zero-energy mode)"),
         ({"markers": (0, 1)}, "body 'triangle': markers is (0, 1), of shape (2,)"),
         ({"markers": ()}, "body 'triangle': markers is (), of shape (0,)"),
-        (
-            {"markers": (0, 0, 1)},
-            "markers is (0, 0, 1); the first two must lie at different places",
-        ),
+        ({"markers": (0, 0, 1)}, "markers is (0, 0, 1); the first two must lie at different places"),
         ({"markers": (0, 1, 3)}, "body 'triangle': markers[2] is 3"),
         ({"parts": {"end": (5,)}}, "body 'triangle': parts['end'][0] is 5"),
         ({"parts": {"end": ()}}, "body 'triangle': parts['end'] has no particles"),

@@ -171,9 +171,7 @@ def one_flipped(shape):
 BOX = trimesh.creation.box()
 SMALL = trimesh.creation.box(extents=(0.5, 0.5, 0.5))
 SHEET = trimesh.Trimesh(
-    [(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)],
-    [(0, 1, 3), (0, 3, 2), (0, 2, 1), (1, 2, 3)],
-    process=False,
+    [(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)], [(0, 1, 3), (0, 3, 2), (0, 2, 1), (1, 2, 3)], process=False
 )
 NO_SOLIDS = {
     "one triangle flipped": (one_flipped(BOX), r"at the edge from \[.*fix_winding"),

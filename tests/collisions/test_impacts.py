@@ -39,13 +39,7 @@ class Outcome(NamedTuple):
 
 
 def collided(
-    first: Body,
-    second: Body,
-    speed: float,
-    copies: int,
-    seed: int,
-    lean: bool = False,
-    dtype: Any = float,
+    first: Body, second: Body, speed: float, copies: int, seed: int, lean: bool = False, dtype: Any = float
 ) -> Outcome:
     scene = pair_scene(first, second)
     world = Stepped(scene, copies=copies, lean=lean, dtype=dtype)

@@ -110,10 +110,7 @@ def test_block_on_a_tilted_slab() -> None:
     """
     ratios = np.array([0.9, 0.97, 1.03, 1.2])
     scene = Scene(
-        bodies=(
-            Placed(SLAB, pinned=tuple(range(8)), name="slab"),
-            put(BLOCK, (0, 0, 0.6), "block"),
-        ),
+        bodies=(Placed(SLAB, pinned=tuple(range(8)), name="slab"), put(BLOCK, (0, 0, 0.6), "block")),
         collisions=Contact(friction=MU, restitution=0.0),
     )
     world = Stepped(scene, copies=4)

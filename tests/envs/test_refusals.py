@@ -28,17 +28,7 @@ from springgym.scene import Scene, ThrustActuator
 from springgym.scenes import load
 from springgym.simulator import STRAIN_LIMIT
 from tests import fuzz
-from tests.envs.cases import (
-    IDS,
-    KINDS,
-    QUICK,
-    each_kind,
-    each_with,
-    make,
-    make_vec,
-    started,
-    task_type,
-)
+from tests.envs.cases import IDS, KINDS, QUICK, each_kind, each_with, make, make_vec, started, task_type
 from tests.envs.test_contract import answered, driven_off, same
 from tests.envs.test_states import frozen
 from tests.params import slow_unless
@@ -73,10 +63,7 @@ MEANT = {
 }
 
 
-@pytest.mark.parametrize(
-    ("env_id", "wrong"),
-    list(zip(ALL_IDS, cycle(MEANT), strict=False)),
-)
+@pytest.mark.parametrize(("env_id", "wrong"), list(zip(ALL_IDS, cycle(MEANT), strict=False)))
 def test_an_argument_that_no_environment_has_is_named(env_id: str, wrong: str) -> None:
     """By `gymnasium.make` and by both kinds of `gymnasium.make_vec`, with the argument that may be meant."""
     spec, says = gym.spec(env_id), MEANT[wrong]

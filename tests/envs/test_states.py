@@ -407,12 +407,7 @@ def test_copies_that_no_state_can_be_set_into_are_refused() -> None:
         (state, [], ValueError, "copies is .*must name a copy"),
         (state, np.zeros(4, bool), ValueError, "must name a copy"),
         (state, [4], ValueError, r"copies\[0\] is 4; it must be a whole number from 0 to 3"),
-        (
-            two,
-            [0, 1, 2],
-            ValueError,
-            "the state holds 2 copies, but copies names 3; it must hold 3 copies",
-        ),
+        (two, [0, 1, 2], ValueError, "the state holds 2 copies, but copies names 3; it must hold 3 copies"),
         (two, [3], ValueError, "the state holds 2 copies, but copies names 1"),
         (before, [3], ValueError, "the state holds 4 copies"),
         (two | {"rng": two["rng"][:1]}, [0, 1], ValueError, r"state\['rng'\] was edited"),

@@ -19,7 +19,7 @@ USUAL = ("SpringTopHard-v0", "SpringDetumbleFlat-v0", "SpringShoveSparse-v0")
 """What has an episode in every run; in the others' stead, that they are their environments with arguments."""
 
 CLASSICAL_FAILS = {
-    "SpringFreeTopRough-v0",  # the tip sticks, which the controller knows nothing of
+    "SpringFreeTopRough-v0"  # the tip sticks, which the controller knows nothing of
 }
 LEAST = {
     "SpringDuelStrong-v0": 0.15,  # the controller is the opponent, and wins one duel in two

@@ -149,10 +149,7 @@ def test_clamp_creates_energy_where_the_default_keeps_it(
 
 def test_the_paper_is_one_thing() -> None:
     scene = Scene(
-        BEAD,
-        [[0, 0, 1.0]],
-        surfaces=(floor(),),
-        contact=Contact(friction=0.3, strength=C, reach=REACH),
+        BEAD, [[0, 0, 1.0]], surfaces=(floor(),), contact=Contact(friction=0.3, strength=C, reach=REACH)
     )
     paper = Simulator.paper(scene)
     assert (paper.integrator.name, paper.step) == ("rk4", 5e-4)

@@ -89,10 +89,7 @@ def test_what_a_small_file_means(read):
         (BOX + "start: {kick: {9: [0, 0, 1]}}", "mine.yaml:4: start: kick names particle 9"),
         (BOX + "start: {end: [1, 0, 0]}", "mine.yaml:4: start: end needs a rope"),
         (ROPE + "start: {end: [0, 0, -1]}", "mine.yaml:5: start: end is straight below or above"),
-        (
-            ROPE + "gravity: 1e-300\nstart: {end: [1, 0, 0]}",
-            "start: end needs a rope, and gravity straight",
-        ),
+        (ROPE + "gravity: 1e-300\nstart: {end: [1, 0, 0]}", "start: end needs a rope, and gravity straight"),
         (BOX + "surfaces: floor", "mine.yaml:4: surfaces: expected a list of surfaces"),
         (
             BOX + "surfaces: [{kind: flor}]",

@@ -6,16 +6,7 @@ from collections.abc import Sequence
 
 from springgym.checks import shown
 from springgym.scene import Scene
-from springgym.scenes.checks import (  # noqa: F401  (they fill CHECKS)
-    billiards,
-    contact,
-    free,
-    rolling,
-    solids,
-    swings,
-    together,
-    tops,
-)
+from springgym.scenes.checks import billiards, contact, free, rolling, solids, swings, together, tops  # noqa: F401  (they fill CHECKS)
 from springgym.scenes.checks.basis import CHECKS, NEEDS, NOT_COVERED, TOGETHER, TOUCHING, Check
 from springgym.scenes.plan import Plan
 from springgym.scenes.recording import Recording
