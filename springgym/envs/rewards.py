@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Vector
-
-if TYPE_CHECKING:
-    from springgym.measures import Measures
+from springgym.measures import Measures
 
 
 @compiled

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,9 +12,7 @@ from springgym.rendering.canvas import OVERSAMPLE, Array, Canvas
 from springgym.rendering.look import GREEN, Color, Look, Scenery
 from springgym.rendering.occlusion import Occluders
 from springgym.rendering.solids import circle, tangents
-
-if TYPE_CHECKING:
-    from springgym.surfaces.surface import Surface
+from springgym.surfaces.surface import Surface
 
 _SKY = np.array([[251, 252, 254], [222, 228, 237]], dtype=float)  # top and bottom
 _MATT = np.array([247, 250, 255], dtype=float)  # surfaces in full light

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-if TYPE_CHECKING:
-    from springgym.surfaces.surface import Surface
+from springgym.surfaces.surface import Surface
 
 Color = tuple[int, int, int]
 Point = Sequence[float] | NDArray[np.float64]
