@@ -799,7 +799,7 @@ def degenerate(broken: bool) -> Outcome:
         ("damping not a number", changed("damping", 2, math.nan), ("damping[2]",)),
         ("position not a number", changed("positions", (2, 1), math.nan), ("positions[2, 1]",)),
         ("in pieces", {"springs": pairs[:1], "stiffness": 1e4, "damping": 0.0}, ("particle 3",)),
-        ("floppy", {"springs": pairs[:5], "stiffness": 1e4, "damping": 0.0}, ("1 ways",)),
+        ("floppy", {"springs": pairs[:5], "stiffness": 1e4, "damping": 0.0}, ("1 zero-energy mode",)),
         ("spring to nothing", {"springs": [*pairs[:5], (2, 9)]}, ("springs[5, 1]", "9")),
         ("spring to itself", {"springs": [*pairs[:5], (2, 2)]}, ("spring 5", "itself")),
         ("no particles", {"positions": np.zeros((0, 3)), "masses": [], "springs": []}, ("0 particles",)),

@@ -516,6 +516,7 @@ def test_inner_functions_may_hold_functions() -> None:
     assert one_more(2.0) == 17.0
 
 
+@pytest.mark.usefixtures("cache")
 def test_inner_functions_are_compiled_once_for_all_numbers_of_a_kind() -> None:
     @compiled
     def one_after(count: int, first: int, on: bool) -> int:
