@@ -85,6 +85,7 @@ def camera_of(page, client):
     return seen.camera
 
 
+@pytest.mark.slow  # a message that is still being read may undo the placing, as nobody answers it here
 def test_the_camera_is_placed_anew_when_the_picture_changes_its_shape(page):
     """As the panel does that takes its part of it; otherwise it stays where who looks has put it."""
     with connected(page._server) as client, run(page):
