@@ -106,13 +106,12 @@ def test_circles_of_imports() -> None:
 
 
 def test_long_signatures() -> None:
-    functions = (
+    found = [
         (path.name, node.name)
         for path, _, tree in sources("springgym", "agents")
         for node in ast.walk(tree)
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and parameters(node) >= 8
-    )
-    found = list(functions)
+    ]
     assert len(found) <= LONG_SIGNATURES, found
 
 

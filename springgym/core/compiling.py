@@ -650,7 +650,7 @@ _KERNELS = itertools.count(1)
 """Counts the kernels that this process compiles."""
 
 
-def _tell_of_compiling(over: threading.Event, kernel: int) -> None:
+def _report_compiling(over: threading.Event, kernel: int) -> None:
     """Say that a kernel is being compiled, until it is ``over``.
 
     On a terminal, a line counts the seconds, and is then erased. Elsewhere, or if logging is configured, a
@@ -690,7 +690,7 @@ class DigestKeyedCache:
         found = self._load(sig, target_context)
         if found is None:
             LOGGER.info("compile %s.%s", self._function.__module__, self._function.__qualname__)
-            self._waiting = threading.Timer(PATIENCE, _tell_of_compiling)
+            self._waiting = threading.Timer(PATIENCE, _report_compiling)
             self._waiting.args = (self._waiting.finished, next(_KERNELS))
             self._waiting.daemon = True
             self._waiting.start()

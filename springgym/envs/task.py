@@ -188,7 +188,7 @@ class Task:
         return s.x
 
     def framed(self, s: Situation) -> np.ndarray:
-        """Return the points (n, 3) that a picture of one copy must hold: all that is drawn."""
+        """Return the points (n, 3) [m] that a picture of one environment must hold: all that is drawn."""
         return self.points(s)
 
     def camera(self) -> Camera:

@@ -63,7 +63,7 @@ class Solid(NamedTuple):
     lightness: Number
     """1/mass [1/kg], or 0 of a pinned body"""
     terms: Terms
-    """what acts on it"""
+    """the forces, surfaces and actuators of the body"""
 
 
 Twin: TypeAlias = "tuple[Rigid, Numbers, Terms]"

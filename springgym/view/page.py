@@ -257,9 +257,9 @@ class Page:
             self._place(client)
 
     def _welcome(self, client: Any) -> None:
-        """Have a client look at the motion, and again whenever its picture changes its shape.
+        """Place the camera of a client that connects, and again whenever its picture changes its shape.
 
-        It does so as it comes, when the panel takes its part.
+        The shape changes right after connecting, when the panel takes its part of the window.
         """
         aspect = client.camera.aspect
         self._place(client)
@@ -273,7 +273,7 @@ class Page:
         client.camera.on_update(seen)
 
     def _place(self, client: Any) -> None:
-        """Have a client look at the motion, in the part of its picture that the panel leaves free."""
+        """Place the camera of a client so that the motion is in the part of the picture beside the panel."""
         with self._lock:
             look_from(client.camera, self._stage.camera(self.motion, client.camera.aspect))
 
