@@ -404,6 +404,7 @@ class Simulator:
         velocities: ArrayLike,
         copies: ArrayLike | None = None,
         *,
+        check: bool = True,
         read: bool = False,
     ) -> None:
         """Place some copies (default: all), with an empty ledger and at time 0.
@@ -414,6 +415,8 @@ class Simulator:
             [m], [m/s]
         copies : (k,), optional
             Which copies; all by default.
+        check
+            Whether to call `Scene.check_start`. Leave it out for starts that are known to be possible.
         read
             Whether to `read` them afterwards.
 
@@ -431,7 +434,8 @@ class Simulator:
             self._rows("positions", positions, index, shape),
             self._rows("velocities", velocities, index, shape),
         )
-        self.scene.check_start(x, v, index)
+        if checks.flag("check", check):
+            self.scene.check_start(x, v, index)
         self._check_settled(x, v, index)
         self._check_distance(x)
         for lanes, values in zip(self._moving, (x, v), strict=True):

@@ -119,6 +119,7 @@ class SpringBilliards(PlacedAtOnce):
     goal_size = 4
     period = PERIOD
     finest = PERIOD / 40
+    checks_starts = False
     evaluate = staticmethod(evaluate)
     compact = staticmethod(compact)
     move = staticmethod(move)

@@ -98,6 +98,7 @@ class SpringDetumble(Task):
         self.momentum = flag("momentum", momentum)
         self.starts = chosen("start", start, ("tumbling", "flat"))
         self.body: Body = made(box, body, sides=SIDES, mass=MASSES, stiffness=1e5, damping=20.0)
+        self.checks_starts = body is not None
         self._shape = self.body.positions - self.body.centre
         self._principal = principal_axes(self.body)
         along = np.array([direction for _, direction in THRUSTERS], float)

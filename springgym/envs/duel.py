@@ -186,6 +186,7 @@ class SpringDuel(PlacedAtOnce):
     damping_every = 2
     hold = 1
     wins = True
+    checks_starts = False
     evaluate = staticmethod(evaluate)
     compact = staticmethod(compact)
 

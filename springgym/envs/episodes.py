@@ -314,6 +314,7 @@ class Episodes:
     def _begin(
         self, copies: np.ndarray, generators: Sequence[Generator], options: dict[str, Any]
     ) -> StartedEpisodes:
+        check = bool(options or self.ranges or self.task.checks_starts)
         left = [dict(options) for _ in generators]
         drawn = [
             randomisation.drawn(self.ranges, rng, own) for rng, own in zip(generators, left, strict=True)
@@ -326,12 +327,13 @@ class Episodes:
             raise ValueError(
                 f"{type(self.task).__name__} has no reset option {name!r}{suggestion(name, probe.names)}"
             )
-        self._check_strain(positions, drawn)
+        if check:
+            self._check_strain(positions, drawn)
         before = [self._drawn(copy) for copy in copies] if self.ranges else []
         was, self.unready = self.unready, BROKEN_OFF
         try:
             self._vary(copies, drawn)
-            self.simulator.place(positions, velocities, copies, read=True)
+            self.simulator.place(positions, velocities, copies, check=check, read=True)
         except (TypeError, ValueError):  # it is refused
             self._vary(copies, before)
             self.unready = was

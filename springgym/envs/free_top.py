@@ -109,6 +109,7 @@ class SpringFreeTop(PlacedAtOnce):
             (0.16, 0.6, (4.0, 7.0)) if flag("hard", hard) else (0.12, 0.4, (5.0, 9.0))
         )
         self.body: Body = made(top, body, height=0.5, mass=10.0, damping=30.0)
+        self.checks_starts = body is not None
         self.torque = RING_ACCELERATION * float(self.body.inertia()[2, 2])
         self._tip = self.body.particle("tip")
         self._others = np.delete(np.arange(len(self.body.masses)), self._tip)

@@ -106,6 +106,7 @@ class SpringGyroscope(Task):
             either = Entry("spin", 1, USUAL)
             self.entries = tuple(either if entry.name == "spin" else entry for entry in self.entries)
         self.body = made(gyroscope, body)
+        self.checks_starts = body is not None
         self._shape = stretched_shapes(self.body, (0, 0, 1), FASTEST, self.body.parts["centre"])
 
     @cached_property

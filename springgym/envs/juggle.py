@@ -147,6 +147,7 @@ class SpringJuggle(PlacedAtOnce):
     finest = 0.02 / 64
     damping_every = 2
     hold = 100
+    checks_starts = False
     evaluate = staticmethod(evaluate)
     compact = staticmethod(compact)
 

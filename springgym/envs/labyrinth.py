@@ -226,6 +226,7 @@ class SpringLabyrinth(PlacedAtOnce):
     )
     goal_size = PASSED + 1
     hold = 25
+    checks_starts = False
     evaluate = staticmethod(evaluate)
     compact = staticmethod(compact)
     move = staticmethod(move)
@@ -268,9 +269,10 @@ class SpringLabyrinth(PlacedAtOnce):
         points = middles[boards, CELLS * way[:, :, 0] + way[:, :, 1]]
         holes = beside(middles, way, points)
         points[:, 0] += LATEST * drawn[:, :1] * (points[:, 1] - points[:, 0])
-        goal = np.hstack([points, holes]).reshape(len(drawn), -1)
+        goal = np.zeros((len(drawn), self.goal_size))
+        goal[:, :LEANING] = np.hstack([points, holes]).reshape(len(drawn), -1)
         place = np.hstack([points[:, 0], drawn[:, -2:-1]])[:, None]
-        return at_rest(drawn[:, -1:, None] * self.ball.positions + place, np.pad(goal, ((0, 0), (0, 3))))
+        return at_rest(drawn[:, -1:, None] * self.ball.positions + place, goal)
 
     @property
     def limits(self) -> np.ndarray:

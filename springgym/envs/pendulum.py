@@ -83,6 +83,7 @@ class SpringPendulum(Task):
         super().__init__(observation, action)
         self.starts = chosen("start", start, ("hanging", "mixed"))
         self.body = made(cube, body)
+        self.checks_starts = body is not None
         self._shape = self.body.positions - self.body.positions[0]
 
     @cached_property

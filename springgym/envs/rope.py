@@ -102,6 +102,7 @@ class SpringRope(Task):
     ) -> None:
         super().__init__(observation, action)
         self.sway, self.rate, self.farthest = (0.6, 0.8, 6.0) if flag("hard", hard) else (0.25, 0.3, 4.0)
+        self.checks_starts = body is not None or material is not None
         usual: dict[str, Any] = {"beads": 9, "length": 4.0, "end_mass": 70.0}
         if material is not None and diameter is not None:
             self.body = made(solid_rope, body, **usual, material=material, diameter=diameter)

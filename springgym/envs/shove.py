@@ -150,6 +150,7 @@ class SpringShove(PlacedAtOnce):
     finest = 0.04 / 32
     damping_every = 2
     hold = 12
+    checks_starts = False
     evaluate = staticmethod(evaluate)
     compact = staticmethod(compact)
     aims = (Aim("place", 2, CLOSE), Aim("heading", 2, 2 * math.sin(ALIGNED / 2)), Aim("speed", 1, SLOW))

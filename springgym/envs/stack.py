@@ -117,6 +117,7 @@ class SpringStack(PlacedAtOnce):
     period = 0.04
     finest = 0.04 / 32
     hold = 12
+    checks_starts = False
     evaluate = staticmethod(evaluate)
     compact = staticmethod(compact)
 

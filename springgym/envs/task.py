@@ -99,6 +99,9 @@ class Task:
     """whether an episode can end by success, as a won duel does; otherwise a failure is never a success"""
     has_aim: ClassVar[bool] = True
     """whether there is an aim: without one, "met" is always 0, and ``info`` has no ``is_success``"""
+    checks_starts: bool = True
+    """whether every start is checked. If it is False, starts with reset options or randomisation still are;
+    tests show that all others are possible"""
     evaluate: ClassVar[Callable[..., None]]
     compact: ClassVar[Callable[..., None]]
     move: ClassVar[Callable[..., None] | None] = None

@@ -92,6 +92,7 @@ class SpringTop(PlacedAtOnce):
         hard = flag("hard", hard)
         solid = isinstance(body, Mapping) and "material" in body
         self.body: Body = made(solid_top, body, **SOLID) if solid else made(top, body)
+        self.checks_starts = body is not None
         self.upper = self.body.particle("heart" if solid else "crown")
         moment = self.body.mass * float(
             self.body.centre[2] - self.body.positions[self.body.particle("tip"), 2]

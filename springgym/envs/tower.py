@@ -141,6 +141,7 @@ class SpringTower(PlacedAtOnce):
     period = 0.04
     finest = 0.04 / 16
     hold = 25
+    checks_starts = False
     evaluate = staticmethod(evaluate)
     compact = staticmethod(compact)
     move = staticmethod(move)

@@ -142,6 +142,7 @@ class SpringTumble(PlacedAtOnce):
     goal_size = 4
     finest = 0.02 / 30
     hold = 25
+    checks_starts = False
     evaluate = staticmethod(evaluate)
     compact = staticmethod(compact)
     aims = (Aim("place", 2, CLOSE), Aim("down", 3, math.sqrt(2 - 2 * FLAT)), Aim("speed", 1, SLOW))

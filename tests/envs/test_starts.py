@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 from itertools import product
 from typing import Any
@@ -10,10 +11,13 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+import springgym
 from springgym.bodies import box, cube, rotation, stretched_shapes, top
 from springgym.envs.duel import SPINS, STEEPEST, SpringDuel
-from springgym.envs.randomisation import RANDOMIZABLE
+from springgym.envs.randomisation import NOMINAL, RANDOMIZABLE
 from springgym.envs.starts import any_rotation, direction, principal_axes, spawned, standing, tilted, uniform
+from springgym.scene import Scene, squared_lengths
+from springgym.simulator import STRAIN_LIMIT
 from tests import fuzz
 from tests.envs.cases import DUEL, IDS, KINDS, make, task_type
 from tests.params import slow_unless
@@ -170,6 +174,43 @@ def test_starts_found_at_once_are_those_of_each(env_id: str) -> None:
     for n in range(13):
         for one, many in zip(starts(range(n, n + 1)), every, strict=True):
             assert np.array_equal(one, many[n : n + 1])
+
+
+@pytest.mark.parametrize("count", [300, pytest.param(20_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("env_id", IDS)
+def test_starts_that_are_not_checked_are_possible(env_id: str, count: int) -> None:
+    taken = inspect.signature(task_type(env_id).__init__).parameters
+    unchecked = 0
+    for arguments in ({}, *fuzz.varied(env_id)):
+        task = task_type(env_id)(**{name: value for name, value in arguments.items() if name in taken})
+        if not task.checks_starts:
+            generators = [np.random.default_rng((7, n)) for n in range(count)]
+            begun = task.draw_starts(generators, [{} for _ in generators], [NOMINAL] * count)
+            task.scene.check_start(begun.positions, begun.velocities)
+            stretch = np.sqrt(squared_lengths(task.scene.springs, begun.positions)) / task.scene.lengths
+            assert np.abs(stretch - 1).max(initial=0.0) < 0.2 * STRAIN_LIMIT
+            unchecked += 1
+    assert unchecked
+
+
+@pytest.mark.parametrize(
+    ("arguments", "options", "checks"),
+    [
+        ({}, None, 0),
+        ({}, {"tilt": 0.1}, 1),
+        ({"randomize": {"masses": (0.9, 1.2)}}, None, 1),
+        ({"body": {"height": 1.0}}, None, 1),
+    ],
+)
+def test_all_other_starts_are_checked(
+    arguments: dict[str, Any], options: Any, checks: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = springgym.make_scene_env("top", lambda m, s: m.strain, actuators={"torque": 1.0})
+    for env, expected in ((make("SpringTop-v0", **arguments), checks), (own, 1)):
+        called: list[Any] = []
+        monkeypatch.setattr(Scene, "check_start", lambda *given, called=called: called.append(given))
+        env.reset(seed=0, options=options if env is not own else None)
+        assert len(called) == expected
 
 
 @pytest.mark.parametrize("scale", [0.8, 1.0, 1.2])
