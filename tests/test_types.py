@@ -27,7 +27,7 @@ def keywords(function):
 
 
 def test_every_environment_declares_what_it_takes():
-    common = keywords(SpringEnv.__init__) | keywords(_Common._make) - {"copies"}
+    common = keywords(SpringEnv.__init__) | keywords(_Common._make) - {"copies"} | keywords(options.Settings)
     assert set(get_type_hints(options.EnvOptions)) == common | {"observation"}
     for row in ENVIRONMENTS:
         module, task = import_module(f"springgym.envs.{row.module}"), task_type(row.id)

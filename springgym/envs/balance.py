@@ -99,7 +99,7 @@ def move(m: Measures, s: Situation, goal: np.ndarray) -> None:
             goal[c, n + 1] = sine * x + cosine * y
 
 
-class SpringBalance(PlacedAtOnce):
+class SpringBalance(PlacedAtOnce, kernels=(evaluate, compact, move)):
     """Define the MDP of `SpringBalanceEnv`, which describes it."""
 
     actions: ClassVar = {"torque": 2}
@@ -118,9 +118,6 @@ class SpringBalance(PlacedAtOnce):
     finest = PERIOD / 12
     damping_every = 2
     checks_starts = False
-    evaluate = staticmethod(evaluate)
-    compact = staticmethod(compact)
-    move = staticmethod(move)
 
     def __init__(
         self,
@@ -134,6 +131,7 @@ class SpringBalance(PlacedAtOnce):
         self.torque, self.rate = (WEAK_TORQUE, HARD_RATE) if flag("hard", hard) else (TORQUE, RATE)
         self.plate: Body = top(6, RADIUS, HEIGHT, PLATE_MASS, stiffness=1.6e4, damping=5.0)
         self.ball = rolling_ball(BALL_RADIUS, BALL_MASS, stiffness=2e3, damping=0.5)
+        self.limits = np.full(2, self.torque)
 
     @cached_property
     def scene(self) -> Scene:
@@ -178,10 +176,6 @@ class SpringBalance(PlacedAtOnce):
         turn = turned(lean[:, 0] / np.sqrt(lean @ lean.swapaxes(1, 2))[:, 0], drawn[:, 1])
         lying = np.hstack([shape, drawn[:, None, 5:8] + self.ball.positions])
         return at_rest(lying @ turn.swapaxes(1, 2), drawn[:, 8:])
-
-    @property
-    def limits(self) -> np.ndarray:
-        return np.full(2, self.torque)
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
         return {"plate.torque": self.torque * level(action)}

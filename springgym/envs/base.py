@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
-from enum import Enum
-from os import PathLike
 from typing import Any, ClassVar
 
 import gymnasium as gym
@@ -17,11 +15,11 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers import TimeLimit
-from numpy.typing import ArrayLike, DTypeLike
+from numpy.typing import ArrayLike
 
-from springgym.checks import chosen, indices, shown, whole
+from springgym.checks import chosen, indices, instance, shown, whole
 from springgym.envs.episodes import NOT_BEGUN, Episodes, StartedEpisodes
-from springgym.envs.options import arguments, refuse_unknown
+from springgym.envs.options import Settings, arguments, plain, refuse_unknown
 from springgym.envs.task import Task
 from springgym.envs.tolerance import SAFETY, Choice, chosen_for
 from springgym.guard import Guard, guarded
@@ -52,63 +50,32 @@ class _Common(Stateful):
     _guard: Guard
     task_type: ClassVar[type[Task]]
     episodes: Episodes
+    render_mode: str | None
+    _canvases: Sequence[Renderer] = ()
+    """the pictures of all copies, once they are drawn"""
     chosen: Choice | None = None
     """what a tolerance made of the method and the steps; None if none was given"""
     _spec: EnvSpec | None = None
     compute_reward: Callable[[object, object, object], Any]
     """see `springgym.envs.goals.Goals.compute_reward`; only with ``goals=True``"""
 
-    def _make(
-        self,
-        copies: int,
-        *,
-        integrator: str | None = None,
-        step: float | None = None,
-        damping_every: int | None = None,
-        dynamics: str = "springs",
-        dtype: DTypeLike = "float64",
-        threads: int = 1,
-        randomize: Mapping[str, Sequence[float]] | None = None,
-        sparse: bool = False,
-        goals: bool = False,
-        max_episode_steps: int | None = None,
-        error: bool = False,
-        tolerance: float | None = None,
-        **options: Any,
-    ) -> None:
+    def _make(self, copies: int, *, tolerance: float | None = None, **options: Any) -> None:
         self._guard = Guard()
         kind = type(self)
-        refuse_unknown(kind.__name__, options, self.task_type, _Common._make, kind.__init__)
+        settings = Settings(**{name: options.pop(name) for name in Settings._fields if name in options})
+        refuse_unknown(kind.__name__, options, self.task_type, Settings, _Common._make, kind.__init__)
         task = self.task_type(**options)
-        made: dict[str, Any] = {
-            "dynamics": dynamics,
-            "dtype": dtype,
-            "threads": threads,
-            "randomize": randomize,
-        }
-        if tolerance is not None:
-            if step is not None:
+        given = arguments(self.task_type, options)
+        given = {name: value for name, value in given.items() if name not in ("body", "scene")}
+        if tolerance is None:
+            self.episodes = Episodes(task, copies, settings, given)
+        else:
+            if settings.step is not None:
                 raise ValueError("step and tolerance are both given; a tolerance chooses the step")
-            self.chosen = chosen_for(task, copies, tolerance, integrator, damping_every=damping_every, **made)
-            integrator, made["wanted_step"] = self.chosen.integrator, task.period / self.chosen.steps
-            made["error_bound"] = SAFETY * self.chosen.error
-        self.episodes = Episodes(
-            task,
-            copies,
-            integrator=integrator,
-            step=step,
-            damping_every=damping_every,
-            sparse=sparse,
-            goals=goals,
-            max_episode_steps=max_episode_steps,
-            error=error,
-            arguments={
-                name: value
-                for name, value in arguments(self.task_type, options).items()
-                if name not in ("body", "scene")  # what they are made of is compared
-            },
-            **made,
-        )
+            self.chosen = chosen_for(task, copies, tolerance, settings)
+            settings = settings._replace(integrator=self.chosen.integrator)
+            pace = task.period / self.chosen.steps
+            self.episodes = Episodes(task, copies, settings, given, pace, SAFETY * self.chosen.error)
         if self.episodes.goals is not None:
             self.compute_reward = self.episodes.goals.compute_reward
 
@@ -123,7 +90,7 @@ class _Common(Stateful):
 
     @spec.setter
     def spec(self, spec: EnvSpec | None) -> None:
-        self._spec = None if spec is None else replace(spec, kwargs=_written(spec.kwargs))
+        self._spec = None if spec is None else replace(spec, kwargs=plain(spec.kwargs))
 
     def _check_ready(self, call: str) -> None:
         if self.episodes.unready:
@@ -152,85 +119,134 @@ class _Common(Stateful):
             raise ValueError(f"action has shape {given.shape}; it must be {shape}")
         return given
 
-    def _picture(self, renderer: Renderer, copy: int) -> np.ndarray | None:
-        task, (_, s) = self.episodes.task, self.episodes.seen_of(copy)
-        if not self.episodes.diverged[copy]:
-            renderer.camera = renderer.camera.keeping(task.framed(s), renderer.size)
-        return renderer.draw(task.points(s), self.episodes.marks(copy))
+    def _draw(self) -> tuple[Any, ...]:
+        """Draw a picture of every copy."""
+        task, episodes = self.episodes.task, self.episodes
+        if not self._canvases:
+            mode: Any = self.render_mode
+            self._canvases = [
+                Renderer(task.look(), task.camera(), task.scenery(), mode=mode, fps=frame_rate(task))
+                for _ in range(episodes.copies)
+            ]
+            self._show_new(range(episodes.copies))
+        pictures = []
+        for n, canvas in enumerate(self._canvases):
+            _, s = episodes.seen_of(n)
+            if not episodes.diverged[n]:
+                canvas.camera = canvas.camera.keeping(task.framed(s), canvas.size)
+            pictures.append(canvas.draw(task.points(s), episodes.marks(n)))
+        return tuple(pictures)
 
-    def _restart(self, renderer: Renderer, copy: int) -> None:
-        """Show the new episode of a copy."""
-        renderer.reset()
-        renderer.follow(self.episodes.particles[0][copy])
-        renderer.camera = self.episodes.task.camera()
+    def _show_new(self, copies: Iterable[int]) -> None:
+        """Restart the pictures of some copies, whose traces begin where these are now."""
+        for n in copies if self._canvases else ():
+            self._canvases[n].reset()
+            self._canvases[n].follow(self.episodes.particles[0][n])
+            self._canvases[n].camera = self.episodes.task.camera()
 
-    def _renderer(self, mode: Any, copy: int) -> Renderer:
-        """Return a renderer whose trace begins where a copy is now."""
-        task = self.episodes.task
-        renderer = Renderer(task.look(), task.camera(), task.scenery(), mode=mode, fps=frame_rate(task))
-        self._restart(renderer, copy)
-        return renderer
-
-
-class _OneCopy(_Common):
-    """What environments of one copy have in common: how they draw it, and what their state holds."""
-
-    render_mode: str | None
-    _canvas: Renderer | None
-    _np_random: np.random.Generator | None
-    _np_random_seed: int | None
-
-    def _draw(self) -> np.ndarray | None:
-        if self._canvas is None:
-            self._canvas = self._renderer(self.render_mode, 0)
-        return self._picture(self._canvas, 0)
-
-    def _draw_start(self) -> None:
-        """Restart the picture with an episode, and draw it if the mode is "human"."""
-        if self._canvas is not None:
-            self._restart(self._canvas, 0)
+    def _show_step(self) -> None:
+        """Add the state to the pictures after a control period."""
+        for canvas, positions in zip(self._canvases, self.episodes.particles[0], strict=False):
+            canvas.follow(positions)
         if self.render_mode == "human":
             self._draw()
 
-    def _draw_step(self) -> None:
-        """Add the state to the picture after a control period, and draw it if the mode is "human"."""
-        if self._canvas is not None:
-            self._canvas.follow(self.episodes.particles[0][0])
-        if self.render_mode == "human":
-            self._draw()
-
-    def _state(self, generator: np.random.Generator, seed: int | None, **more: Any) -> dict[str, Any]:
-        """Return the full state, with clock and random generator."""
-        return sealed(
-            {
-                "episodes": self.episodes.state(),
-                "rng": generator.bit_generator.state,
-                "seed": seed,
-                "ready": not self.episodes.unready,
-                **more,
-            }
-        )
-
-    def _set_state(self, state: Mapping[str, Any]) -> None:
-        """Check all of a state of the right keys, then set it."""
-        check_sealed(state)
-        self.episodes.restore(state["episodes"])
-        self._np_random, self._np_random_seed = _restored(state["rng"]), state["seed"]
-        self.episodes.unready = "" if state["ready"] else NOT_BEGUN
-        if self._canvas is not None:
-            self._restart(self._canvas, 0)
-
-    def close(self) -> None:
-        if self._canvas is not None:
-            self._canvas.close()
-            self._canvas = None
+    def close_extras(self, **kwargs: object) -> None:
+        for canvas in self._canvases:
+            canvas.close()
+        self._canvases = []
 
     @guarded
     def __getstate__(self) -> dict[str, Any]:
-        return {**vars(self), "_canvas": None}  # pictures do not travel
+        return {**vars(self), "_canvases": []}  # pictures do not travel
 
 
-class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
+class SingleEnv(_Common):
+    """An environment of one copy, of one agent or several: its state, its generator, and how it is drawn."""
+
+    also_stored: ClassVar[tuple[str, ...]] = ()
+    """names of lists that are part of the state, too"""
+    _np_random: np.random.Generator | None = None
+    _np_random_seed: int | None = None
+
+    @property
+    def np_random(self) -> np.random.Generator:
+        """Return the random generator; it is seeded at random before the first reset."""
+        if self._np_random is None:
+            self._np_random, self._np_random_seed = seeding.np_random(None)
+        return self._np_random
+
+    @np_random.setter
+    def np_random(self, generator: np.random.Generator) -> None:
+        self._np_random = instance("np_random", generator, np.random.Generator)
+        self._np_random_seed = -1
+
+    @property
+    def np_random_seed(self) -> Any:
+        """Return the seed of `np_random`; −1 if the generator was set and not seeded."""
+        return self._np_random_seed if self.np_random else None
+
+    def _begin(self, seed: object, options: Mapping[str, Any] | None) -> None:
+        """Begin an episode. If this raises an error, nothing changes, not even the random generator."""
+        given = _seed("seed", seed)
+        rng, known = (self.np_random, self._np_random_seed) if given is None else seeding.np_random(given)
+        self.episodes.begin(np.array([0]), [rng], options)
+        self._np_random, self._np_random_seed = rng, known
+        self._show_new([0])
+        if self.render_mode == "human":
+            self._draw()
+
+    @guarded
+    def render(self) -> np.ndarray | None:
+        if self.render_mode is None:
+            gym.logger.warn(
+                "render() draws nothing without a render mode: "
+                'make the environment with render_mode="rgb_array"'
+            )
+            return None
+        self._check_ready("render")
+        return self._draw()[0]
+
+    @guarded
+    def get_state(self) -> dict[str, Any]:
+        """Return the full state, with clock and random generator, for `set_state`."""
+        return sealed(
+            {
+                "episodes": self.episodes.state(),
+                "rng": self.np_random.bit_generator.state,
+                "seed": self.np_random_seed,
+                "ready": not self.episodes.unready,
+                **{name: list(getattr(self, name)) for name in self.also_stored},
+            }
+        )
+
+    @guarded
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Set a state, to the bit. The same actions then have the same results.
+
+        Wrappers do not change: the time limit that `gymnasium.make` adds continues to count from where it
+        was. `springgym.set_state` sets it, too.
+
+        Raises
+        ------
+        ValueError
+            If the state was edited, or belongs to an environment that differs in more than its time limit;
+            the message says how. Nothing changes then.
+        """
+        _check_keys(state, (*OF_ONE, *self.also_stored))
+        check_sealed(state)
+        self.episodes.restore(state["episodes"])
+        self._np_random, self._np_random_seed = _restored(state["rng"]), state["seed"]
+        for name in self.also_stored:
+            setattr(self, name, list(state[name]))
+        self.episodes.unready = "" if state["ready"] else NOT_BEGUN
+        self._show_new([0])
+
+    def close(self) -> None:
+        self.close_extras()
+
+
+class SpringEnv(SingleEnv, gym.Env[np.ndarray, np.ndarray]):
     """A single environment.
 
     A concrete class has `gymnasium.Env` among its own bases, because some libraries look for it there.
@@ -284,7 +300,6 @@ class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
         self.metadata = type(self).metadata | {"render_fps": frame_rate(task)}
         self.observation_space = self.episodes.observation_space  # type: ignore[assignment]
         self.action_space = task.action_space
-        self._canvas: Renderer | None = None
 
     @guarded
     def reset(
@@ -299,14 +314,7 @@ class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
         options
             The task's reset options.
         """
-        before = self._np_random, self._np_random_seed
-        try:
-            super().reset(seed=_seed("seed", seed))
-            self.episodes.begin(np.array([0]), [self.np_random], options)
-        except BaseException:
-            self._np_random, self._np_random_seed = before
-            raise
-        self._draw_start()
+        self._begin(seed, options)
         begun = self._seen(self.episodes.observe()), self._info()
         self.episodes.unready = ""
         return begun
@@ -315,7 +323,7 @@ class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
     def step(self, action: object) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         checked = self._checked(action, self.action_space.shape)
         result, seen = self.episodes.step(checked[None])
-        self._draw_step()
+        self._show_step()
         seen, info = self._seen(self.episodes.observe(seen)), self._info()
         self.episodes.unready = ""
         return seen, result.reward.item(), result.terminated.item(), result.truncated.item(), info
@@ -325,39 +333,6 @@ class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
 
     def _info(self) -> dict[str, Any]:
         return _plain(self.episodes.info_arrays())
-
-    @guarded
-    def render(self) -> np.ndarray | None:
-        if self.render_mode is None:
-            gym.logger.warn(
-                "render() draws nothing without a render mode: "
-                f'make the environment with gym.make("{self.spec.id if self.spec else ""}", '
-                'render_mode="rgb_array")'
-            )
-            return None
-        self._check_ready("render")
-        return self._draw()
-
-    @guarded
-    def get_state(self) -> dict[str, Any]:
-        """Return the full state, with clock and random generator, for `set_state`."""
-        return self._state(self.np_random, self.np_random_seed)
-
-    @guarded
-    def set_state(self, state: Mapping[str, Any]) -> None:
-        """Set a state, to the bit. The same actions then have the same results.
-
-        Wrappers do not change: the time limit that `gymnasium.make` adds continues to count from where it
-        was. `springgym.set_state` sets it, too.
-
-        Raises
-        ------
-        ValueError
-            If the state was edited, or belongs to an environment that differs in more than its time limit;
-            the message says how. Nothing changes then.
-        """
-        _check_keys(state, OF_ONE)
-        self._set_state(state)
 
 
 class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
@@ -415,7 +390,6 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         self._generators: list[np.random.Generator] = []
         self._seeds: list[int] = []
         self._ended = np.zeros(num_envs, bool)
-        self._canvases: list[Renderer] = []
 
     @guarded
     def reset(
@@ -462,8 +436,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         result, seen = episodes.step(checked)
         reward, terminated, truncated = result
         begun = None
-        for canvas, positions in zip(self._canvases, episodes.particles[0], strict=False):
-            canvas.follow(positions)
+        self._show_step()
         if mode is AutoresetMode.NEXT_STEP and np.count_nonzero(self._ended):
             begun = self._begin(self._ended)
             for values in result:
@@ -492,10 +465,6 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         begun = self.episodes.begin(copies, [self._generators[n] for n in copies], None)
         self._show_new(copies)
         return begun
-
-    def _show_new(self, copies: np.ndarray) -> None:
-        for n in copies if self._canvases else ():
-            self._restart(self._canvases[n], n)
 
     def _given_seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
         if isinstance(seed, np.ndarray) and seed.ndim:
@@ -526,14 +495,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         if self.render_mode is None:
             raise ValueError('make the batch with render_mode="rgb_array" to draw it')
         self._check_ready("render")
-        if not self._canvases:
-            self._canvases = [self._renderer(self.render_mode, n) for n in range(self.num_envs)]
-        return tuple(self._picture(canvas, n) for n, canvas in enumerate(self._canvases))
-
-    def close_extras(self, **kwargs: object) -> None:
-        for canvas in self._canvases:
-            canvas.close()
-        self._canvases = []
+        return self._draw()
 
     @property  # type: ignore[override]
     def np_random(self) -> tuple[np.random.Generator, ...]:
@@ -643,10 +605,6 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         if self.episodes.unready and len(own) < self.num_envs:
             raise ValueError(f"copies leaves out some, and {self.episodes.unready}: reset or set all copies")
 
-    @guarded
-    def __getstate__(self) -> dict[str, Any]:
-        return {**vars(self), "_canvases": []}  # pictures do not travel
-
 
 # --- States, through wrappers -------------------------------------------------------------------------
 
@@ -699,7 +657,7 @@ def set_state(env: Any, state: Mapping[str, Any], copies: ArrayLike | None = Non
         If it is not an environment of springgym, or if it is a loop of Gymnasium's over several; or if
         copies are named, and it is not a native batch.
     ValueError
-        If the state does not fit this environment, see `SpringEnv.set_state`, or there are no such copies.
+        If the state does not fit this environment, see `SingleEnv.set_state`, or there are no such copies.
         Nothing changes then.
     """
     own = _own(env)
@@ -800,18 +758,3 @@ def _add(infos: dict[str, Any], values: Mapping[str, Any], mask: np.ndarray) -> 
 def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
     """Return the same of a single copy, as plain Python numbers."""
     return {k: _plain(v) if isinstance(v, dict) else v.item() for k, v in values.items()}
-
-
-def _written(value: object) -> Any:
-    """Write an argument in the words and numbers of JSON; leave what JSON has no word for."""
-    if isinstance(value, Mapping):
-        return {str(key): _written(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_written(item) for item in value]
-    if isinstance(value, np.dtype) or (isinstance(value, type) and issubclass(value, (np.generic, float))):
-        return np.dtype(value).name
-    if isinstance(value, (np.ndarray, np.generic)):
-        return value.tolist()
-    if isinstance(value, PathLike):
-        return str(value)
-    return _written(value.value) if isinstance(value, Enum) else value

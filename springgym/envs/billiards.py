@@ -102,7 +102,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
             observation[c, 8 + axis] = s.goal[c, STROKES + axis]
 
 
-class SpringBilliards(PlacedAtOnce):
+class SpringBilliards(PlacedAtOnce, kernels=(evaluate, compact, move)):
     """Define the MDP of `SpringBilliardsEnv`, which describes it."""
 
     actions: ClassVar = {"stroke": 2}
@@ -120,9 +120,7 @@ class SpringBilliards(PlacedAtOnce):
     period = PERIOD
     finest = PERIOD / 40
     checks_starts = False
-    evaluate = staticmethod(evaluate)
-    compact = staticmethod(compact)
-    move = staticmethod(move)
+    limits = np.full(2, FORCE)
 
     def __init__(self, observation: Observation = "particles", action: Literal["stroke"] = "stroke") -> None:
         super().__init__(observation, action)
@@ -165,13 +163,6 @@ class SpringBilliards(PlacedAtOnce):
 
     def starts(self, drawn: np.ndarray) -> Start:
         return at_rest(drawn[:, :6].reshape(-1, 2, 3), drawn[:, 6:])
-
-    @property
-    def limits(self) -> np.ndarray:
-        return np.full(2, FORCE)
-
-    def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
-        return {}
 
     def respond(self, m: Measures, s: Situation) -> dict[str, np.ndarray]:
         """Return the stroke, while it is left, and the force of the net on a ball in the pocket."""

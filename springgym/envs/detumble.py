@@ -76,15 +76,13 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
             observation[c, 3 + axis] = in_body(m, c, m.angular_momentum[c], axis)
 
 
-class SpringDetumble(Task):
+class SpringDetumble(Task, kernels=(evaluate, compact)):
     """Define the MDP of `SpringDetumbleEnv`, which describes it."""
 
     actions: ClassVar = {"torque": 3, "thrusters": len(THRUSTERS)}
     terms = ("slow", "still")
     metrics = ("speed",)
     entries = (Entry("angular_velocity", 3, TURNING_UNIT), Entry("angular_momentum", 3))
-    evaluate = staticmethod(evaluate)
-    compact = staticmethod(compact)
 
     def __init__(
         self,
@@ -104,6 +102,7 @@ class SpringDetumble(Task):
         along = np.array([direction for _, direction in THRUSTERS], float)
         self._thrust = along @ axes(self.body.positions, self.body.markers)
         """directions of the thrusters in the body's triad, (thrusters, 3)"""
+        self.limits = np.full(len(THRUSTERS), IMPULSE) if action == "thrusters" else np.full(3, TORQUE)
 
     @cached_property
     def scene(self) -> Scene:
@@ -141,10 +140,6 @@ class SpringDetumble(Task):
         omega = turn @ (speed / np.linalg.norm(axis) * axis)
         positions = factors["scale"] * self._shape @ turn.T
         return Start(positions, cross(omega, positions))
-
-    @property
-    def limits(self) -> np.ndarray:
-        return np.full(len(THRUSTERS), IMPULSE) if self.action == "thrusters" else np.full(3, TORQUE)
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
         if self.action == "thrusters":

@@ -175,7 +175,7 @@ OPPONENTS: dict[str, Opponent] = {
 """Scripted opponents."""
 
 
-class SpringDuel(PlacedAtOnce):
+class SpringDuel(PlacedAtOnce, kernels=(evaluate, compact)):
     """Define the MDP of `SpringDuelEnv`, which describes it."""
 
     actions: ClassVar = {"push": 2}
@@ -187,8 +187,10 @@ class SpringDuel(PlacedAtOnce):
     hold = 1
     wins = True
     checks_starts = False
-    evaluate = staticmethod(evaluate)
-    compact = staticmethod(compact)
+    parameters = np.array([float(FIRST)])
+    others = np.array([float(SECOND)])
+    """`parameters` for the second player"""
+    limits = np.full(2, FORCE)
 
     def __init__(
         self,
@@ -205,15 +207,6 @@ class SpringDuel(PlacedAtOnce):
         self.body: Body = top(RING, RADIUS, HEIGHT, MASS, STIFFNESS, damping=30.0)
         self._shape = stretched_shapes(self.body, (0, 0, 1), SPINS[1])
         self._tip = self.body.particle("tip")
-
-    @property
-    def parameters(self) -> np.ndarray:
-        return np.array([float(FIRST)])
-
-    @property
-    def others(self) -> np.ndarray:
-        """Return `parameters` for the second player."""
-        return np.array([float(SECOND)])
 
     @cached_property
     def scene(self) -> Scene:
@@ -269,10 +262,6 @@ class SpringDuel(PlacedAtOnce):
         x = poses[:, None, 5:] + arms
         return Start(x.reshape(len(drawn), -1, 3), v.reshape(len(drawn), -1, 3))
 
-    @property
-    def limits(self) -> np.ndarray:
-        return np.full(2, FORCE)
-
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
         return {"first.thrust": FORCE * level(action)[:, None]}
 
@@ -284,16 +273,11 @@ class SpringDuel(PlacedAtOnce):
 
     def particles_of_second(self, rows: np.ndarray, s: Situation) -> np.ndarray:
         """Return the second player's observations of particles (n, D)."""
-        own = observing.columns(self.particles)
-        count = len(self.body.masses)
-        turned = np.where(own.entries[:, 1] < 2, -1.0, 1.0)
-        entries = own.entries.copy()
-        entries[:, 0] = (entries[:, 0] + count) % (2 * count)
-        columns = own._replace(
-            entries=entries, per_metre=turned * own.per_metre, per_speed=turned * own.per_speed
-        )
-        seen = np.empty((len(rows), 2 * len(entries)), np.float32)
-        observing.observe_particles(rows, s, columns, ~np.isfinite(rows).all(axis=1), seen)
+        half, count = np.array([-1.0, -1.0, 1.0]), len(self.body.masses)
+        turned = s._replace(x=half * np.roll(s.x, count, axis=1), v=half * np.roll(s.v, count, axis=1))
+        seen = np.empty((len(rows), self.observation_size), np.float32)
+        lost = ~np.isfinite(rows).all(axis=1)
+        observing.observe_particles(rows, turned, observing.columns(self.particles), lost, seen)
         return seen
 
     def respond(self, m: Measures, s: Situation) -> dict[str, np.ndarray]:

@@ -11,7 +11,6 @@ import numpy as np
 from gymnasium import spaces
 from numba.extending import is_jitted
 from numpy.random import Generator
-from numpy.typing import DTypeLike
 
 from springgym import checks, measures, stability
 from springgym.bodies import Body
@@ -23,7 +22,7 @@ from springgym.envs.error import StepError
 from springgym.envs.goals import Goals, reach
 from springgym.envs.goals import bound as bound_goals
 from springgym.envs.observation import Situation
-from springgym.envs.options import mapping
+from springgym.envs.options import Settings, mapping
 from springgym.envs.randomisation import NOMINAL, RANDOMIZABLE
 from springgym.envs.task import FAILED, MET, Task
 from springgym.identity import check_same, check_sealed, sealed
@@ -110,48 +109,35 @@ class Episodes:
         self,
         task: Task,
         copies: int,
-        *,
-        integrator: str | None,
-        step: float | None,
-        damping_every: int | None,
-        dynamics: str,
-        dtype: DTypeLike,
-        threads: int,
-        randomize: Mapping[str, Sequence[float]] | None,
-        sparse: bool = False,
-        goals: bool = False,
-        max_episode_steps: int | None,
-        error: bool = False,
+        settings: Settings,
+        arguments: Mapping[str, Any] | None = None,
         wanted_step: float | None = None,
         error_bound: float | None = None,
-        arguments: Mapping[str, Any] | None = None,
     ) -> None:
         self.task = task
         self.copies = copies
         self.parameters = task.parameters
         self.unready = NOT_BEGUN
         """why the copies must be reset before they are stepped; empty if they need not"""
-        self.max_episode_steps = _checked_limit(max_episode_steps)
-        if checks.flag("sparse", sparse) and not task.has_aim:
+        self.max_episode_steps = _checked_limit(settings.max_episode_steps)
+        sparse = checks.flag("sparse", settings.sparse)
+        if sparse and not task.has_aim:
             raise ValueError(
                 "sparse is True, and there is no aim to meet; give succeeded, or achieved and aims"
             )
-        self.goals = _goals_of(task, sparse) if checks.flag("goals", goals) else None
+        self.goals = _goals_of(task, sparse) if checks.flag("goals", settings.goals) else None
         """of observations that tell goals apart; None of others"""
-        kind = DYNAMICS[chosen("dynamics", dynamics, DYNAMICS)]
-        self.ranges = randomisation.checked_ranges(randomize, dynamics)
+        kind = DYNAMICS[chosen("dynamics", settings.dynamics, DYNAMICS)]
+        self.ranges = randomisation.checked_ranges(settings.randomize, settings.dynamics)
         scene = task.scene
         made: dict[str, Any] = {
-            "dynamics": dynamics,
-            "integrator": integrator,
+            **{name: getattr(settings, name) for name in ("dynamics", "integrator", "dtype", "threads")},
             "copies": copies,
-            "dtype": dtype,
-            "threads": threads,
             "varying": randomisation.varying(self.ranges, scene),
         }
-        step, every = self._step_settings(scene, kind, integrator, step, wanted_step, damping_every)
+        step, every = self._step_settings(scene, kind, settings, wanted_step)
         self.simulator = Simulator(scene, step=step, damping_every=every, **made)
-        self.error = StepError(self.simulator, **made) if checks.flag("error", error) else None
+        self.error = StepError(self.simulator, **made) if checks.flag("error", settings.error) else None
         self.steps = steps_in(task.period, self.simulator.step)
         if self.steps % every:
             raise ValueError(
@@ -191,21 +177,15 @@ class Episodes:
         self._of = {
             "task": type(task).__name__,
             **(arguments or {}),
-            "sparse": bool(sparse),
-            "goals": bool(goals),
+            "sparse": sparse,
+            "goals": self.goals is not None,
             "randomize": {name: list(reach) for name, reach in self.ranges.items()},
         }
         """what a state belongs to, beside what the simulator was made of"""
         self._use_kernels()
 
     def _step_settings(
-        self,
-        scene: Scene,
-        kind: Dynamics,
-        integrator: str | None,
-        step: float | None,
-        wanted: float | None,
-        every: int | None,
+        self, scene: Scene, kind: Dynamics, settings: Settings, wanted: float | None
     ) -> tuple[float, int]:
         """Return the step, and after how many dampers act: given, automatic, or about as long as ``wanted``.
 
@@ -216,6 +196,7 @@ class Episodes:
         ValueError
             If a given one is unstable for that body, or more than `MOST_STEPS` make a control period.
         """
+        step, every, integrator = settings.step, settings.damping_every, settings.integrator
         if integrator is not None:
             instance("integrator", integrator, str)
         period = self.task.period

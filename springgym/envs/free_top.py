@@ -75,7 +75,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
             observation[c, 9 + axis] = m.centre_velocity[c, axis] / WAY_UNIT
 
 
-class SpringFreeTop(PlacedAtOnce):
+class SpringFreeTop(PlacedAtOnce, kernels=(evaluate, compact)):
     """Define the MDP of `SpringFreeTopEnv`, which describes it."""
 
     actions: ClassVar = {"push": 3}
@@ -90,8 +90,6 @@ class SpringFreeTop(PlacedAtOnce):
     )
     damping_every = 2
     hold = 100
-    evaluate = staticmethod(evaluate)
-    compact = staticmethod(compact)
 
     def __init__(
         self,
@@ -115,6 +113,7 @@ class SpringFreeTop(PlacedAtOnce):
         self._others = np.delete(np.arange(len(self.body.masses)), self._tip)
         self._shape = stretched_shapes(self.body, (0, 0, 1), WANTED + BAND)
         self._strength, self._reach = scales(self.contact, self.body)
+        self.limits = np.array([FORCE, FORCE, self.torque])
 
     @cached_property
     def scene(self) -> Scene:
@@ -166,10 +165,6 @@ class SpringFreeTop(PlacedAtOnce):
         if self.surface == "bowl":
             away, height = above_bowl(BOWL, away, height)
         return away * math.cos(bearing), away * math.sin(bearing), height
-
-    @property
-    def limits(self) -> np.ndarray:
-        return np.array([FORCE, FORCE, self.torque])
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
         push, twist = FORCE * action, self.torque * action

@@ -34,7 +34,7 @@ TORQUE = 20.0  # [N·m]
 IMPULSE = 0.8  # largest component a control period [N·s]: 20 N·m at the arm of the head
 CLOSE, CALM = 0.1, 0.3  # to its target, and turning across itself, for success [rad], [rad/s]
 USUAL = 35.0  # spin [rad/s]
-SPIN_UNIT = 20.0  # what the compact observation shows as 1, from `USUAL`, unless the sign varies [rad/s]
+SPIN = Entry("spin", 1, 20.0, about=USUAL)  # [rad/s]
 FASTEST = 100.0  # spin an episode can be asked to start with [rad/s]
 
 
@@ -75,23 +75,15 @@ def achieve(m: Measures, s: Situation, achieved: np.ndarray, desired: np.ndarray
             achieved[c, 3 + axis], desired[c, 3 + axis] = m.angular_velocity[c, axis] - spin * n, 0.0
 
 
-class SpringGyroscope(Task):
+class SpringGyroscope(Task, kernels=(evaluate, compact, achieve)):
     """Define the MDP of `SpringGyroscopeEnv`, which describes it."""
 
     actions: ClassVar = {"torque": 3, "impulse": 3}
     terms = ("aligned", "calm")
     metrics = ("angle", "spin", "precession")
-    entries: tuple[Entry, ...] = (
-        Entry("axis", 3),
-        Entry("across", 3),
-        Entry("spin", 1, SPIN_UNIT, about=USUAL),
-        Entry("target", 3),
-    )
+    entries: tuple[Entry, ...] = (Entry("axis", 3), Entry("across", 3), SPIN, Entry("target", 3))
     goal_size = 3
-    evaluate = staticmethod(evaluate)
-    compact = staticmethod(compact)
     aims = (Aim("axis", 3, 2 * math.sin(CLOSE / 2)), Aim("across", 3, CALM))
-    achieve = staticmethod(achieve)
 
     def __init__(
         self,
@@ -102,12 +94,13 @@ class SpringGyroscope(Task):
     ) -> None:
         super().__init__(observation, action)
         self.hard = flag("hard", hard)
-        if self.hard:  # of either sign
-            either = Entry("spin", 1, USUAL)
-            self.entries = tuple(either if entry.name == "spin" else entry for entry in self.entries)
+        spin = Entry("spin", 1, USUAL) if self.hard else SPIN  # of either sign, or about the usual one
+        self.entries = tuple(spin if entry is SPIN else entry for entry in self.entries)
+        self.parameters = np.array([spin.about, spin.unit])
         self.body = made(gyroscope, body)
         self.checks_starts = body is not None
         self._shape = stretched_shapes(self.body, (0, 0, 1), FASTEST, self.body.parts["centre"])
+        self.limits = np.full(3, IMPULSE if action == "impulse" else TORQUE)
 
     @cached_property
     def scene(self) -> Scene:
@@ -142,16 +135,6 @@ class SpringGyroscope(Task):
         positions = factors["scale"] * self._shape(spin * softer) @ turn.T
         centre = positions[self.body.particle("centre")]
         return Start(positions, cross(spin * axis, positions - centre), target.tolist())
-
-    @property
-    def parameters(self) -> np.ndarray:
-        """Return the spin that the compact observation shows as 0, and the unit [rad/s]."""
-        (spin,) = (entry for entry in self.entries if entry.name == "spin")
-        return np.array([spin.about, spin.unit])
-
-    @property
-    def limits(self) -> np.ndarray:
-        return np.full(3, IMPULSE if self.action == "impulse" else TORQUE)
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
         if self.action == "impulse":

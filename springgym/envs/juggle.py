@@ -129,7 +129,7 @@ def ball_entries(which: str) -> tuple[Entry, ...]:
     )
 
 
-class SpringJuggle(PlacedAtOnce):
+class SpringJuggle(PlacedAtOnce, kernels=(evaluate, compact)):
     """Define the MDP of `SpringJuggleEnv`, which describes it."""
 
     actions: ClassVar = {"wrench": 5}
@@ -148,8 +148,7 @@ class SpringJuggle(PlacedAtOnce):
     damping_every = 2
     hold = 100
     checks_starts = False
-    evaluate = staticmethod(evaluate)
-    compact = staticmethod(compact)
+    limits = np.array([FORCE] * 3 + [TORQUE] * 2)
 
     def __init__(
         self,
@@ -211,10 +210,6 @@ class SpringJuggle(PlacedAtOnce):
         placed = [balls[:, n, 0] + self.ball.positions for n in range(self.balls)]
         thrown = [balls[:, n, 1] + np.zeros_like(self.ball.positions) for n in range(self.balls)]
         return Start(np.hstack([paddle, *placed]), np.hstack([np.zeros_like(paddle), *thrown]), drawn[:, :1])
-
-    @property
-    def limits(self) -> np.ndarray:
-        return np.array([FORCE] * 3 + [TORQUE] * 2)
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
         driven = self.limits * action

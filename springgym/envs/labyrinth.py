@@ -209,7 +209,7 @@ def turned(angles: np.ndarray) -> np.ndarray:
     return np.array([[a, 0.0, p], [-p * q, b, a * q], [-p * b, -q, a * b]])
 
 
-class SpringLabyrinth(PlacedAtOnce):
+class SpringLabyrinth(PlacedAtOnce, kernels=(evaluate, compact, move)):
     """Define the MDP of `SpringLabyrinthEnv`, which describes it."""
 
     actions: ClassVar = {"tilt": 2}
@@ -227,9 +227,6 @@ class SpringLabyrinth(PlacedAtOnce):
     goal_size = PASSED + 1
     hold = 25
     checks_starts = False
-    evaluate = staticmethod(evaluate)
-    compact = staticmethod(compact)
-    move = staticmethod(move)
 
     def __init__(
         self, observation: Observation = "particles", action: Literal["tilt"] = "tilt", hard: bool = False
@@ -237,6 +234,8 @@ class SpringLabyrinth(PlacedAtOnce):
         super().__init__(observation, action)
         self.rate, self.hole = (SLOW_RATE, WIDE_HOLE) if flag("hard", hard) else (RATE, HOLE)
         self.ball: Body = rolling_ball(RADIUS, MASS, stiffness=3e4, damping=3.0)
+        self.parameters = np.array([self.rate, self.hole])
+        self.limits = np.full(2, self.rate)
 
     @cached_property
     def scene(self) -> Scene:
@@ -273,17 +272,6 @@ class SpringLabyrinth(PlacedAtOnce):
         goal[:, :LEANING] = np.hstack([points, holes]).reshape(len(drawn), -1)
         place = np.hstack([points[:, 0], drawn[:, -2:-1]])[:, None]
         return at_rest(drawn[:, -1:, None] * self.ball.positions + place, goal)
-
-    @property
-    def limits(self) -> np.ndarray:
-        return np.full(2, self.rate)
-
-    @property
-    def parameters(self) -> np.ndarray:
-        return np.array([self.rate, self.hole])
-
-    def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
-        return {}
 
     def respond(self, m: Measures, s: Situation) -> dict[str, np.ndarray]:
         """Return the weight along the board, which leans as in the middle of the period.

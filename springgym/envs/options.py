@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
+from enum import Enum
 from os import PathLike
-from typing import Any, Literal, TypedDict
+from typing import Any, Literal, NamedTuple, TypedDict
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
@@ -16,6 +17,22 @@ from springgym.bodies import Body
 
 Observation = Literal["particles", "frame"]
 Autoreset = AutoresetMode | Literal["NextStep", "SameStep", "Disabled"]
+
+
+class Settings(NamedTuple):
+    """How episodes are simulated, rewarded and ended, see `springgym.envs.base.SpringEnv`."""
+
+    integrator: str | None = None
+    step: float | None = None
+    damping_every: int | None = None
+    dynamics: str = "springs"
+    dtype: DTypeLike = "float64"
+    threads: int = 1
+    randomize: Mapping[str, Sequence[float]] | None = None
+    sparse: bool = False
+    goals: bool = False
+    max_episode_steps: int | None = None
+    error: bool = False
 
 
 class SimulationOptions(TypedDict, total=False):
@@ -65,7 +82,7 @@ def arguments(maker: Callable[..., Any], given: Mapping[str, Any]) -> dict[str, 
     """Return all arguments of a call by name, defaults included, as plain data; functions become names."""
     bound = inspect.signature(maker).bind(**given)
     bound.apply_defaults()
-    return {name: _plain(value) for name, value in bound.arguments.items()}
+    return {name: plain(value, names=True) for name, value in bound.arguments.items()}
 
 
 def refuse_unknown(what: str, given: Mapping[str, Any], *takers: Callable[..., Any]) -> None:
@@ -85,18 +102,26 @@ def refuse_unknown(what: str, given: Mapping[str, Any], *takers: Callable[..., A
             raise TypeError(f"{what} has no argument {name!r}{checks.suggestion(name, dict.fromkeys(known))}")
 
 
-def _plain(value: object) -> object:
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
+def plain(value: object, names: bool = False) -> Any:
+    """Write an argument in the words and numbers of JSON.
+
+    What JSON has no word for is left as it is or, with ``names``, becomes the name of the function or type.
+    """
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain(item, names) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item, names) for item in value]
+    if isinstance(value, np.dtype) or (isinstance(value, type) and issubclass(value, (np.generic, float))):
+        return np.dtype(value).name
     if isinstance(value, (np.ndarray, np.generic)):
         return value.tolist()
-    if value is None or isinstance(value, (bool, int, float, str)):
-        return value
     if isinstance(value, PathLike):
         return str(value)
-    return getattr(value, "__qualname__", type(value).__qualname__)
+    if isinstance(value, Enum):
+        return plain(value.value, names)
+    if names and value is not None and not isinstance(value, (bool, int, float, str)):
+        return getattr(value, "__qualname__", type(value).__qualname__)
+    return value
 
 
 def made(maker: Callable[..., Body], body: Mapping[str, Any] | None, **usual: object) -> Body:

@@ -61,7 +61,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
         observation[c, 6] = spin / TURNING_UNIT
 
 
-class SpringPendulum(Task):
+class SpringPendulum(Task, kernels=(evaluate, compact)):
     """Define the MDP of `SpringPendulumEnv`, which describes it."""
 
     actions: ClassVar = {"torque": 3, "impulse": 3}
@@ -70,8 +70,6 @@ class SpringPendulum(Task):
     entries = (Entry("axis", 3), Entry("across", 3, TURNING_UNIT), Entry("spin", 1, TURNING_UNIT))
     period = 0.04
     hold = 25
-    evaluate = staticmethod(evaluate)
-    compact = staticmethod(compact)
 
     def __init__(
         self,
@@ -85,6 +83,7 @@ class SpringPendulum(Task):
         self.body = made(cube, body)
         self.checks_starts = body is not None
         self._shape = self.body.positions - self.body.positions[0]
+        self.limits = np.full(3, IMPULSE if action == "impulse" else TORQUE)
 
     @cached_property
     def scene(self) -> Scene:
@@ -115,10 +114,6 @@ class SpringPendulum(Task):
             self.body, tilt=tilt, azimuth=azimuth, roll=roll, pinned=(0,), stretched=False
         ).positions
         return Start(factors["scale"] * placed, np.zeros_like(placed))
-
-    @property
-    def limits(self) -> np.ndarray:
-        return np.full(3, IMPULSE if self.action == "impulse" else TORQUE)
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
         if self.action == "impulse":

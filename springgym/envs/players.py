@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any, ClassVar, Literal, Unpack
 
-import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
-from gymnasium.utils import seeding
 
-from springgym.checks import chosen, instance, whole
-from springgym.envs.base import OF_ONE, SpringEnv, _check_keys, _OneCopy, _plain, _seed, frame_rate
+from springgym.checks import chosen, whole
+from springgym.envs.base import SingleEnv, SpringEnv, _plain, frame_rate
 from springgym.envs.duel import FIRST, SECOND, SpringDuel
 from springgym.envs.options import Observation, SimulationOptions, mapping
 from springgym.envs.task import MET
 from springgym.extras import missing
 from springgym.guard import guarded
 from springgym.registration import register
-from springgym.rendering import Renderer
 
 try:
     from pettingzoo import ParallelEnv
@@ -46,7 +42,7 @@ class ParallelOptions(PlayerOptions, total=False):
     max_episode_steps: int
 
 
-class ParallelDuel(_OneCopy, ParallelEnv):
+class ParallelDuel(SingleEnv, ParallelEnv):
     """SpringDuel for two agents, which act at the same time and end together.
 
     Each agent observes the duel as the agent of `springgym.envs.duel.SpringDuelEnv` does: its own top comes
@@ -64,6 +60,7 @@ class ParallelDuel(_OneCopy, ParallelEnv):
     """
 
     task_type = SpringDuel
+    also_stored = ("agents",)
     metadata: ClassVar[dict[str, Any]] = {
         **SpringEnv.metadata,
         "name": "SpringDuel-v0",
@@ -92,10 +89,7 @@ class ParallelDuel(_OneCopy, ParallelEnv):
         self.observation_spaces = dict.fromkeys(AGENTS, task.observation_space)
         self.action_spaces = dict.fromkeys(AGENTS, task.action_space)
         self._answered = np.zeros((1, *task.action_space.shape))
-        self._np_random: np.random.Generator | None = None
-        self._np_random_seed: int | None = None
         self.state_space = task.observation_space
-        self._canvas: Renderer | None = None
 
     @property
     def task(self) -> SpringDuel:
@@ -118,16 +112,9 @@ class ParallelDuel(_OneCopy, ParallelEnv):
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, np.ndarray], dict[str, dict[str, Any]]]:
         """Start a new episode. Options that the duel does not have are ignored, as PettingZoo requires."""
-        given = _seed("seed", seed)
         options = {} if options is None else dict(mapping("options", options))
-        options = {name: value for name, value in options.items() if name in OPTIONS}
-        generator, known = self.np_random, self._np_random_seed
-        if given is not None:
-            generator, known = seeding.np_random(given)
-        self.episodes.begin(np.array([0]), [generator], options)
-        self._np_random, self._np_random_seed = generator, known
+        self._begin(seed, {name: value for name, value in options.items() if name in OPTIONS})
         self.agents = list(AGENTS)
-        self._draw_start()
         begun = self._seen(), self._infos(self._outcomes())
         self.episodes.unready = ""
         return begun
@@ -161,7 +148,7 @@ class ParallelDuel(_OneCopy, ParallelEnv):
         rewards = {AGENTS[n]: float(out[n, :terms].sum()) for n in (FIRST, SECOND)}
         ended, cut = bool(result.terminated[0]), bool(result.truncated[0])
         terminations, truncations = dict.fromkeys(AGENTS, ended), dict.fromkeys(AGENTS, cut)
-        self._draw_step()
+        self._show_step()
         seen, infos = self._seen(), self._infos(out)
         if ended or cut:
             self.agents = []
@@ -178,40 +165,6 @@ class ParallelDuel(_OneCopy, ParallelEnv):
         """
         self._check_ready("state")
         return self.episodes.observe()[0]
-
-    @property
-    def np_random(self) -> np.random.Generator:
-        """Return the random generator; it is seeded at random before the first reset."""
-        if self._np_random is None:
-            self._np_random, self._np_random_seed = seeding.np_random(None)
-        return self._np_random
-
-    @np_random.setter
-    def np_random(self, generator: np.random.Generator) -> None:
-        self._np_random = instance("np_random", generator, np.random.Generator)
-        self._np_random_seed = -1
-
-    @property
-    def np_random_seed(self) -> int | None:
-        """Return the seed of `np_random`; −1 if the generator was set and not seeded."""
-        return self._np_random_seed if self.np_random else None
-
-    @guarded
-    def get_state(self) -> dict[str, Any]:
-        return self._state(self.np_random, self.np_random_seed, agents=list(self.agents))
-
-    @guarded
-    def set_state(self, state: Mapping[str, Any]) -> None:
-        """Set a state, to the bit. The same actions then have the same results.
-
-        Raises
-        ------
-        ValueError
-            If the state does not fit this environment. Nothing changes then.
-        """
-        _check_keys(state, (*OF_ONE, "agents"))
-        self._set_state(state)
-        self.agents = list(state["agents"])
 
     def _seen(self) -> dict[str, np.ndarray]:
         m, situation, rows = self.episodes.seen
@@ -244,14 +197,6 @@ class ParallelDuel(_OneCopy, ParallelEnv):
             | dict(zip(self.task.reported, out[n, :MET].tolist(), strict=True))
             for n, name in enumerate(AGENTS)
         }
-
-    @guarded
-    def render(self) -> np.ndarray | None:
-        if self.render_mode is None:
-            gym.logger.warn("render() draws nothing without a render mode")
-            return None
-        self._check_ready("render")
-        return self._draw()
 
 
 def registered(*, max_cycles: int | None = None, **options: Any) -> ParallelDuel:

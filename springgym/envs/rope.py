@@ -71,7 +71,7 @@ def achieve(m: Measures, s: Situation, achieved: np.ndarray, desired: np.ndarray
             achieved[c, 2 + axis], desired[c, 2 + axis] = s.v[c, load, axis], 0.0
 
 
-class SpringRope(Task):
+class SpringRope(Task, kernels=(evaluate, compact, achieve)):
     """Define the MDP of `SpringRopeEnv`, which describes it."""
 
     actions: ClassVar = {"trolley": 2}
@@ -86,10 +86,8 @@ class SpringRope(Task):
     goal_size = 3
     period = 0.05
     hold = 20
-    evaluate = staticmethod(evaluate)
-    compact = staticmethod(compact)
     aims = (Aim("place", 2, CLOSE), Aim("velocity", 2, SLOW))
-    achieve = staticmethod(achieve)
+    limits = np.full(2, ACCELERATION)
 
     def __init__(
         self,
@@ -140,10 +138,6 @@ class SpringRope(Task):
         omega = rate * np.array([math.cos(turning), math.sin(turning), 0.0])
         goal = (distance * math.cos(bearing), distance * math.sin(bearing), 0.0)
         return Start(positions, cross(omega, positions), goal)
-
-    @property
-    def limits(self) -> np.ndarray:
-        return np.full(2, ACCELERATION)
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
         return {"acceleration": ACCELERATION * level(action)}

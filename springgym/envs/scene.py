@@ -277,12 +277,13 @@ class SceneTask(Task):
     ) -> None:
         super().__init__("particles" if observe is None else "own", "actuators")
         scene = _loaded(scene) if isinstance(scene, (str, Path)) else instance("scene", scene, Scene)
-        self._reward = _function("reward", reward, "m", "s")
-        self._observe, self._metrics = _given("observe", observe), _given("metrics", metrics)
-        self._conditions = (
-            ("met", "succeeded", _given("succeeded", succeeded)),
-            ("failed", "failed", _given("failed", failed)),
-        )
+        given = {"reward": reward, "observe": observe, "metrics": metrics, "succeeded": succeeded}
+        given |= {"failed": failed, "achieved": achieved, "move": move, "remember": remember, "marks": marks}
+        self._functions = {
+            name: _function(name, function, "m", "s")
+            for name, function in given.items()
+            if name == "reward" or function is not None
+        }
         self.hold = checks.whole("hold", hold, 1)  # type: ignore[misc]
         self.wins = checks.flag("wins", wins)  # type: ignore[misc]
         self.period = checks.number("period", period, TINY)  # type: ignore[misc]
@@ -292,6 +293,8 @@ class SceneTask(Task):
         }
         self._scene = _with_actuators(scene, self._actuators)
         self._thrusters = {name: _thrusters(self._scene, name) for name in self._actuators}
+        each = (np.tile(most[most > 0], self._thrusters[name]) for name, most in self._actuators.items())
+        self.limits = np.concatenate([*each])
         self.actions = {"actuators": len(self.limits)}  # type: ignore[misc]
         self._extent = _extent(scene)
         fastest = float(np.linalg.norm(scene.velocities, axis=1).max())
@@ -305,7 +308,6 @@ class SceneTask(Task):
         self._reset_options = () if start is None else _defaulted(start)
         self._goal = np.zeros(0) if start is None else self._start_state(np.random.default_rng(0), {})[2]
         self.goal_size = len(self._goal)  # type: ignore[misc]
-        self._achieved = _given("achieved", achieved)
         self.aims = _checked_aims(aims, self.goal_size)  # type: ignore[misc]
         if (achieved is None) != (not self.aims):
             raise ValueError(
@@ -318,7 +320,6 @@ class SceneTask(Task):
             self._goals = Goals(self.aims)
         self.memory = checks.array("memory", memory, (None,)).tolist()  # type: ignore[misc]
         self.has_aim = achieved is not None or succeeded is not None  # type: ignore[misc]
-        self._move, self._remember = _given("move", move), _given("remember", remember)
         if move is not None:
             if not self.goal_size:
                 raise ValueError("move is given, but there is no goal to move; start must return one")
@@ -330,16 +331,12 @@ class SceneTask(Task):
             )
         if remember is not None:
             self.remember = self._remembered  # type: ignore[misc]
-        for name, value, kind in (
-            ("look", look, Look),
-            ("camera", camera, Camera),
-            ("scenery", scenery, Scenery),
-        ):
-            instance(name, value, kind, type(None))
+        instance("look", look, Look, type(None))
+        instance("camera", camera, Camera, type(None))
+        instance("scenery", scenery, Scenery, type(None))
         if look is not None and look.particles > len(scene.masses):
             raise ValueError(f"look draws {look.particles} particles; the scene has {len(scene.masses)}")
         self._look, self._camera, self._scenery = look, camera, scenery
-        self._marks = _given("marks", marks)
 
     @property
     def scene(self) -> Scene:
@@ -352,11 +349,6 @@ class SceneTask(Task):
         held = set(scene.pins) - {own.start + placed.drive.particle for placed, own in each if placed.drive}
         moving = tuple(i for i in range(count) if i not in held)
         return ObservedParticles(moving, np.full(count, self._scales[0]), np.full(count, self._scales[1]))
-
-    @property
-    def limits(self) -> np.ndarray:
-        each = (np.tile(most[most > 0], self._thrusters[name]) for name, most in self._actuators.items())
-        return np.concatenate([*each])
 
     def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
         if self._start is None:
@@ -406,8 +398,8 @@ class SceneTask(Task):
             self.terms = tuple(self._rewards(m, s))  # type: ignore[misc]
             self.metrics = tuple(self._metrics_now(m, s))  # type: ignore[misc]
             self._met_and_failed(m, s)
-            if self._observe is not None:
-                self.entries = (Entry("own", self._seen(m, s, (copies, None)).shape[1]),)
+            if "observe" in self._functions:
+                self.entries = (Entry("own", self._numbers("observe", m, s, (copies, None)).shape[1]),)
 
     def evaluate(self, m: Measures, s: Situation, out: np.ndarray) -> None:
         with _warning_unless_diverged(m):
@@ -422,16 +414,16 @@ class SceneTask(Task):
         self, m: Measures, s: Situation, names: tuple[str, ...] | None = None
     ) -> dict[str, np.ndarray]:
         """Return the terms of the reward."""
-        given = self._reward(self._named(m), s)
+        given = self._functions["reward"](self._named(m), s)
         return _by_name("reward", given if isinstance(given, Mapping) else {"own": given}, m, names)
 
     def _metrics_now(
         self, m: Measures, s: Situation, names: tuple[str, ...] | None = None
     ) -> dict[str, np.ndarray]:
         """Return the metrics."""
-        if self._metrics is None:
+        if "metrics" not in self._functions:
             return {}
-        given = mapping("what metrics gave", self._metrics(self._named(m), s))
+        given = mapping("what metrics gave", self._functions["metrics"](self._named(m), s))
         for name in given:
             if name in RESERVED or str(name).startswith(RESERVED_BEGINNINGS):
                 raise ValueError(
@@ -442,13 +434,11 @@ class SceneTask(Task):
     def _met_and_failed(self, m: Measures, s: Situation) -> dict[str, np.ndarray]:
         """Return whether each copy meets the aim, and whether it fails."""
         copies = len(s.x)
-        found = {
-            field: np.zeros(copies, bool)
-            if judge is None
-            else _of_shape(name, judge(self._named(m), s), (copies,), "b", "bools")
-            for field, name, judge in self._conditions
-        }
-        if self._achieved is not None:
+        found = dict.fromkeys(("met", "failed"), np.zeros(copies, bool))
+        for field, name in (("met", "succeeded"), ("failed", "failed")):
+            if judge := self._functions.get(name):
+                found[field] = _of_shape(name, judge(self._named(m), s), (copies,), "b", "bools")
+        if self.aims:
             achieved, desired = np.empty((2, copies, self.goal_size))
             met = np.zeros(copies)
             self._reached(m, s, achieved, desired)
@@ -458,33 +448,26 @@ class SceneTask(Task):
 
     def _reached(self, m: Measures, s: Situation, achieved: np.ndarray, desired: np.ndarray) -> None:
         """Set goals (n, G): those that are reached now, and those of the episodes."""
-        assert self._achieved is not None
-        with _warning_unless_diverged(m):
-            achieved[:] = _numbers("achieved", self._achieved(self._named(m), s), achieved.shape, m)
+        achieved[:] = self._numbers("achieved", m, s, achieved.shape)
         desired[:] = s.goal
 
     def _moved(self, m: Measures, s: Situation, goal: np.ndarray) -> None:
-        assert self._move is not None
-        with _warning_unless_diverged(m):
-            given = _numbers("move", self._move(self._named(m), s), goal.shape, m)
-        goal[:] = np.where(_not_diverged(m)[:, None], given, goal)
+        goal[:] = np.where(_not_diverged(m)[:, None], self._numbers("move", m, s, goal.shape), goal)
 
     def _remembered(self, m: Measures, s: Situation, memory: np.ndarray) -> None:
-        assert self._remember is not None
-        with _warning_unless_diverged(m):
-            given = _numbers("remember", self._remember(self._named(m), s), memory.shape, m)
+        given = self._numbers("remember", m, s, memory.shape)
         memory[:] = np.where(_not_diverged(m)[:, None], given, memory)
 
     def compact(self, m: Measures, s: Situation, observation: np.ndarray) -> None:
-        observation[:] = np.clip(self._seen(m, s, observation.shape), -BOUND, BOUND)
+        observation[:] = np.clip(self._numbers("observe", m, s, observation.shape), -BOUND, BOUND)
 
     def _named(self, m: Measures) -> MeasuresOfBodies:
         return MeasuresOfBodies(m, [placed.name for placed in self._scene.bodies], self._scene.number)
 
-    def _seen(self, m: Measures, s: Situation, shape: tuple[int | None, ...]) -> np.ndarray:
-        assert self._observe is not None
+    def _numbers(self, name: str, m: Measures, s: Situation, shape: tuple[int | None, ...]) -> np.ndarray:
+        """Return the numbers that a user's function gives, checked."""
         with _warning_unless_diverged(m):
-            return _numbers("observe", self._observe(self._named(m), s), shape, m)
+            return _numbers(name, self._functions[name](self._named(m), s), shape, m)
 
     def look(self) -> Look:
         return film.look(self._scene) if self._look is None else self._look
@@ -499,9 +482,9 @@ class SceneTask(Task):
         return super().scenery() if self._scenery is None else self._scenery
 
     def marks(self, m: Measures, s: Situation) -> Marks:
-        if self._marks is None:
+        if "marks" not in self._functions:
             return Marks(arrows=self._acting(self._named(m), s), key=((RED, ", ".join(self._actuators)),))
-        given: Marks = instance("what marks gave", self._marks(self._named(m), s), Marks)
+        given: Marks = instance("what marks gave", self._functions["marks"](self._named(m), s), Marks)
         for kind, names in POINTS.items():
             for n, mark in enumerate(getattr(given, kind)):
                 for name, point in zip(names, mark, strict=False):
@@ -551,11 +534,6 @@ def _function(name: str, value: object, *takes: str) -> Callable[..., Any]:
             f"{name} takes {signature}; it must be called as {name}({', '.join(takes)})"
         ) from None
     return value
-
-
-def _given(name: str, value: object) -> Callable[..., Any] | None:
-    """Return a function of measures and situation, or None."""
-    return None if value is None else _function(name, value, "m", "s")
 
 
 def _defaulted(function: Callable[..., Any]) -> tuple[str, ...]:

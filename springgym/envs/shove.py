@@ -131,7 +131,7 @@ def achieve(m: Measures, s: Situation, achieved: np.ndarray, desired: np.ndarray
             achieved[c, axis], desired[c, axis] = m.centre[c, BOX, axis], 0.0
 
 
-class SpringShove(PlacedAtOnce):
+class SpringShove(PlacedAtOnce, kernels=(evaluate, compact, achieve)):
     """Define the MDP of `SpringShoveEnv`, which describes it."""
 
     actions: ClassVar = {"push": 2}
@@ -151,10 +151,8 @@ class SpringShove(PlacedAtOnce):
     damping_every = 2
     hold = 12
     checks_starts = False
-    evaluate = staticmethod(evaluate)
-    compact = staticmethod(compact)
     aims = (Aim("place", 2, CLOSE), Aim("heading", 2, 2 * math.sin(ALIGNED / 2)), Aim("speed", 1, SLOW))
-    achieve = staticmethod(achieve)
+    limits = np.full(2, FORCE)
 
     def __init__(
         self,
@@ -215,10 +213,6 @@ class SpringShove(PlacedAtOnce):
         shape = headed(drawn[:, 7:, None] * self.box.positions, drawn[:, 6])
         shape += place - shape.min(axis=1, keepdims=True) * (0.0, 0.0, 1.0)
         return at_rest(np.hstack([pusher + self.pusher.positions, shape]))
-
-    @property
-    def limits(self) -> np.ndarray:
-        return np.full(2, FORCE)
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
         return {"pusher.force": FORCE * level(action)}

@@ -97,7 +97,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
         see_pusher(m, c, observation, 9)
 
 
-class SpringStack(PlacedAtOnce):
+class SpringStack(PlacedAtOnce, kernels=(evaluate, compact)):
     """Define the MDP of `SpringStackEnv`, which describes it."""
 
     actions: ClassVar = {"push": 2}
@@ -118,8 +118,7 @@ class SpringStack(PlacedAtOnce):
     finest = 0.04 / 32
     hold = 12
     checks_starts = False
-    evaluate = staticmethod(evaluate)
-    compact = staticmethod(compact)
+    limits = np.full(2, FORCE)
 
     def __init__(self, observation: Observation = "particles", action: Literal["push"] = "push") -> None:
         super().__init__(observation, action)
@@ -185,10 +184,6 @@ class SpringStack(PlacedAtOnce):
         shelf[:, :, 2] += drawn[:, 9:10] - shelf[:, :, 2].max(axis=1, keepdims=True)
         moved = place + headed(box, drawn[:, 10])
         return at_rest(np.hstack([pusher + self.pusher.positions, moved, block + box, shelf]))
-
-    @property
-    def limits(self) -> np.ndarray:
-        return np.full(2, FORCE)
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
         return {"pusher.force": FORCE * level(action)}

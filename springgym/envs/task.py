@@ -56,7 +56,8 @@ def at_rest(positions: np.ndarray, goal: Sequence[Any] | np.ndarray = ()) -> Sta
 class Task:
     """The MDP of an environment. Subclasses define it, and their instances are immutable.
 
-    A subclass provides these compiled functions, over rows of copies:
+    A subclass is given these compiled functions, as in ``class Own(Task, kernels=(evaluate, compact))``. They
+    act on rows of copies:
 
     - ``evaluate(m, s, out)``: for every copy c, from `Measures` m and the `Situation` s, set ``out[name][c]``
       for each name in `outcome`: the reward's terms, the metrics, whether the aim is met now, and whether the
@@ -83,6 +84,10 @@ class Task:
     """names of the quantities reported in ``info``"""
     entries: tuple[Entry, ...]
     """meaning of the numbers in the compact observation, in order"""
+    limits: np.ndarray
+    """(A,) effect of each entry of an action at 1, in the units that the docstring states"""
+    parameters: np.ndarray = np.zeros(0)
+    """parameters of the task for ``evaluate`` and ``compact``"""
     goal_size: ClassVar[int] = 0
     memory: ClassVar[Sequence[float]] = ()
     """the K numbers of the memory before the first call of ``remember``"""
@@ -114,6 +119,11 @@ class Task:
     """takes m and s of the scene as it is, once, before the first episode: it may find out `terms`, `metrics`
     and `entries`"""
 
+    def __init_subclass__(cls, kernels: Sequence[Callable[..., None]] = ()) -> None:
+        super().__init_subclass__()
+        for kernel in kernels:
+            setattr(cls, kernel.__name__, staticmethod(kernel))
+
     def __init__(self, observation: str = "particles", action: str = "torque") -> None:
         self.observation = chosen("observation", observation, self.observations)
         self.action = chosen("action", action, self.actions)
@@ -128,19 +138,9 @@ class Task:
         """Return the names of all that ``evaluate`` sets: those in ``info``, "met" and "failed"."""
         return (*self.reported, "met", "failed")
 
-    @property
-    def limits(self) -> np.ndarray:
-        """Return the effect of each entry of an action at 1, (A,), in the units that the docstring states."""
-        raise NotImplementedError
-
     def seen(self, observations: np.ndarray) -> dict[str, np.ndarray]:
         """Return the values that compact observations (n, D) encode, by entry, (n, size) in SI units."""
         return values(self.entries, observations)
-
-    @property
-    def parameters(self) -> np.ndarray:
-        """Return the parameters of the task for ``evaluate`` and ``compact``."""
-        return np.zeros(0)
 
     @property
     def scene(self) -> Scene:
@@ -173,7 +173,7 @@ class Task:
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
         """Return the values for `Simulator.actuate` that belong to clipped actions (n, A)."""
-        raise NotImplementedError
+        return {}
 
     def respond(self, m: Measures, s: Situation) -> dict[str, np.ndarray]:
         """Return further values for `Simulator.actuate`, as those of an opponent who sees the state.

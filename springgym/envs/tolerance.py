@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from springgym import checks
 from springgym.checks import TINY
 from springgym.envs.episodes import Episodes
+from springgym.envs.options import Settings
 from springgym.envs.task import Task
 
 EPISODES, PERIODS = 16, 50
@@ -53,9 +54,7 @@ class Choice(NamedTuple):
     """force evaluations in a control period"""
 
 
-def chosen_for(
-    task: Task, copies: int, tolerance: object, integrator: str | None = None, **options: Any
-) -> Choice:
+def chosen_for(task: Task, copies: int, tolerance: object, settings: Settings) -> Choice:
     """Return the cheapest method and number of steps of a task whose errors stay below a tolerance.
 
     Parameters
@@ -64,10 +63,8 @@ def chosen_for(
         The task, and the number of copies. Trials use the same number, so that code is compiled once.
     tolerance
         The largest error of a control period, as a share of the body's size.
-    integrator
-        The method. None tries the default one and those of `HIGHER`.
-    options
-        The other options of `Episodes`.
+    settings
+        Those of the episodes. If they name no method, the default one and those of `HIGHER` are tried.
 
     Raises
     ------
@@ -79,12 +76,16 @@ def chosen_for(
 
     def trial(name: str | None, steps: int | None = None) -> Episodes:
         step = None if steps is None else task.period / steps
-        pace: dict[str, Any] = {"integrator": name, "step": None, "wanted_step": step, "error": True}
-        return Episodes(task, min(copies, EPISODES), max_episode_steps=None, **pace, **options)
+        tried = settings._replace(
+            integrator=name, sparse=False, goals=False, max_episode_steps=None, error=True
+        )
+        return Episodes(task, min(copies, EPISODES), tried, wanted_step=step)
 
-    usual = trial(integrator)
+    usual = trial(settings.integrator)
     found = [fewest_steps(wanted, usual, trial)]
-    if integrator is None and (found[0].error * SAFETY > wanted or found[0].steps > PAYS * usual.steps):
+    if settings.integrator is None and (
+        found[0].error * SAFETY > wanted or found[0].steps > PAYS * usual.steps
+    ):
         for name in HIGHER:
             try:
                 first = trial(name)

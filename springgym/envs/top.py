@@ -71,15 +71,13 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
         observation[c, 6] = (spin - WANTED) / SPIN_UNIT
 
 
-class SpringTop(PlacedAtOnce):
+class SpringTop(PlacedAtOnce, kernels=(evaluate, compact)):
     """Define the MDP of `SpringTopEnv`, which describes it."""
 
     actions: ClassVar = {"torque": 3, "impulse": 3}
     terms = ("upright", "calm", "spin")
     metrics = ("tilt", "spin", "precession")
     entries = (Entry("axis", 3), Entry("across", 3, ACROSS_UNIT), Entry("spin", 1, SPIN_UNIT, about=WANTED))
-    evaluate = staticmethod(evaluate)
-    compact = staticmethod(compact)
 
     def __init__(
         self,
@@ -105,6 +103,8 @@ class SpringTop(PlacedAtOnce):
         slowest = 40.0 if action == "impulse" else 30.0
         self.spins = (20.0 if hard else slowest, 60.0)
         self._shape = stretched_shapes(self.body, (0, 0, 1), FASTEST, self.body.parts["tip"])
+        self.parameters = np.array([action != "impulse"], float)
+        self.limits = np.full(3, self.impulse if action == "impulse" else self.torque)
 
     @cached_property
     def scene(self) -> Scene:
@@ -119,10 +119,6 @@ class SpringTop(PlacedAtOnce):
             wrench=None if impulse else WrenchActuator(perpendicular=True),
             thrust=ThrustActuator((self.upper,)) if impulse else None,
         )
-
-    @property
-    def parameters(self) -> np.ndarray:
-        return np.array([self.action != "impulse"], float)
 
     @cached_property
     def particles(self) -> ObservedParticles:
@@ -140,10 +136,6 @@ class SpringTop(PlacedAtOnce):
 
     def starts(self, drawn: np.ndarray) -> Start:
         return Start(*standing(self._shape, self.body.particle("tip"), drawn))
-
-    @property
-    def limits(self) -> np.ndarray:
-        return np.full(3, self.impulse if self.action == "impulse" else self.torque)
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
         if self.action == "impulse":

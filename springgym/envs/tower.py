@@ -131,7 +131,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
                 observation[c, first + 3 + axis] = m.axis[c, k, axis] / TILT_UNIT
 
 
-class SpringTower(PlacedAtOnce):
+class SpringTower(PlacedAtOnce, kernels=(evaluate, compact, move)):
     """Define the MDP of `SpringTowerEnv`, which describes it."""
 
     actions: ClassVar = {"crane": 4}
@@ -142,9 +142,7 @@ class SpringTower(PlacedAtOnce):
     finest = 0.04 / 16
     hold = 25
     checks_starts = False
-    evaluate = staticmethod(evaluate)
-    compact = staticmethod(compact)
-    move = staticmethod(move)
+    limits = np.array([FORCE, FORCE, FORCE, 1.0])
 
     def __init__(
         self, observation: Observation = "particles", action: Literal["crane"] = "crane", blocks: int = 4
@@ -216,13 +214,6 @@ class SpringTower(PlacedAtOnce):
         poses = drawn[:, 1:].reshape(len(drawn), self.blocks, 1, 4)
         placed = headed(drawn[:, :1, None, None] * self.block.positions, poses[:, :, 0, 3]) + poses[..., :3]
         return at_rest(placed.reshape(len(drawn), -1, 3), np.ones((len(drawn), 1)))
-
-    @property
-    def limits(self) -> np.ndarray:
-        return np.array([FORCE, FORCE, FORCE, 1.0])
-
-    def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
-        return {}
 
     def respond(self, m: Measures, s: Situation) -> dict[str, np.ndarray]:
         """Return the crane's force on the block that it holds, a quarter of it on each upper corner."""

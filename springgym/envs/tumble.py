@@ -125,7 +125,7 @@ def achieve(m: Measures, s: Situation, achieved: np.ndarray, desired: np.ndarray
         achieved[c, 5], desired[c, 5] = fastest(s.v, c), 0.0
 
 
-class SpringTumble(PlacedAtOnce):
+class SpringTumble(PlacedAtOnce, kernels=(evaluate, compact, achieve)):
     """Define the MDP of `SpringTumbleEnv`, which describes it."""
 
     actions: ClassVar = {"wrench": 6, "impulses": 3 * len(CORNERS)}
@@ -143,10 +143,7 @@ class SpringTumble(PlacedAtOnce):
     finest = 0.02 / 30
     hold = 25
     checks_starts = False
-    evaluate = staticmethod(evaluate)
-    compact = staticmethod(compact)
     aims = (Aim("place", 2, CLOSE), Aim("down", 3, math.sqrt(2 - 2 * FLAT)), Aim("speed", 1, SLOW))
-    achieve = staticmethod(achieve)
 
     def __init__(
         self,
@@ -161,6 +158,10 @@ class SpringTumble(PlacedAtOnce):
         self.farthest = 2.0 if hard else 1.2
         self.body: Body = from_points(CORNERS, MASSES, CENTRE_MASS, stiffness=1e5, damping=DAMPING)
         self._shape = self.body.positions - self.body.centre
+        if action == "impulses":
+            self.limits = np.full(3 * len(CORNERS), self.force / len(CORNERS) * self.period)
+        else:
+            self.limits = np.repeat([self.force, self.torque], 3)
 
     @cached_property
     def scene(self) -> Scene:
@@ -195,12 +196,6 @@ class SpringTumble(PlacedAtOnce):
         turn, omega, scale = drawn[:, :9].reshape(-1, 3, 3), drawn[:, None, 9:12], drawn[:, 12:13, None]
         arm = scale * self._shape @ turn.swapaxes(1, 2)
         return Start(arm + drawn[:, None, 13:16], cross(omega, arm), drawn[:, 16:])
-
-    @property
-    def limits(self) -> np.ndarray:
-        if self.action == "impulses":
-            return np.full(3 * len(CORNERS), self.force / len(CORNERS) * self.period)
-        return np.repeat([self.force, self.torque], 3)
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
         if self.action == "impulses":

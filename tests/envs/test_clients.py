@@ -17,7 +17,7 @@ from gymnasium.vector import AutoresetMode
 import springgym
 from springgym.envs.base import frame_rate
 from springgym.envs.task import Task
-from tests.envs.cases import IDS, QUICK, each_id, each_kind, make, make_vec, task_type
+from tests.envs.cases import IDS, QUICK, each_id, each_kind, make, make_vec, started, task_type
 from tests.envs.test_contract import answered
 
 
@@ -36,14 +36,15 @@ def test_a_control_period_is_a_picture(env_id: str) -> None:
 def test_films_play_in_real_time(env_id: str) -> None:
     """The class says how many pictures a second there are, too, for who asks before making one."""
     rate = frame_rate(task_type(env_id))
-    env = make(env_id)
+    env = started(env_id, render_mode="rgb_array", seed=0)
+    env.render()
     for metadata in (
         env.metadata,
         type(env.unwrapped).metadata,
         make_vec(env_id, 2, "native", "NextStep").metadata,
     ):
         assert metadata["render_fps"] == rate
-    assert env.unwrapped._renderer("rgb_array", 0).fps == rate
+    assert env.unwrapped._canvases[0].fps == rate
 
 
 def test_frame_rates() -> None:

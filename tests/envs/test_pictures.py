@@ -91,7 +91,7 @@ def test_first_pictures_hold_all_that_counts_and_little_else(env_id: str) -> Non
         for seed in range(5):
             env.reset(seed=seed)
             np.testing.assert_array_equal(env.render(), env.render())
-            canvas = env._canvases[0] if env is batch else env._canvas
+            canvas = env._canvases[0]
             pixels, _ = canvas.camera.project(
                 env.episodes.task.framed(env.episodes.seen_of(0)[1]), (640, 640)
             )

@@ -20,6 +20,7 @@ from springgym.envs import tolerance
 from springgym.envs.base import SpringEnv, SpringVectorEnv, _Common
 from springgym.envs.episodes import MOST_STEPS
 from springgym.envs.observation import Situation
+from springgym.envs.options import Settings
 from springgym.envs.scene import SceneTask
 from springgym.envs.trained import PUBLISHED
 from springgym.measures import MeasuresOfBodies
@@ -46,7 +47,7 @@ REFUSED = (TypeError, ValueError, gym.error.Error, NotImplementedError)
 def arguments(kind: type[SpringEnv] | type[SpringVectorEnv]) -> list[str]:
     """Names of all the arguments a class takes."""
     found: list[str] = []
-    for function in (kind.__init__, _Common._make, kind.task_type.__init__):
+    for function in (kind.__init__, _Common._make, Settings, kind.task_type.__init__):
         found += [
             p.name
             for p in inspect.signature(function).parameters.values()

@@ -228,7 +228,7 @@ def test_camera_keeps_the_body_in_view() -> None:
     for _ in range(30):
         env.step(np.zeros(3, np.float32))
         env.render()
-        canvas = env.unwrapped._canvas
+        canvas = env.unwrapped._canvases[0]
         pixels, _ = canvas.camera.project(env.unwrapped.episodes.particles[0][0], canvas.size)
         assert (pixels >= 0).all()
         assert (pixels <= canvas.size).all()
@@ -238,7 +238,7 @@ def test_camera_keeps_the_body_in_view() -> None:
     assert 3 < moves < 25
     env.reset(seed=0)
     env.render()
-    assert env.unwrapped._canvas.camera == env.unwrapped.episodes.task.camera()
+    assert env.unwrapped._canvases[0].camera == env.unwrapped.episodes.task.camera()
 
 
 # --- Several bodies ------------------------------------------------------------------------------------

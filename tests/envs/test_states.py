@@ -14,7 +14,7 @@ import pytest
 
 import springgym
 from springgym.bodies import cube
-from springgym.envs.base import SpringEnv, SpringVectorEnv
+from springgym.envs.base import SingleEnv, SpringEnv, SpringVectorEnv
 from springgym.envs.players import ParallelDuel
 from springgym.scene import Scene
 from springgym.simulator import Simulator
@@ -296,7 +296,7 @@ def test_another_thread_is_told_and_does_not_wait(copies: int | None) -> None:
 
 
 def test_every_environment_is_guarded() -> None:
-    for kind in (SpringEnv, SpringVectorEnv, ParallelDuel):
+    for kind in (SingleEnv, SpringEnv, SpringVectorEnv, ParallelDuel):
         for name in {"reset", "step", "render", "get_state", "set_state"} & vars(kind).keys():
             assert hasattr(getattr(kind, name), "__wrapped__"), (kind, name)
 
