@@ -33,16 +33,17 @@ def test_every_environment_declares_what_it_takes():
         module, task = import_module(f"springgym.envs.{row.module}"), task_type(row.id)
         declared = get_type_hints(getattr(module, f"{row.name.removeprefix('Spring')}Options"))
         taken = get_type_hints(task.__init__)
-        del taken["return"]
+        del taken["return"], taken["modes"]
+        assert get_args(declared.pop("action")) == tuple(task.actions), row.id
         assert declared == get_type_hints(options.EnvOptions) | taken, row.id
+        assert set(inspect.signature(task).parameters) == {"observation", "action", *taken}
+        assert get_args(declared["observation"]) == task.observations
 
 
 def test_the_choices_declared_are_those_there_are():
     for env_id in IDS:
         task = task_type(env_id)
         hints = get_type_hints(task.__init__)
-        assert get_args(hints["observation"]) == task.observations, env_id
-        assert get_args(hints["action"]) == tuple(task.actions), env_id
         for name, hint in hints.items():
             for choice in get_args(hint) if name in ("start", "surface") else ():
                 task(**{name: choice})

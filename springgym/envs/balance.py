@@ -18,7 +18,7 @@ from springgym.core.compiling import compiled, kernel
 from springgym.envs.arrows import across, torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
-from springgym.envs.options import Autoreset, EnvOptions, Observation, number
+from springgym.envs.options import Autoreset, EnvOptions, Modes, number
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import angle_of, gaussian, height_above, long_tail, thrift
 from springgym.envs.starts import uniform
@@ -119,14 +119,8 @@ class SpringBalance(PlacedAtOnce, kernels=(evaluate, compact, move)):
     damping_every = 2
     checks_starts = False
 
-    def __init__(
-        self,
-        observation: Observation = "particles",
-        action: Literal["torque"] = "torque",
-        restitution: float = 0.3,
-        hard: bool = False,
-    ) -> None:
-        super().__init__(observation, action)
+    def __init__(self, restitution: float = 0.3, hard: bool = False, **modes: Unpack[Modes]) -> None:
+        super().__init__(**modes)
         self.contact = Contact(friction=FRICTION, restitution=restitution, strength=STRENGTH, reach=REACH)
         self.torque, self.rate = (WEAK_TORQUE, HARD_RATE) if flag("hard", hard) else (TORQUE, RATE)
         self.plate: Body = top(6, RADIUS, HEIGHT, PLATE_MASS, stiffness=1.6e4, damping=5.0)

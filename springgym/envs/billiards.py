@@ -16,7 +16,7 @@ from springgym.bodies import Body, ball
 from springgym.core.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
-from springgym.envs.options import Autoreset, EnvOptions, Observation, number
+from springgym.envs.options import Autoreset, EnvOptions, Modes, number
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import gaussian, thrift
 from springgym.envs.starts import uniform
@@ -122,8 +122,8 @@ class SpringBilliards(PlacedAtOnce, kernels=(evaluate, compact, move)):
     checks_starts = False
     limits = np.full(2, FORCE)
 
-    def __init__(self, observation: Observation = "particles", action: Literal["stroke"] = "stroke") -> None:
-        super().__init__(observation, action)
+    def __init__(self, **modes: Unpack[Modes]) -> None:
+        super().__init__(**modes)
         self.ball: Body = ball(RADIUS, MASS)
 
     @cached_property

@@ -18,7 +18,7 @@ from springgym.core.kinds import Vector
 from springgym.envs.arrows import torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
-from springgym.envs.options import Autoreset, EnvOptions, Observation, made, number
+from springgym.envs.options import Autoreset, BodyOptions, EnvOptions, Modes, made, number
 from springgym.envs.rewards import gaussian, thrift
 from springgym.envs.starts import any_rotation, direction, principal_axes
 from springgym.envs.task import Start, Task
@@ -86,13 +86,12 @@ class SpringDetumble(Task, kernels=(evaluate, compact)):
 
     def __init__(
         self,
-        observation: Observation = "particles",
-        action: Literal["torque", "thrusters"] = "torque",
         start: Literal["tumbling", "flat"] = "tumbling",
         momentum: bool = True,
-        body: Mapping[str, Any] | None = None,
+        body: BodyOptions = None,
+        **modes: Unpack[Modes],
     ) -> None:
-        super().__init__(observation, action)
+        super().__init__(**modes)
         self.momentum = flag("momentum", momentum)
         self.starts = chosen("start", start, ("tumbling", "flat"))
         self.body: Body = made(box, body, sides=SIDES, mass=MASSES, stiffness=1e5, damping=20.0)
@@ -102,7 +101,7 @@ class SpringDetumble(Task, kernels=(evaluate, compact)):
         along = np.array([direction for _, direction in THRUSTERS], float)
         self._thrust = along @ axes(self.body.positions, self.body.markers)
         """directions of the thrusters in the body's triad, (thrusters, 3)"""
-        self.limits = np.full(len(THRUSTERS), IMPULSE) if action == "thrusters" else np.full(3, TORQUE)
+        self.limits = np.full(len(THRUSTERS), IMPULSE) if self.action == "thrusters" else np.full(3, TORQUE)
 
     @cached_property
     def scene(self) -> Scene:
@@ -182,7 +181,7 @@ class DetumbleOptions(EnvOptions, total=False):
     action: Literal["torque", "thrusters"]
     start: Literal["tumbling", "flat"]
     momentum: bool
-    body: Mapping[str, Any] | None
+    body: BodyOptions
 
 
 class SpringDetumbleEnv(SpringEnv, gym.Env):

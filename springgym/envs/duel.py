@@ -18,7 +18,7 @@ from springgym.core.compiling import compiled, kernel
 from springgym.envs import observation as observing
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import BOUND, Entry, ObservedParticles, Situation, values
-from springgym.envs.options import Autoreset, EnvOptions, Observation, number
+from springgym.envs.options import Autoreset, EnvOptions, Modes, number
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import angle_of, gaussian, thrift
 from springgym.envs.starts import above_bowl, standing, uniform, varied_top
@@ -194,11 +194,10 @@ class SpringDuel(PlacedAtOnce, kernels=(evaluate, compact)):
 
     def __init__(
         self,
-        observation: Observation = "particles",
-        action: Literal["push"] = "push",
         opponent: Literal["still", "guard", "script", "strong"] | Opponent = "script",
+        **modes: Unpack[Modes],
     ) -> None:
-        super().__init__(observation, action)
+        super().__init__(**modes)
         if not callable(opponent) or isinstance(opponent, type):
             if not isinstance(opponent, str):
                 raise TypeError(f"opponent is {shown(opponent)}; it must be a name or a function")

@@ -17,7 +17,7 @@ from springgym.core.compiling import kernel
 from springgym.envs.arrows import torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
-from springgym.envs.options import Autoreset, EnvOptions, Observation, made, number
+from springgym.envs.options import Autoreset, BodyOptions, EnvOptions, Modes, made, number
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import angle_of, gaussian, spinning, thrift
 from springgym.envs.starts import above_bowl, standing, uniform, varied_top
@@ -93,14 +93,13 @@ class SpringFreeTop(PlacedAtOnce, kernels=(evaluate, compact)):
 
     def __init__(
         self,
-        observation: Observation = "particles",
-        action: Literal["push"] = "push",
         surface: Literal["floor", "bowl"] = "floor",
         friction: float = 0.02,
         hard: bool = False,
-        body: Mapping[str, Any] | None = None,
+        body: BodyOptions = None,
+        **modes: Unpack[Modes],
     ) -> None:
-        super().__init__(observation, action)
+        super().__init__(**modes)
         self.surface = chosen("surface", surface, ("floor", "bowl"))
         self.contact = Contact(friction=friction, restitution=0.5)
         self.steepest, self.farthest, self.spins = (
@@ -204,7 +203,7 @@ class FreeTopOptions(EnvOptions, total=False):
     surface: Literal["floor", "bowl"]
     friction: float
     hard: bool
-    body: Mapping[str, Any] | None
+    body: BodyOptions
 
 
 class SpringFreeTopEnv(SpringEnv, gym.Env):

@@ -20,7 +20,7 @@ from springgym.envs.arrows import across, torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.goals import Aim
 from springgym.envs.observation import Entry, ObservedParticles, Situation
-from springgym.envs.options import Autoreset, EnvOptions, Observation, made, number
+from springgym.envs.options import Autoreset, BodyOptions, EnvOptions, Modes, made, number
 from springgym.envs.rewards import angle_between, angle_of, gaussian, long_tail, spinning, thrift
 from springgym.envs.starts import direction, tilted, uniform
 from springgym.envs.task import Start, Task
@@ -85,14 +85,8 @@ class SpringGyroscope(Task, kernels=(evaluate, compact, achieve)):
     goal_size = 3
     aims = (Aim("axis", 3, 2 * math.sin(CLOSE / 2)), Aim("across", 3, CALM))
 
-    def __init__(
-        self,
-        observation: Observation = "particles",
-        action: Literal["torque", "impulse"] = "torque",
-        hard: bool = False,
-        body: Mapping[str, Any] | None = None,
-    ) -> None:
-        super().__init__(observation, action)
+    def __init__(self, hard: bool = False, body: BodyOptions = None, **modes: Unpack[Modes]) -> None:
+        super().__init__(**modes)
         self.hard = flag("hard", hard)
         spin = Entry("spin", 1, USUAL) if self.hard else SPIN  # of either sign, or about the usual one
         self.entries = tuple(spin if entry is SPIN else entry for entry in self.entries)
@@ -100,7 +94,7 @@ class SpringGyroscope(Task, kernels=(evaluate, compact, achieve)):
         self.body = made(gyroscope, body)
         self.checks_starts = body is not None
         self._shape = stretched_shapes(self.body, (0, 0, 1), FASTEST, self.body.parts["centre"])
-        self.limits = np.full(3, IMPULSE if action == "impulse" else TORQUE)
+        self.limits = np.full(3, IMPULSE if self.action == "impulse" else TORQUE)
 
     @cached_property
     def scene(self) -> Scene:
@@ -179,7 +173,7 @@ class GyroscopeOptions(EnvOptions, total=False):
 
     action: Literal["torque", "impulse"]
     hard: bool
-    body: Mapping[str, Any] | None
+    body: BodyOptions
 
 
 class SpringGyroscopeEnv(SpringEnv, gym.Env):

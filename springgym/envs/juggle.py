@@ -17,7 +17,7 @@ from springgym.core.compiling import compiled, kernel
 from springgym.envs.arrows import across, torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
-from springgym.envs.options import Autoreset, EnvOptions, Observation, number
+from springgym.envs.options import Autoreset, EnvOptions, Modes, number
 from springgym.envs.rewards import angle_of, gaussian, height_above, long_tail, thrift
 from springgym.envs.starts import uniform
 from springgym.envs.task import PlacedAtOnce, Start, level
@@ -151,14 +151,9 @@ class SpringJuggle(PlacedAtOnce, kernels=(evaluate, compact)):
     limits = np.array([FORCE] * 3 + [TORQUE] * 2)
 
     def __init__(
-        self,
-        observation: Observation = "particles",
-        action: Literal["wrench"] = "wrench",
-        restitution: float = 0.95,
-        balls: int = 1,
-        hard: bool = False,
+        self, restitution: float = 0.95, balls: int = 1, hard: bool = False, **modes: Unpack[Modes]
     ) -> None:
-        super().__init__(observation, action)
+        super().__init__(**modes)
         self.balls = whole("balls", balls, 1, 2)
         self.columns = [column_of.py_func(self.balls, BALL + n) for n in range(self.balls)]
         """where each ball is to bounce: x of its vertical [m]"""

@@ -17,7 +17,7 @@ from springgym.checks import flag
 from springgym.core.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
-from springgym.envs.options import Autoreset, EnvOptions, Observation
+from springgym.envs.options import Autoreset, EnvOptions, Modes
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import gaussian, thrift
 from springgym.envs.task import PlacedAtOnce, Start, at_rest
@@ -228,10 +228,8 @@ class SpringLabyrinth(PlacedAtOnce, kernels=(evaluate, compact, move)):
     hold = 25
     checks_starts = False
 
-    def __init__(
-        self, observation: Observation = "particles", action: Literal["tilt"] = "tilt", hard: bool = False
-    ) -> None:
-        super().__init__(observation, action)
+    def __init__(self, hard: bool = False, **modes: Unpack[Modes]) -> None:
+        super().__init__(**modes)
         self.rate, self.hole = (SLOW_RATE, WIDE_HOLE) if flag("hard", hard) else (RATE, HOLE)
         self.ball: Body = rolling_ball(RADIUS, MASS, stiffness=3e4, damping=3.0)
         self.parameters = np.array([self.rate, self.hole])

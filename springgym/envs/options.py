@@ -19,6 +19,17 @@ Observation = Literal["particles", "frame"]
 Autoreset = AutoresetMode | Literal["NextStep", "SameStep", "Disabled"]
 
 
+BodyOptions = Mapping[str, Any] | None
+"""Arguments of the function that makes a body, in place of a task's own; None for the usual body."""
+
+
+class Modes(TypedDict, total=False):
+    """What an environment observes, and what its actions are: names out of those that its task has."""
+
+    observation: str
+    action: str
+
+
 class Settings(NamedTuple):
     """How episodes are simulated, rewarded and ended, see `springgym.envs.base.SpringEnv`."""
 
@@ -124,7 +135,7 @@ def plain(value: object, names: bool = False) -> Any:
     return value
 
 
-def made(maker: Callable[..., Body], body: Mapping[str, Any] | None, **usual: object) -> Body:
+def made(maker: Callable[..., Body], body: BodyOptions, **usual: object) -> Body:
     """Make a body with its default arguments, of which the user's ``body`` replaces some.
 
     Keys that are numbers may be strings, as in JSON.

@@ -17,7 +17,7 @@ from springgym.core.compiling import kernel
 from springgym.envs.arrows import across, torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
-from springgym.envs.options import Autoreset, EnvOptions, Observation, made, number
+from springgym.envs.options import Autoreset, BodyOptions, EnvOptions, Modes, made, number
 from springgym.envs.rewards import angle_of, gaussian, spinning, thrift
 from springgym.envs.starts import uniform
 from springgym.envs.task import Start, Task
@@ -72,18 +72,14 @@ class SpringPendulum(Task, kernels=(evaluate, compact)):
     hold = 25
 
     def __init__(
-        self,
-        observation: Observation = "particles",
-        action: Literal["torque", "impulse"] = "torque",
-        start: Literal["hanging", "mixed"] = "hanging",
-        body: Mapping[str, Any] | None = None,
+        self, start: Literal["hanging", "mixed"] = "hanging", body: BodyOptions = None, **modes: Unpack[Modes]
     ) -> None:
-        super().__init__(observation, action)
+        super().__init__(**modes)
         self.starts = chosen("start", start, ("hanging", "mixed"))
         self.body = made(cube, body)
         self.checks_starts = body is not None
         self._shape = self.body.positions - self.body.positions[0]
-        self.limits = np.full(3, IMPULSE if action == "impulse" else TORQUE)
+        self.limits = np.full(3, IMPULSE if self.action == "impulse" else TORQUE)
 
     @cached_property
     def scene(self) -> Scene:
@@ -156,7 +152,7 @@ class PendulumOptions(EnvOptions, total=False):
 
     action: Literal["torque", "impulse"]
     start: Literal["hanging", "mixed"]
-    body: Mapping[str, Any] | None
+    body: BodyOptions
 
 
 class SpringPendulumEnv(SpringEnv, gym.Env):

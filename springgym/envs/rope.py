@@ -18,7 +18,7 @@ from springgym.core.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.goals import Aim
 from springgym.envs.observation import Entry, ObservedParticles, Situation
-from springgym.envs.options import Autoreset, EnvOptions, Observation, made, number
+from springgym.envs.options import Autoreset, BodyOptions, EnvOptions, Modes, made, number
 from springgym.envs.randomisation import weight_of
 from springgym.envs.rewards import gaussian, long_tail, thrift
 from springgym.envs.starts import tilted, uniform
@@ -91,14 +91,13 @@ class SpringRope(Task, kernels=(evaluate, compact, achieve)):
 
     def __init__(
         self,
-        observation: Observation = "particles",
-        action: Literal["trolley"] = "trolley",
         hard: bool = False,
-        body: Mapping[str, Any] | None = None,
+        body: BodyOptions = None,
         material: str | None = None,
         diameter: float | None = None,
+        **modes: Unpack[Modes],
     ) -> None:
-        super().__init__(observation, action)
+        super().__init__(**modes)
         self.sway, self.rate, self.farthest = (0.6, 0.8, 6.0) if flag("hard", hard) else (0.25, 0.3, 4.0)
         self.checks_starts = body is not None or material is not None
         usual: dict[str, Any] = {"beads": 9, "length": 4.0, "end_mass": 70.0}
@@ -189,7 +188,7 @@ class RopeOptions(EnvOptions, total=False):
 
     action: Literal["trolley"]
     hard: bool
-    body: Mapping[str, Any] | None
+    body: BodyOptions
     material: str | None
     diameter: float | None
 

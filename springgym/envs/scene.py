@@ -275,7 +275,7 @@ class SceneTask(Task):
         scenery: Scenery | None = None,
         marks: MarksFunction | None = None,
     ) -> None:
-        super().__init__("particles" if observe is None else "own", "actuators")
+        super().__init__(observation="particles" if observe is None else "own")
         scene = _loaded(scene) if isinstance(scene, (str, Path)) else instance("scene", scene, Scene)
         given = {"reward": reward, "observe": observe, "metrics": metrics, "succeeded": succeeded}
         given |= {"failed": failed, "achieved": achieved, "move": move, "remember": remember, "marks": marks}

@@ -17,7 +17,7 @@ from springgym.core.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.goals import Aim
 from springgym.envs.observation import Entry, ObservedParticles, Situation
-from springgym.envs.options import Autoreset, EnvOptions, Observation, number
+from springgym.envs.options import Autoreset, EnvOptions, Modes, number
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import gaussian, long_tail, thrift
 from springgym.envs.starts import headed, uniform
@@ -154,14 +154,8 @@ class SpringShove(PlacedAtOnce, kernels=(evaluate, compact, achieve)):
     aims = (Aim("place", 2, CLOSE), Aim("heading", 2, 2 * math.sin(ALIGNED / 2)), Aim("speed", 1, SLOW))
     limits = np.full(2, FORCE)
 
-    def __init__(
-        self,
-        observation: Observation = "particles",
-        action: Literal["push"] = "push",
-        friction: float = 0.4,
-        hard: bool = False,
-    ) -> None:
-        super().__init__(observation, action)
+    def __init__(self, friction: float = 0.4, hard: bool = False, **modes: Unpack[Modes]) -> None:
+        super().__init__(**modes)
         self.contact = Contact(friction=friction, restitution=0.3, strength=STRENGTH, reach=REACH)
         self.turned, self.farthest = (math.pi, 1.2) if flag("hard", hard) else (1.0, 0.8)
         self.box: Body = box(SIDES, MASS, stiffness=1.8e4, damping=5.0)

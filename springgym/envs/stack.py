@@ -16,7 +16,7 @@ from springgym.bodies import Body, box, rolling_ball
 from springgym.core.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
-from springgym.envs.options import Autoreset, EnvOptions, Observation, number
+from springgym.envs.options import Autoreset, EnvOptions, Modes, number
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.shove import (
     BOX,
@@ -120,8 +120,8 @@ class SpringStack(PlacedAtOnce, kernels=(evaluate, compact)):
     checks_starts = False
     limits = np.full(2, FORCE)
 
-    def __init__(self, observation: Observation = "particles", action: Literal["push"] = "push") -> None:
-        super().__init__(observation, action)
+    def __init__(self, **modes: Unpack[Modes]) -> None:
+        super().__init__(**modes)
         self.box: Body = box(SIDES, MASS, stiffness=1.8e4, damping=5.0)
         self.shelf: Body = box(SHELF_SIDES, 8.0, stiffness=1.8e4, damping=5.0)
         self.pusher = rolling_ball(RADIUS, MASS, stiffness=1.8e4, damping=5.0)

@@ -8,10 +8,11 @@ once.
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Unpack
 
 import numpy as np
 from gymnasium import spaces
@@ -20,10 +21,13 @@ from numpy.random import Generator
 from springgym.checks import chosen
 from springgym.envs.goals import Aim
 from springgym.envs.observation import BOUND, Entry, ObservedParticles, Situation, values
+from springgym.envs.options import Modes
 from springgym.measures import Measures
 from springgym.rendering import Camera, Look, Marks, Scenery
 from springgym.scene import Scene
 from springgym.scenes import film
+
+KEYWORD = inspect.Parameter.KEYWORD_ONLY
 
 MET, FAILED = -2, -1
 """Columns of an outcome that are not reported: whether the aim is met now, and whether the episode has
@@ -123,10 +127,17 @@ class Task:
         super().__init_subclass__()
         for kernel in kernels:
             setattr(cls, kernel.__name__, staticmethod(kernel))
+        own = dict(inspect.signature(cls.__init__).parameters)
+        if own.pop("modes", None) and hasattr(cls, "actions"):  # the signature names all arguments
+            usual = {"observation": cls.observations[0], "action": next(iter(cls.actions))}
+            modes = (inspect.Parameter(name, KEYWORD, default=default) for name, default in usual.items())
+            cls.__signature__ = inspect.Signature([*[*own.values()][1:], *modes])  # type: ignore[attr-defined]
 
-    def __init__(self, observation: str = "particles", action: str = "torque") -> None:
-        self.observation = chosen("observation", observation, self.observations)
-        self.action = chosen("action", action, self.actions)
+    def __init__(self, **modes: Unpack[Modes]) -> None:
+        self.observation = chosen("observation", modes.pop("observation", "particles"), self.observations)
+        self.action = chosen("action", modes.pop("action", next(iter(self.actions))), self.actions)
+        if modes:
+            raise TypeError(f"{type(self).__name__} has no argument {next(iter(modes))!r}")
 
     @cached_property
     def reported(self) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ from springgym.core.compiling import compiled, kernel
 from springgym.envs.arrows import across, torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
-from springgym.envs.options import Autoreset, EnvOptions, Observation, made, number
+from springgym.envs.options import Autoreset, BodyOptions, EnvOptions, Modes, made, number
 from springgym.envs.rewards import angle_of, long_tail, spinning, thrift
 from springgym.envs.starts import standing, uniform, varied_top
 from springgym.envs.task import PlacedAtOnce, Start
@@ -79,14 +79,8 @@ class SpringTop(PlacedAtOnce, kernels=(evaluate, compact)):
     metrics = ("tilt", "spin", "precession")
     entries = (Entry("axis", 3), Entry("across", 3, ACROSS_UNIT), Entry("spin", 1, SPIN_UNIT, about=WANTED))
 
-    def __init__(
-        self,
-        observation: Observation = "particles",
-        action: Literal["torque", "impulse"] = "torque",
-        hard: bool = False,
-        body: Mapping[str, Any] | None = None,
-    ) -> None:
-        super().__init__(observation, action)
+    def __init__(self, hard: bool = False, body: BodyOptions = None, **modes: Unpack[Modes]) -> None:
+        super().__init__(**modes)
         hard = flag("hard", hard)
         solid = isinstance(body, Mapping) and "material" in body
         self.body: Body = made(solid_top, body, **SOLID) if solid else made(top, body)
@@ -100,11 +94,11 @@ class SpringTop(PlacedAtOnce, kernels=(evaluate, compact)):
         self.impulse = heavier * IMPULSE / (float(self.body.positions[self.upper, 2]) if solid else 1.0)
         self._across = self.torque * np.array([1.0, 1.0, 0.0])
         self._along = self.torque * np.array([0.0, 0.0, 1.0])
-        slowest = 40.0 if action == "impulse" else 30.0
+        slowest = 40.0 if self.action == "impulse" else 30.0
         self.spins = (20.0 if hard else slowest, 60.0)
         self._shape = stretched_shapes(self.body, (0, 0, 1), FASTEST, self.body.parts["tip"])
-        self.parameters = np.array([action != "impulse"], float)
-        self.limits = np.full(3, self.impulse if action == "impulse" else self.torque)
+        self.parameters = np.array([self.action != "impulse"], float)
+        self.limits = np.full(3, self.impulse if self.action == "impulse" else self.torque)
 
     @cached_property
     def scene(self) -> Scene:
@@ -173,7 +167,7 @@ class TopOptions(EnvOptions, total=False):
 
     action: Literal["torque", "impulse"]
     hard: bool
-    body: Mapping[str, Any] | None
+    body: BodyOptions
 
 
 class SpringTopEnv(SpringEnv, gym.Env):

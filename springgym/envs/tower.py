@@ -18,7 +18,7 @@ from springgym.core.compiling import compiled, kernel
 from springgym.envs.arrows import torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
-from springgym.envs.options import Autoreset, EnvOptions, Observation
+from springgym.envs.options import Autoreset, EnvOptions, Modes
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import gaussian, long_tail, thrift
 from springgym.envs.starts import headed, uniform
@@ -144,10 +144,8 @@ class SpringTower(PlacedAtOnce, kernels=(evaluate, compact, move)):
     checks_starts = False
     limits = np.array([FORCE, FORCE, FORCE, 1.0])
 
-    def __init__(
-        self, observation: Observation = "particles", action: Literal["crane"] = "crane", blocks: int = 4
-    ) -> None:
-        super().__init__(observation, action)
+    def __init__(self, blocks: int = 4, **modes: Unpack[Modes]) -> None:
+        super().__init__(**modes)
         self.blocks = whole("blocks", blocks, 2, 5)
         self.block: Body = box(SIDES, MASS, stiffness=4e3, damping=3.0)
         self.entries = (

@@ -19,7 +19,7 @@ from springgym.envs.arrows import torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.goals import Aim
 from springgym.envs.observation import Entry, ObservedParticles, Situation
-from springgym.envs.options import Autoreset, EnvOptions, Observation, number
+from springgym.envs.options import Autoreset, EnvOptions, Modes, number
 from springgym.envs.rewards import angle_of, gaussian, long_tail, thrift
 from springgym.envs.starts import any_rotation, uniform
 from springgym.envs.task import PlacedAtOnce, Start
@@ -145,20 +145,14 @@ class SpringTumble(PlacedAtOnce, kernels=(evaluate, compact, achieve)):
     checks_starts = False
     aims = (Aim("place", 2, CLOSE), Aim("down", 3, math.sqrt(2 - 2 * FLAT)), Aim("speed", 1, SLOW))
 
-    def __init__(
-        self,
-        observation: Observation = "particles",
-        action: Literal["wrench", "impulses"] = "wrench",
-        friction: float = 0.6,
-        hard: bool = False,
-    ) -> None:
-        super().__init__(observation, action)
+    def __init__(self, friction: float = 0.6, hard: bool = False, **modes: Unpack[Modes]) -> None:
+        super().__init__(**modes)
         self.contact = Contact(friction=friction, restitution=0.3, reach=REACH)
         self.force, self.torque = (WEAK_FORCE, WEAK_TORQUE) if flag("hard", hard) else (FORCE, TORQUE)
         self.farthest = 2.0 if hard else 1.2
         self.body: Body = from_points(CORNERS, MASSES, CENTRE_MASS, stiffness=1e5, damping=DAMPING)
         self._shape = self.body.positions - self.body.centre
-        if action == "impulses":
+        if self.action == "impulses":
             self.limits = np.full(3 * len(CORNERS), self.force / len(CORNERS) * self.period)
         else:
             self.limits = np.repeat([self.force, self.torque], 3)

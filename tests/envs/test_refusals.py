@@ -47,7 +47,7 @@ REFUSED = (TypeError, ValueError, gym.error.Error, NotImplementedError)
 def arguments(kind: type[SpringEnv] | type[SpringVectorEnv]) -> list[str]:
     """Names of all the arguments a class takes."""
     found: list[str] = []
-    for function in (kind.__init__, _Common._make, Settings, kind.task_type.__init__):
+    for function in (kind.__init__, _Common._make, Settings, kind.task_type):
         found += [
             p.name
             for p in inspect.signature(function).parameters.values()
@@ -138,7 +138,7 @@ def test_every_argument_of_every_environment(
     names = arguments(kind)
     assert {"render_mode", "step", "randomize", "observation", "action"} <= set(names)
     if env_id != IDS[0]:  # all else is read by the same lines as the first one's
-        own = {"Env": kind.task_type.__init__, "VectorEnv": SpringVectorEnv.__init__}[suffix]
+        own = {"Env": kind.task_type, "VectorEnv": SpringVectorEnv.__init__}[suffix]
         names = [name for name in names if name in inspect.signature(own).parameters]
     made = 0
     for name in names:
@@ -157,7 +157,7 @@ def test_every_argument_of_every_environment(
 @each_kind
 def test_every_argument_of_every_body(env_id: str) -> None:
     """``body`` takes those of the body's maker, whichever it is."""
-    if "body" not in inspect.signature(task_type(env_id).__init__).parameters:
+    if "body" not in inspect.signature(task_type(env_id)).parameters:
         pytest.skip("its body is fixed")
     for junk in JUNK:
         for name in ("mass", "stiffness", "damping", "scaled", "sides", "colour", "ring", "beads"):
