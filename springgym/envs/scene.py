@@ -277,8 +277,9 @@ class SceneTask(Task):
     ) -> None:
         super().__init__(observation="particles" if observe is None else "own")
         scene = _loaded(scene) if isinstance(scene, (str, Path)) else instance("scene", scene, Scene)
-        given = {"reward": reward, "observe": observe, "metrics": metrics, "succeeded": succeeded}
-        given |= {"failed": failed, "achieved": achieved, "move": move, "remember": remember, "marks": marks}
+        given: dict[str, Any] = {"reward": reward, "observe": observe, "metrics": metrics}
+        given |= {"succeeded": succeeded, "failed": failed, "achieved": achieved}
+        given |= {"move": move, "remember": remember, "marks": marks}
         self._functions = {
             name: _function(name, function, "m", "s")
             for name, function in given.items()

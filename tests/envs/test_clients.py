@@ -17,7 +17,7 @@ from gymnasium.vector import AutoresetMode
 import springgym
 from springgym.envs.base import frame_rate
 from springgym.envs.task import Task
-from tests.envs.cases import IDS, QUICK, each_id, each_kind, make, make_vec, started, task_type
+from tests.envs.cases import IDS, QUICK, each_kind, make, make_vec, started, task_type
 from tests.envs.test_contract import answered
 
 
@@ -25,11 +25,6 @@ def ranges(env_id: str) -> dict[str, Any]:
     """Of all factors, as numbers of many kinds; elsewhere than in `QUICK`, of one that compiles nothing."""
     actuator = {"actuator": (np.float32(0.5), 1)}
     return answered(env_id) | {"masses": np.array([0.9, 1.1])} | actuator if env_id in QUICK else actuator
-
-
-@each_id
-def test_a_control_period_is_a_picture(env_id: str) -> None:
-    assert frame_rate(task_type(env_id)) * task_type(env_id).period == pytest.approx(1.0, rel=1e-12)
 
 
 @each_kind
@@ -51,7 +46,9 @@ def test_frame_rates() -> None:
     class Slow(Task):
         period = 0.03
 
-    assert [frame_rate(task_type(env_id)) for env_id in ("SpringPendulum-v0", "SpringRope-v0")] == [25, 20]
+    for kind in map(task_type, IDS):
+        assert frame_rate(kind) * kind.period == pytest.approx(1.0, rel=1e-12)
+    assert [frame_rate(task_type(own)) for own in ("SpringPendulum-v0", "SpringRope-v0")] == [25, 20]
     assert frame_rate(Slow) == pytest.approx(33.3333, abs=1e-4)
     assert type(frame_rate(task_type(IDS[0]))) is int
 

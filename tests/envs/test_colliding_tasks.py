@@ -30,10 +30,14 @@ COPIES = 8
 
 
 @pytest.mark.parametrize(
-    ("env_id", "honest"), slow_but([("Balance", 300), ("Shove", 200), ("Juggle", 300)], ("Shove", 200))
+    ("env_id", "honest"),
+    slow_but(
+        [("Balance", 300), ("Shove", 200), ("Juggle", 300), ("Labyrinth", 540)],
+        *(("Shove", 200), ("Labyrinth", 540)),
+    ),
 )
 def test_who_fails_after_success_has_none(env_id: str, honest: int) -> None:
-    """Paddle, plate or pusher runs away, while ball or box is still where it should be."""
+    """Paddle, plate or pusher runs away, while ball or box is where it should be; the board tips over."""
     env_id = f"Spring{env_id}-v0"
     control, steps, worst = classical(env_id), 0, np.ones(task_type(env_id)().action_space.shape)
 

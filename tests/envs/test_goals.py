@@ -47,17 +47,18 @@ def test_checkers(env_id: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert "We detected your env to be a GoalEnv" in capsys.readouterr().out
 
 
-@each_with_goals
-def test_the_reward_is_the_sparse_one_and_that_of_the_goals(env_id: str) -> None:
-    options, steps = NEAR[env_id]
-    apart, sparse = batch(env_id, 48, **APART), batch(env_id, 48, sparse=True)
-    apart.reset(seed=0, options=dict(options))
-    sparse.reset(seed=0, options=dict(options))
+def check_rewards(apart: Any, sparse: Any, steps: int, reach: float, **options: Any) -> tuple[Any, Any]:
+    """Step two batches alike, of which one tells goals apart: both are paid what the goals alone say.
+
+    Return their last observations.
+    """
+    for envs in (apart, sparse):
+        envs.reset(seed=0, options=dict(options))
     rng, paid = np.random.default_rng(0), []
     for _ in range(steps):
-        actions = rng.uniform(-0.1, 0.1, apart.action_space.shape).astype(np.float32)
+        actions = rng.uniform(-reach, reach, apart.action_space.shape).astype(np.float32)
         seen, reward, *_, infos = apart.step(actions)
-        _, other, *_, told = sparse.step(actions)
+        usual, other, *_, told = sparse.step(actions)
         np.testing.assert_array_equal(reward, other)
         again = apart.compute_reward(seen["achieved_goal"], seen["desired_goal"], {})
         np.testing.assert_array_equal(reward, again)
@@ -65,6 +66,13 @@ def test_the_reward_is_the_sparse_one_and_that_of_the_goals(env_id: str) -> None
         assert apart.observation_space.contains(seen)
         paid.append(reward)
     assert 0 < np.mean(paid) < 1
+    return seen, usual
+
+
+@each_with_goals
+def test_the_reward_is_the_sparse_one_and_that_of_the_goals(env_id: str) -> None:
+    options, steps = NEAR[env_id]
+    check_rewards(batch(env_id, 48, **APART), batch(env_id, 48, sparse=True), steps, 0.1, **options)
 
 
 def test_the_rest_of_the_observation_does_not_tell_the_goal() -> None:

@@ -164,19 +164,6 @@ def test_the_ball_stays_on_the_board() -> None:
         assert height.max() < labyrinth.REACH
 
 
-def test_who_falls_after_the_end_has_no_success() -> None:
-    control, steps = classical(ENV), 0
-
-    def turns(seen: np.ndarray) -> np.ndarray:
-        nonlocal steps
-        steps += 1
-        return control(seen) if steps <= 540 else np.ones((COPIES, 2), np.float32)
-
-    played = play(ENV, turns, COPIES, observation="frame")
-    assert (played.lengths[played.lengths > 540] < 600).all()
-    assert not played.successes.any()
-
-
 def test_points_are_drawn_on_a_tilted_board() -> None:
     """The side that the board leans to is lower, and nothing is stretched."""
     env = started(ENV, seed=0)

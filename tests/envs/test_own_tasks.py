@@ -26,6 +26,7 @@ from springgym.rendering.look import AMBER, BLUE, GREEN, ORANGE, RED, TEAL
 from springgym.scene import Placed, Scene, ThrustActuator, WrenchActuator
 from springgym.scenes import film
 from tests.envs.test_contract import driven_off
+from tests.envs.test_goals import check_rewards
 
 # --- SpringGyroscope, by public words alone -----------------------------------------------------------
 
@@ -299,21 +300,10 @@ APART: dict[str, Any] = {"achieved": berthed, "aims": AIMS, "goals": True, "spar
 def test_goals_of_ones_own_are_told_apart() -> None:
     """They are rewarded as the same aim written as a judge, and again from the goals alone."""
     apart, judged = parking(num_envs=32, **APART), parking(num_envs=32, succeeded=reached, sparse=True)
-    seen, usual = apart.reset(seed=0)[0], judged.reset(seed=0)[0]
-    rng, paid = np.random.default_rng(0), []
-    for _ in range(15):
-        assert seen["observation"].shape == (32, 48)
-        np.testing.assert_array_equal(seen["observation"], usual[:, :48])
-        np.testing.assert_allclose(seen["desired_goal"], usual[:, 48:], atol=1e-7)
-        actions = rng.uniform(-1, 1, (32, 2))
-        seen, earned, *_, infos = apart.step(actions)
-        usual, expected, *_, told = judged.step(actions)
-        np.testing.assert_array_equal(earned, expected)
-        np.testing.assert_array_equal(infos["is_success"], told["is_success"])
-        again = apart.compute_reward(seen["achieved_goal"], seen["desired_goal"], infos)
-        np.testing.assert_array_equal(earned, again)
-        paid.append(earned)
-    assert 0 < np.mean(paid) < 1
+    seen, usual = check_rewards(apart, judged, 15, 1.0)
+    assert seen["observation"].shape == (32, 48)
+    np.testing.assert_array_equal(seen["observation"], usual[:, :48])
+    np.testing.assert_allclose(seen["desired_goal"], usual[:, 48:], atol=1e-7)
     np.testing.assert_allclose(
         seen["achieved_goal"][:, :2], apart.episodes.particles[0].mean(axis=1)[:, :2], atol=1e-12
     )  # its masses are equal

@@ -11,6 +11,7 @@ import pytest
 
 from springgym import simulator
 from springgym.core.blocks import WIDTH
+from tests.envs.test_contract import same
 
 WIDE = WIDTH[np.dtype(float)]
 """The number of copies in a block in double precision."""
@@ -18,12 +19,6 @@ WIDE = WIDTH[np.dtype(float)]
 
 def batch(copies: int, **options: Any) -> Any:
     return gym.make_vec("SpringTop-v0", num_envs=copies, vectorization_mode="vector_entry_point", **options)
-
-
-def same(one: tuple[Any, ...], other: tuple[Any, ...]) -> None:
-    for mine, its in zip(one[:-1], other[:-1], strict=True):
-        np.testing.assert_array_equal(mine, its)
-    np.testing.assert_equal(one[-1], other[-1])
 
 
 @pytest.mark.parametrize("observation", ["particles", "frame"])

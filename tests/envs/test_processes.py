@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -32,11 +34,17 @@ def expected(steps: int) -> list[np.ndarray]:
 # Forking with threads about is what is tested; Python ≥ 3.12 warns of it.
 @pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
 @pytest.mark.usefixtures("stepped_parent")
-@pytest.mark.parametrize("context", slow_but(["fork", "spawn"], "fork"))
-def test_async_vector_env(context: str) -> None:
-    envs = gym.vector.AsyncVectorEnv([lambda: gym.make("springgym:SpringTop-v0")] * 2, context=context)
-    observation, _ = envs.reset(seed=[3, 4])
-    seen = [observation[0]]
+@pytest.mark.parametrize("how", slow_but(["fork", "spawn", "sb3"], "fork", "sb3"))
+def test_environments_in_subprocesses(how: str) -> None:
+    """Of Gymnasium and of Stable-Baselines3."""
+    makers = [lambda: gym.make("springgym:SpringTop-v0")] * 2
+    if how == "sb3":
+        envs: Any = SubprocVecEnv(makers, start_method="fork")
+        envs.seed(3)
+        seen = [envs.reset()[0]]
+    else:
+        envs = gym.vector.AsyncVectorEnv(makers, context=how)
+        seen = [envs.reset(seed=[3, 4])[0][0]]
     for _ in range(5):
         seen.append(envs.step(np.zeros((2, 3), np.float32))[0][0])
     envs.close()
@@ -64,15 +72,3 @@ def test_native_batch_in_a_forked_child() -> None:
     np.testing.assert_array_equal(here.recv(), run())
     child.join(10)
     assert child.exitcode == 0
-
-
-@pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
-@pytest.mark.usefixtures("stepped_parent")
-def test_sb3_subprocesses() -> None:
-    envs = SubprocVecEnv([lambda: gym.make("springgym:SpringTop-v0")] * 2, start_method="fork")
-    envs.seed(3)
-    seen = [envs.reset()[0]]
-    for _ in range(5):
-        seen.append(envs.step(np.zeros((2, 3), np.float32))[0][0])
-    envs.close()
-    np.testing.assert_array_equal(seen, expected(5))

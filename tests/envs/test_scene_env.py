@@ -19,6 +19,9 @@ from springgym.measures import Measures, MeasuresOfBodies
 from springgym.rendering import Arrow, Marks
 from springgym.scene import Placed, Scene, ThrustActuator
 
+UP = np.array([0, 0, 0, 0, 0, 1, 0, 0, 1], np.float32)
+"""The action by which both thrusters of `make` push upwards."""
+
 
 def lifted(m: MeasuresOfBodies, s: Situation) -> np.ndarray:
     return m.centre[:, 2]
@@ -45,11 +48,10 @@ def test_checker() -> None:
 def test_reward_and_end_are_the_users() -> None:
     env = make(failed=lambda m, s: m.centre[:, 2] > 0.5, max_episode_steps=50)
     env.reset(seed=0)
-    up = np.array([0, 0, 0, 0, 0, 1, 0, 0, 1], np.float32)
     start = env.unwrapped.episodes.measures.momentum[0, 2]
     step, terminated, truncated = 0, False, False
     while not (terminated or truncated):
-        _, reward, terminated, truncated, info = env.step(up)
+        _, reward, terminated, truncated, info = env.step(UP)
         step += 1
     assert terminated
     assert reward == info["reward_own"] == env.unwrapped.episodes.measures.centre[0, 2]
@@ -122,10 +124,9 @@ def test_success_of_ones_own() -> None:
     """It is met for ``hold`` steps in a row."""
     env = make(succeeded=lambda m, s: m.centre[:, 2] > 0.02, hold=3)
     env.reset(seed=0)
-    up = np.array([0, 0, 0, 0, 0, 1, 0, 0, 1], np.float32)
     met, reported = [], []
     for _ in range(30):
-        *_, info = env.step(up)
+        *_, info = env.step(UP)
         met.append(env.unwrapped.episodes.measures.centre[0, 2] > 0.02)
         reported.append(info["is_success"])
     first = met.index(True)
@@ -155,8 +156,7 @@ def test_an_end_is_lost_unless_it_is_said_to_win(copies: int | None, wins: bool)
 
     env = make(failed=above, succeeded=anywhere, hold=3, wins=wins, num_envs=copies, sparse=True)
     env.reset(seed=0 if copies is None else [0] * copies)
-    up = np.array([0, 0, 0, 0, 0, 1, 0, 0, 1], np.float32)
-    action = up if copies is None else np.tile(up, (copies, 1))
+    action = UP if copies is None else np.tile(UP, (copies, 1))
     for n in range(30):
         _, reward, ended, _, info = env.step(action)
         if np.all(ended):

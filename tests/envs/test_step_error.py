@@ -14,16 +14,16 @@ from springgym.bodies import cube
 from springgym.bodies.distances import largest_distance, largest_distances
 from springgym.scene import Scene
 from springgym.simulator import Simulator
-from tests.envs.test_contract import answered
+from tests.envs.cases import make_vec
+from tests.envs.test_contract import answered, compare_with_sync
 from tests.params import slow_but
 
-NATIVE = "vector_entry_point"
 RANDOM = {name: reach for name, reach in answered("SpringTop-v0").items() if name != "actuator"}
 """What other tests compile, too."""
 
 
 def batch(copies: int = 3, **options: Any) -> Any:
-    return gym.make_vec("SpringTop-v0", num_envs=copies, vectorization_mode=NATIVE, **options)
+    return make_vec("SpringTop-v0", copies, "native", **{"autoreset": "NextStep"} | options)
 
 
 def actions(*shape: int) -> np.ndarray:
@@ -97,18 +97,7 @@ def test_it_is_the_distance_from_finer_steps(
 
 
 def test_copies_report_what_single_environments_do() -> None:
-    envs = batch(error=True)
-    envs.reset(seed=5)
-    singles = [gym.make("SpringTop-v0", error=True) for _ in range(3)]
-    for n, env in enumerate(singles):
-        _, info = env.reset(seed=5 + n)
-        assert info["step_error"] == 0.0
-    for action in actions(3, 3, 3):
-        *_, info = envs.step(action)
-        for n, env in enumerate(singles):
-            *_, own = env.step(action[n])
-            assert own["step_error"] == info["step_error"][n]
-            assert type(own["step_error"]) is float
+    assert compare_with_sync("SpringTop-v0", "SameStep", 30, 3, error=True) > 0
 
 
 def test_states_and_copies_of_an_environment() -> None:
@@ -133,7 +122,7 @@ def test_states_and_copies_of_an_environment() -> None:
 
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
 def test_a_new_episode_has_no_error_yet(mode: str) -> None:
-    envs = batch(error=True, autoreset_mode=mode, max_episode_steps=2)
+    envs = batch(error=True, autoreset=mode, max_episode_steps=2)
     envs.reset(seed=0)
     *_, info = envs.step(actions(3, 3))
     assert (info["step_error"] > 0).all()
@@ -154,6 +143,7 @@ def test_of_a_scene_of_ones_own() -> None:
     env.reset(seed=0)
     *_, info = env.step(env.action_space.sample())
     assert 0 < info["step_error"] < 1e-3
+    assert type(info["step_error"]) is float
 
 
 def test_distances_of_copies() -> None:

@@ -10,14 +10,13 @@ import pytest
 
 from springgym.envs import tolerance
 from springgym.envs.tolerance import EPISODES, SAFETY
+from tests.envs.cases import make_vec
 from tests.params import slow_but
-
-NATIVE = gym.VectorizeMode.VECTOR_ENTRY_POINT
 
 
 def batch(copies: int = EPISODES, **options: Any) -> Any:
     """Return a batch of SpringTop-v0. With this many copies, all episodes of a trial are played at once."""
-    return gym.make_vec("SpringTop-v0", num_envs=copies, vectorization_mode=NATIVE, **options)
+    return make_vec("SpringTop-v0", copies, "native", "NextStep", **options)
 
 
 def errors_of(copies: int, periods: int, **options: Any) -> tuple[Any, np.ndarray]:
@@ -78,23 +77,20 @@ def test_a_given_method_is_kept() -> None:
 
 
 @pytest.mark.parametrize(
-    ("tolerance", "error", "says"),
+    ("tolerance", "options", "error", "says"),
     [
-        (0.0, ValueError, "tolerance"),
-        (-1e-6, ValueError, "tolerance"),
-        (float("nan"), ValueError, "tolerance"),
-        (True, TypeError, "tolerance"),
-        ("1e-6", TypeError, "tolerance"),
-        pytest.param(1e-14, ValueError, "the smallest possible one is", marks=pytest.mark.slow),
+        (0.0, {}, ValueError, "tolerance"),
+        (-1e-6, {}, ValueError, "tolerance"),
+        (float("nan"), {}, ValueError, "tolerance"),
+        (True, {}, TypeError, "tolerance"),
+        ("1e-6", {}, TypeError, "tolerance"),
+        pytest.param(1e-14, {}, ValueError, "the smallest possible one is", marks=pytest.mark.slow),
+        (1e-5, {"step": 5e-4}, ValueError, "step and tolerance"),
+        (1e-5, {"integrator": "dopri5"}, ValueError, "'dopri5', which chooses its own steps"),
     ],
 )
-def test_what_makes_no_sense_is_refused(tolerance: Any, error: type[Exception], says: str) -> None:
+def test_what_makes_no_sense_is_refused(
+    tolerance: Any, options: dict[str, Any], error: type[Exception], says: str
+) -> None:
     with pytest.raises(error, match=says):
-        gym.make("SpringTop-v0", tolerance=tolerance)
-
-
-def test_a_step_and_a_tolerance_are_one_too_many() -> None:
-    with pytest.raises(ValueError, match="step and tolerance"):
-        gym.make("SpringTop-v0", tolerance=1e-5, step=5e-4)
-    with pytest.raises(ValueError, match="integrator is 'dopri5', which chooses its own steps"):
-        gym.make("SpringTop-v0", tolerance=1e-5, integrator="dopri5")
+        gym.make("SpringTop-v0", tolerance=tolerance, **options)
