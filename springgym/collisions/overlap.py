@@ -1,8 +1,9 @@
 """Check that bodies start apart: no vertex inside, no edge through a face, none nearer than 1e-3 Δ.
 
-Boxes around the bodies are sorted by where they begin along an axis: only those that begin before another
-ends can overlap it (sweep and prune: Cohen et al. 1995, doi:10.1145/199404.199437). Bodies whose boxes
-overlap are compared feature by feature.
+Few pairs of boxes around bodies are compared one by one. Many boxes are sorted by where they begin along an
+axis: only those that begin before another ends can overlap it (sweep and prune: Cohen et al. 1995,
+doi:10.1145/199404.199437). Bodies whose boxes overlap, and which the plane of no face separates, are compared
+feature by feature.
 """
 
 from __future__ import annotations
@@ -23,6 +24,9 @@ CHUNK = 100_000
 
 BOXES = 1_000_000
 """Pairs of boxes looked at in one go: some 100 MB of numbers."""
+
+FEW = 10_000
+"""Up to so many pairs of bodies are compared without sorting, which takes longer."""
 
 ROUNDING = 1.001
 """Boxes are grown a little more than must be: rounding decides nothing."""
@@ -79,13 +83,18 @@ def check_apart(
     wide = (ROUNDING * (np.array([shape.radius for shape in shapes]) + 0.5 * NEAREST * reaches))[:, None]
     low = np.minimum.reduceat(x, starts[:-1], axis=1) - wide
     high = np.maximum.reduceat(x, starts[:-1], axis=1) + wide
-    copy, first, second = overlapping(low, high)
-    pair = met.numbers(first, second)
-    rows = np.flatnonzero(pair >= 0)
-    rows = rows[np.lexsort((copy[rows], pair[rows]))]
-    copy, first, second, pair = copy[rows], first[rows], second[rows], pair[rows]
-    nearest = _nearest(shapes, starts, x, copy, (first, second))
-    late = ~(nearest >= NEAREST * met.reach[pair])
+    if len(met) * len(x) <= FEW:
+        first, second = met.first, met.second
+        apart = (low[:, first] > high[:, second]) | (low[:, second] > high[:, first])
+        pair, copy = np.nonzero(~apart.any(axis=2).T)
+    else:
+        copy, *bodies = overlapping(low, high)
+        pair = met.numbers(*bodies)
+        rows = np.flatnonzero(pair >= 0)
+        rows = rows[np.lexsort((copy[rows], pair[rows]))]
+        copy, pair = copy[rows], pair[rows]
+    first, second, least = met.first[pair], met.second[pair], NEAREST * met.reach[pair]
+    late = ~(_nearest(shapes, starts, x, copy, (first, second), least) >= least)
     wrong = int(late.argmax()) if late.any() else len(pair)
     if wrong < len(pair):
         row = slice(wrong, wrong + 1)
@@ -104,8 +113,12 @@ def _nearest(
     x: np.ndarray,
     copy: np.ndarray,
     bodies: tuple[np.ndarray, np.ndarray],
+    least: np.ndarray,
 ) -> np.ndarray:
-    """Return how near two ``bodies`` (n,) each are in copies (n,), of particles (k, N, 3) [m]."""
+    """Return how near two ``bodies`` (n,) each are in copies (n,), of particles (k, N, 3) [m].
+
+    It is the distance, or a smaller one that is at least ``least`` (n,).
+    """
     first, second = bodies
     each = {id(shape): n for n, shape in enumerate(shapes)}
     kind = np.array([each[id(shape)] for shape in shapes])
@@ -118,8 +131,28 @@ def _nearest(
         for start in range(0, len(alike), chunk):
             some = alike[start : start + chunk]
             pairs = [_of_bodies(x, copy[some], starts, of[some]) for of in bodies]
-            nearest[some] = np.min([found.apart.min(axis=1) for found in _distances(both, *pairs)], axis=0)
+            nearest[some] = gaps = separation(both, *pairs)
+            if (close := ~(gaps >= least[some])).any():
+                found = _distances(both, *(of[close] for of in pairs))
+                nearest[some[close]] = np.min([own.apart.min(axis=1) for own in found], axis=0)
     return nearest
+
+
+def separation(shapes: tuple[Shape, Shape], first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Return distances (k,) [m] by which planes of faces separate two bodies, of particles (k, N, 3) each.
+
+    No two bodies are nearer than that. It is −∞ without faces.
+    """
+    widest = np.full(len(first), -np.inf)
+    for own, other, x, y in ((*shapes, first, second), (*shapes[::-1], second, first)):
+        if len(own.triangles):
+            a, b, c = np.moveaxis(x[:, own.triangles], 2, 0)
+            normal = np.cross(b - a, c - a)
+            normal /= np.linalg.norm(normal, axis=-1, keepdims=True) + distance.SMALL
+            beyond = (normal @ y[:, other.vertices].swapaxes(1, 2)).min(axis=2)
+            within = (normal @ x[:, own.vertices].swapaxes(1, 2)).max(axis=2)
+            widest = np.maximum(widest, (beyond - within).max(axis=1))
+    return widest - shapes[0].radius - shapes[1].radius
 
 
 def overlapping(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
-from springgym.bodies import Body, Round
+from springgym.bodies import Body
 from springgym.bodies.round import weights
 from springgym.surfaces.plane import Plane
 from springgym.surfaces.surface import Surface
@@ -24,21 +26,27 @@ def heights(body: Body, positions: np.ndarray, surface: Surface) -> np.ndarray:
     positions = np.asarray(positions, float)
     if not body.rounds:
         return np.asarray(surface.height(positions) - body.radius)
-    return np.stack([_height(body, feature, positions, surface) for feature in body.rounds], axis=-1)
+    return np.stack([_height(body, n, positions, surface) for n in range(len(body.rounds))], axis=-1)
 
 
-def _height(body: Body, feature: Round, positions: np.ndarray, surface: Surface) -> np.ndarray:
-    """Return the heights (…,) of one feature, see `springgym.contact.round`."""
-    carriers = feature.carriers(len(body.masses))
-    base, slope = weights(body.masses, body.positions, carriers)
+@lru_cache(maxsize=1024)
+def _carried(body: Body, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """Return the carriers of round feature n of a body, their `weights`, and the feature's extent [m]."""
+    carriers = body.rounds[n].carriers(len(body.masses))
+    return carriers, *weights(body.masses, body.positions, carriers), body.rounds[n].extent
+
+
+def _height(body: Body, n: int, positions: np.ndarray, surface: Surface) -> np.ndarray:
+    """Return the heights (…,) of round feature n of a body, see `springgym.contact.round`."""
+    feature, (carriers, base, slope, extent) = body.rounds[n], _carried(body, n)
     x = positions[..., carriers, :]
-    normal = _gradient(surface, np.einsum("i,...ij->...j", base + slope @ feature.centre, x), feature.extent)
+    normal = _gradient(surface, np.einsum("i,...ij->...j", base + slope @ feature.centre, x), extent)
     height = np.full(x.shape[:-2], np.nan)
     for _ in range(1 if isinstance(surface, Plane) else BENDS):
         toward = np.einsum("...j,...ij,ik->...k", normal, x, slope)
         share = base + feature.support(toward) @ slope.T
         place = np.einsum("...i,...ij->...j", share, x)
-        height, normal = _surface_height(surface, place), _gradient(surface, place, feature.extent)
+        height, normal = _surface_height(surface, place), _gradient(surface, place, extent)
     return height
 
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from springgym.bodies import Body, box, cube, gyroscope, rolling_ball, rope, top, union
-from springgym.collisions import Pair, distance, overlap
+from springgym.collisions import Pair, distance, overlap, shape
 from springgym.scene import Placed, Scene
 from springgym.scenes import load
 from springgym.scenes.plan import OF_ONE_BODY
@@ -333,8 +333,28 @@ def test_boxes_that_overlap(most: int) -> None:
     assert sorted(map(tuple, found.tolist())) == sorted(map(tuple, wanted.tolist()))
 
 
-def test_overlapping_starts_of_many() -> None:
+ROD = rope(2, 1.0).with_(radius=0.05)
+
+
+@pytest.mark.parametrize("bodies", [(CUBE, CUBE), (top(), CUBE), (CUBE, BALL), (ROD, top()), (CUBE, ROD)])
+def test_planes_separate_bodies_by_no_more_than_their_distance(bodies: tuple[Body, Body]) -> None:
+    random = np.random.default_rng(0)
+    shapes = tuple(map(shape, bodies))
+    turns = np.linalg.qr(random.normal(size=(2, 300, 3, 3)))[0]
+    first, second = (body.positions @ turn for body, turn in zip(bodies, turns, strict=True))
+    second = second + random.uniform(-1.5, 1.5, (300, 1, 3))
+    gaps = overlap.separation(shapes, first, second)
+    apart = np.min([found.apart.min(axis=1) for found in overlap._distances(shapes, first, second)], axis=0)
+    assert (gaps[apart < 0] < 0).all()
+    assert (gaps[apart > 0] < apart[apart > 0] + 1e-12).all()
+    assert (gaps[apart > 0.1] > 0).mean() > 0.7
+    assert 5 < (apart < 0).sum() < 250
+
+
+@pytest.mark.parametrize("few", [0, 10_000])
+def test_overlapping_starts_of_many(few: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """The first pair that is wrong is named, of which every other kind of body is looked at, too."""
+    monkeypatch.setattr(overlap, "FEW", few)
     bodies = [put(CUBE, (1.01 * n, 0, 0), f"c{n}") for n in range(20)]
     bodies += [put(BALL, (1.01 * n, 0, 0.8), f"b{n}") for n in range(20)]
     scene = Scene(bodies=tuple(bodies), collisions=Contact(strength=1.0, reach=0.01))

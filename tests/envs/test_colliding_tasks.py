@@ -361,23 +361,17 @@ def test_the_opponent_is_asked_for_all_copies_at_once(observation: str) -> None:
     assert set(asked) == {(3, 22)}
 
 
-@pytest.mark.parametrize(
-    ("opponent", "error", "message"),
-    [
-        ("weak", ValueError, "opponent is 'weak'; it must be one of 'still', 'guard', 'script', 'strong'"),
-        (3, TypeError, "opponent is 3; it must be a name or a function"),
-    ],
-)
-def test_unknown_opponents_are_refused(opponent: object, error: type[Exception], message: str) -> None:
-    with pytest.raises(error, match=message):
-        make("SpringDuel-v0", opponent=opponent)
-
-
-@pytest.mark.parametrize("given", [np.zeros(2), np.full((1, 2), np.nan)])
-def test_what_an_opponent_gives_is_checked(given: np.ndarray) -> None:
-    env = started("SpringDuel-v0", opponent=lambda seen: given, seed=0)
-    with pytest.raises(ValueError, match=r"the opponent gave .* finite actions of shape \(1, 2\)"):
-        env.step(np.zeros(2))
+def test_opponents_are_checked_and_so_is_what_they_give() -> None:
+    with pytest.raises(
+        ValueError, match="opponent is 'weak'; it must be one of 'still', 'guard', 'script', "
+    ):
+        make("SpringDuel-v0", opponent="weak")
+    with pytest.raises(TypeError, match="opponent is 3; it must be a name or a function"):
+        make("SpringDuel-v0", opponent=3)
+    for given in (np.zeros(2), np.full((1, 2), np.nan)):
+        env = started("SpringDuel-v0", opponent=lambda seen, given=given: given, seed=0)
+        with pytest.raises(ValueError, match=r"the opponent gave .* finite actions of shape \(1, 2\)"):
+            env.step(np.zeros(2))
 
 
 @pytest.mark.slow

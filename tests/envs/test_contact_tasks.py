@@ -134,11 +134,6 @@ def test_restitution_above_one_is_refused() -> None:
         make("SpringFreeTop-v0", randomize={"restitution": (1, 3)})
 
 
-def test_friction_without_a_surface_is_refused() -> None:
-    with pytest.raises(ValueError, match="the scene has no surfaces"):
-        make("SpringTop-v0", randomize={"friction": (0.5, 2)})
-
-
 def test_energy_drift_of_an_impact_is_that_of_the_steps() -> None:
     """Amid an impact springs push against contact at one node: what is read there is not off by that."""
     env = make("SpringTumble-v0")

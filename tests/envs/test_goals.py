@@ -165,10 +165,6 @@ def test_goals_that_are_none_are_refused(achieved: Any, desired: Any, error: typ
     compute = goals.Goals(task_type("SpringRope-v0").aims).compute_reward
     with pytest.raises(error, match=match):
         compute(achieved, desired, {})
-
-
-def test_rewards_of_no_goals() -> None:
-    compute = goals.Goals(task_type("SpringRope-v0").aims).compute_reward
     assert compute(np.zeros((0, 4)), np.zeros((0, 4)), {}).shape == (0,)
     assert compute([0, 0, 0, 0], np.zeros(4, np.float32), None) == 1.0
 
