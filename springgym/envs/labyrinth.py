@@ -37,6 +37,8 @@ REACH, STRENGTH = 5e-4, 2e-7  # of the contact: Δ [m], c [N·m²]
 TILT = 0.15  # the largest angle of the board [rad]
 RATE, SLOW_RATE = 0.4, 0.24  # how fast it changes, also with hard=True [rad/s]
 CELLS, LEGS = 4, 12  # cells along a side of the board; legs of the way from the middle of one to the next
+MIDDLES = (0.5 / CELLS - 0.5) * 2 * HALF + 2 * HALF / CELLS * np.array([*product(range(CELLS), repeat=2)])
+"""Middles of the cells (CELLS², 2), before they are shifted [m]."""
 SHIFT = 0.015  # how far the middle of a cell is shifted, along x and y [m]
 LATEST = 0.6  # the largest share of the first leg that is left out
 HOLES = 18
@@ -181,7 +183,7 @@ def beside(middles: np.ndarray, way: np.ndarray, points: np.ndarray) -> np.ndarr
     halves = way[:, 1:] + way[:, :-1]
     found = np.hstack([middles, np.zeros((len(way), 1, 2))])[:, corners].sum(axis=2) / counts
     legs, arms = np.diff(points, axis=1)[:, None], found[:, :, None] - points[:, None, :-1]
-    (u, v), (x, y) = np.moveaxis(legs, 3, 0), np.moveaxis(arms, 3, 0)
+    (u, v), (x, y) = ((of[..., 0], of[..., 1]) for of in (legs, arms))
     share = np.clip((x * u + y * v) / (u * u + v * v), 0.0, 1.0)
     away = (np.square(x - share * u) + np.square(y - share * v)).min(axis=2)
     away[boards, number[halves[:, :, 0], halves[:, :, 1]]] = math.inf
@@ -260,9 +262,7 @@ class SpringLabyrinth(PlacedAtOnce, kernels=(evaluate, compact, move)):
 
     def starts(self, drawn: np.ndarray) -> Start:
         way, boards = ways()[drawn[:, -3].astype(int)], np.arange(len(drawn))[:, None]
-        cells = np.stack(np.divmod(np.arange(CELLS**2), CELLS), axis=-1)
-        shifts = -SHIFT + 2 * SHIFT * drawn[:, 1:-3].reshape(-1, CELLS**2, 2)
-        middles = (0.5 / CELLS - 0.5) * 2 * HALF + 2 * HALF / CELLS * cells + shifts
+        middles = MIDDLES + (-SHIFT + 2 * SHIFT * drawn[:, 1:-3].reshape(-1, CELLS**2, 2))
         points = middles[boards, CELLS * way[:, :, 0] + way[:, :, 1]]
         holes = beside(middles, way, points)
         points[:, 0] += LATEST * drawn[:, :1] * (points[:, 1] - points[:, 0])
