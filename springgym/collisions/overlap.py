@@ -88,8 +88,8 @@ def check_apart(
         apart = (low[:, first] > high[:, second]) | (low[:, second] > high[:, first])
         pair, copy = np.nonzero(~apart.any(axis=2).T)
     else:
-        copy, *bodies = overlapping(low, high)
-        pair = met.numbers(*bodies)
+        copy, first, second = overlapping(low, high)
+        pair = met.numbers(first, second)
         rows = np.flatnonzero(pair >= 0)
         rows = rows[np.lexsort((copy[rows], pair[rows]))]
         copy, pair = copy[rows], pair[rows]

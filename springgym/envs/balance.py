@@ -22,7 +22,7 @@ from springgym.envs.options import Autoreset, EnvOptions, Modes, number
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import angle_of, gaussian, height_above, long_tail, thrift
 from springgym.envs.starts import uniform
-from springgym.envs.task import PlacedAtOnce, Start, at_rest, level
+from springgym.envs.task import Start, Task, at_rest, level
 from springgym.measures import Measures
 from springgym.rendering import Camera, Look, Marks, Scenery
 from springgym.rendering.look import GREEN, ORANGE, RED
@@ -99,7 +99,7 @@ def move(m: Measures, s: Situation, goal: np.ndarray) -> None:
             goal[c, n + 1] = sine * x + cosine * y
 
 
-class SpringBalance(PlacedAtOnce, kernels=(evaluate, compact, move)):
+class SpringBalance(Task, kernels=(evaluate, compact, move)):
     """Define the MDP of `SpringBalanceEnv`, which describes it."""
 
     actions: ClassVar = {"torque": 2}

@@ -20,7 +20,7 @@ from springgym.envs.options import Autoreset, EnvOptions, Modes, number
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import gaussian, thrift
 from springgym.envs.starts import uniform
-from springgym.envs.task import PlacedAtOnce, Start, at_rest
+from springgym.envs.task import Start, Task, at_rest
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
 from springgym.rendering.look import GREEN, INK, ORANGE, RED
@@ -102,7 +102,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
             observation[c, 8 + axis] = s.goal[c, STROKES + axis]
 
 
-class SpringBilliards(PlacedAtOnce, kernels=(evaluate, compact, move)):
+class SpringBilliards(Task, kernels=(evaluate, compact, move)):
     """Define the MDP of `SpringBilliardsEnv`, which describes it."""
 
     actions: ClassVar = {"stroke": 2}

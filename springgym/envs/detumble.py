@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
 
@@ -93,7 +93,7 @@ class SpringDetumble(Task, kernels=(evaluate, compact)):
     ) -> None:
         super().__init__(**modes)
         self.momentum = flag("momentum", momentum)
-        self.starts = chosen("start", start, ("tumbling", "flat"))
+        self.flat = chosen("start", start, ("tumbling", "flat")) == "flat"
         self.body: Body = made(box, body, sides=SIDES, mass=MASSES, stiffness=1e5, damping=20.0)
         self.checks_starts = body is not None
         self._shape = self.body.positions - self.body.centre
@@ -127,17 +127,21 @@ class SpringDetumble(Task, kernels=(evaluate, compact)):
             turned=True,
         )
 
-    def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
+    def draw(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Sequence[float]:
         anyhow, near, speed = direction(rng), 0.1 * rng.normal(size=3), rng.uniform(2.0, 6.0)
         upset = rng.uniform() < 0.5
         turn = any_rotation(rng)
-        if self.starts == "flat":
+        if self.flat:
             axis = self._principal[:, 2] + near
         else:
             axis = self._principal[:, 1] + near if upset else anyhow
         speed = number(options, "speed", speed, 0.0, FASTEST)
         omega = turn @ (speed / np.linalg.norm(axis) * axis)
-        positions = factors["scale"] * self._shape @ turn.T
+        return *turn.ravel().tolist(), *omega.tolist(), factors["scale"]
+
+    def starts(self, drawn: np.ndarray) -> Start:
+        turn, omega = drawn[:, :9].reshape(-1, 3, 3), drawn[:, None, 9:12]
+        positions = drawn[:, 12:, None] * self._shape @ turn.swapaxes(1, 2)
         return Start(positions, cross(omega, positions))
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:

@@ -22,7 +22,7 @@ from springgym.envs.options import Autoreset, EnvOptions, Modes, number
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import angle_of, gaussian, thrift
 from springgym.envs.starts import above_bowl, standing, uniform, varied_top
-from springgym.envs.task import PlacedAtOnce, Start, level
+from springgym.envs.task import Start, Task, level
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks
 from springgym.rendering.look import AMBER, BLUE, GREEN, INK, IVORY, RED, TEAL, together, two_tone
@@ -175,7 +175,7 @@ OPPONENTS: dict[str, Opponent] = {
 """Scripted opponents."""
 
 
-class SpringDuel(PlacedAtOnce, kernels=(evaluate, compact)):
+class SpringDuel(Task, kernels=(evaluate, compact)):
     """Define the MDP of `SpringDuelEnv`, which describes it."""
 
     actions: ClassVar = {"push": 2}

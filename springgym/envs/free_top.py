@@ -21,7 +21,7 @@ from springgym.envs.options import Autoreset, BodyOptions, EnvOptions, Modes, ma
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import angle_of, gaussian, spinning, thrift
 from springgym.envs.starts import above_bowl, standing, uniform, varied_top
-from springgym.envs.task import PlacedAtOnce, Start
+from springgym.envs.task import Start, Task
 from springgym.envs.top import tilt_of
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks
@@ -75,7 +75,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
             observation[c, 9 + axis] = m.centre_velocity[c, axis] / WAY_UNIT
 
 
-class SpringFreeTop(PlacedAtOnce, kernels=(evaluate, compact)):
+class SpringFreeTop(Task, kernels=(evaluate, compact)):
     """Define the MDP of `SpringFreeTopEnv`, which describes it."""
 
     actions: ClassVar = {"push": 3}

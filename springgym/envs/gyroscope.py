@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
@@ -12,8 +12,8 @@ import gymnasium as gym
 import numpy as np
 from numpy.random import Generator
 
-from springgym.bodies import gyroscope, rigid_velocities, rotation, stretched_shapes
-from springgym.bodies.rotations import cross
+from springgym.bodies import gyroscope, rigid_velocities, stretched_shapes
+from springgym.bodies.rotations import cross, turned
 from springgym.checks import flag
 from springgym.core.compiling import kernel
 from springgym.envs.arrows import across, torque_arrow
@@ -117,18 +117,23 @@ class SpringGyroscope(Task, kernels=(evaluate, compact, achieve)):
             parts["ring"] + parts["head"] + parts["foot"], reach, USUAL * outwards + 2.0 * reach
         )
 
-    def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
+    def draw(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Sequence[float]:
         axis, sideways = direction(rng), rng.uniform(-math.pi, math.pi)
         drawn_spin, drawn_away = uniform(rng, (25.0, 0.5), (45.0, 1.5))
         sign = rng.choice((-1.0, 1.0)) if self.hard else 1.0
         spin = number(options, "spin", sign * drawn_spin, -FASTEST, FASTEST)
         away = number(options, "angle", drawn_away, 0.0, math.pi)
-        turn = tilted(math.atan2(axis[1], axis[0]), angle_of.py_func(axis[2]))
-        target = turn @ rotation((0, 0, 1), sideways) @ rotation((0, 1, 0), away) @ (0.0, 0.0, 1.0)
+        pose = math.atan2(axis[1], axis[0]), angle_of.py_func(axis[2]), sideways, away
         softer = math.sqrt(factors["masses"] / factors["stiffness"])
-        positions = factors["scale"] * self._shape(spin * softer) @ turn.T
-        centre = positions[self.body.particle("centre")]
-        return Start(positions, cross(spin * axis, positions - centre), target.tolist())
+        return *axis, *pose, spin, spin * softer, factors["scale"]
+
+    def starts(self, drawn: np.ndarray) -> Start:
+        axis, (azimuth, tilt, sideways, away) = drawn[:, None, :3], drawn[:, 3:7].T
+        turn = tilted(azimuth, tilt)
+        aside = turn @ turned(np.array([0.0, 0.0, 1.0]), sideways) @ turned(np.array([0.0, 1.0, 0.0]), away)
+        positions = drawn[:, 9:, None] * self._shape.at(drawn[:, 8].copy()) @ turn.swapaxes(1, 2)
+        centre = positions[:, self.body.parts["centre"]]
+        return Start(positions, cross(drawn[:, 7:8, None] * axis, positions - centre), aside[:, :, 2])
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
         if self.action == "impulse":

@@ -20,7 +20,7 @@ from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Modes, number
 from springgym.envs.rewards import angle_of, gaussian, height_above, long_tail, thrift
 from springgym.envs.starts import uniform
-from springgym.envs.task import PlacedAtOnce, Start, level
+from springgym.envs.task import Start, Task, level
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
 from springgym.rendering.look import GREEN, ORANGE, RED
@@ -129,7 +129,7 @@ def ball_entries(which: str) -> tuple[Entry, ...]:
     )
 
 
-class SpringJuggle(PlacedAtOnce, kernels=(evaluate, compact)):
+class SpringJuggle(Task, kernels=(evaluate, compact)):
     """Define the MDP of `SpringJuggleEnv`, which describes it."""
 
     actions: ClassVar = {"wrench": 5}

@@ -20,7 +20,7 @@ from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Modes
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import gaussian, thrift
-from springgym.envs.task import PlacedAtOnce, Start, at_rest
+from springgym.envs.task import Start, Task, at_rest
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
 from springgym.rendering.look import GREEN, INK, RED, Color, together
@@ -211,7 +211,7 @@ def turned(angles: np.ndarray) -> np.ndarray:
     return np.array([[a, 0.0, p], [-p * q, b, a * q], [-p * b, -q, a * b]])
 
 
-class SpringLabyrinth(PlacedAtOnce, kernels=(evaluate, compact, move)):
+class SpringLabyrinth(Task, kernels=(evaluate, compact, move)):
     """Define the MDP of `SpringLabyrinthEnv`, which describes it."""
 
     actions: ClassVar = {"tilt": 2}

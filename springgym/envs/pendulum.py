@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
 
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.random import Generator
 
 from springgym.bodies import cube, start
+from springgym.bodies.rotations import axes, turned
 from springgym.checks import chosen
 from springgym.core.compiling import kernel
 from springgym.envs.arrows import across, torque_arrow
@@ -20,7 +21,7 @@ from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, BodyOptions, EnvOptions, Modes, made, number
 from springgym.envs.rewards import angle_of, gaussian, spinning, thrift
 from springgym.envs.starts import uniform
-from springgym.envs.task import Start, Task
+from springgym.envs.task import Start, Task, at_rest
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery, two_tone
 from springgym.rendering.look import GREEN, RED
@@ -75,7 +76,7 @@ class SpringPendulum(Task, kernels=(evaluate, compact)):
         self, start: Literal["hanging", "mixed"] = "hanging", body: BodyOptions = None, **modes: Unpack[Modes]
     ) -> None:
         super().__init__(**modes)
-        self.starts = chosen("start", start, ("hanging", "mixed"))
+        self.starts_anywhere = chosen("start", start, ("hanging", "mixed")) == "mixed"
         self.body = made(cube, body)
         self.checks_starts = body is not None
         self._shape = self.body.positions - self.body.positions[0]
@@ -98,18 +99,21 @@ class SpringPendulum(Task, kernels=(evaluate, compact)):
         reach = np.linalg.norm(self._shape, axis=1)
         return ObservedParticles(tuple(range(1, 8)), reach, 4.0 * reach)
 
-    def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
+    def draw(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Sequence[float]:
         anywhere, near, azimuth, roll = uniform(
             rng, (0.0, 0.0, -math.pi, -math.pi), (math.pi, 0.3, math.pi, math.pi)
         )
         tilt = math.pi - near
-        if rng.uniform() < 0.5 and self.starts == "mixed":
+        if rng.uniform() < 0.5 and self.starts_anywhere:
             tilt = anywhere
-        tilt = number(options, "tilt", tilt, 0.0, math.pi)
-        placed = start(
-            self.body, tilt=tilt, azimuth=azimuth, roll=roll, pinned=(0,), stretched=False
-        ).positions
-        return Start(factors["scale"] * placed, np.zeros_like(placed))
+        return azimuth, number(options, "tilt", tilt, 0.0, math.pi), roll, factors["scale"]
+
+    def starts(self, drawn: np.ndarray) -> Start:
+        upright, sideways = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
+        azimuth, tilt, roll = drawn[:, :3].T
+        turn = turned(upright, azimuth) @ turned(sideways, tilt) @ turned(upright, roll)
+        turn = turn @ axes(self.body.positions, self.body.markers).T
+        return at_rest(drawn[:, 3:, None] * (self._shape @ turn.swapaxes(1, 2)))
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
         if self.action == "impulse":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
 
@@ -120,7 +120,7 @@ class SpringRope(Task, kernels=(evaluate, compact, achieve)):
         two = np.full(count, 2.0)
         return ObservedParticles(tuple(range(count)), two, two, about="goal", skipped=((0, 2),))
 
-    def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
+    def draw(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Sequence[float]:
         azimuth, turning, bearing, rate, drawn_sway, drawn_distance = uniform(
             rng,
             (-math.pi, -math.pi, -math.pi, -self.rate, 0.0, 1.5),
@@ -128,15 +128,19 @@ class SpringRope(Task, kernels=(evaluate, compact, achieve)):
         )
         sway = number(options, "sway", drawn_sway, 0.0, 1.0)
         distance = number(options, "distance", drawn_distance, 0.0, 8.0)
-        below = self.body.mass - np.cumsum(self.body.masses)[:-1]
-        pull = weight_of(below, factors) * math.cos(sway)
-        lengths = factors["scale"] * self.body.lengths + pull / (factors["stiffness"] * self.body.stiffness)
-        positions = np.zeros_like(self.body.positions)
-        positions[1:, 2] = -np.cumsum(lengths)
-        positions = positions @ tilted(azimuth, sway).T
-        omega = rate * np.array([math.cos(turning), math.sin(turning), 0.0])
-        goal = (distance * math.cos(bearing), distance * math.sin(bearing), 0.0)
-        return Start(positions, cross(omega, positions), goal)
+        weight = weight_of(1.0, factors), math.cos(sway), factors["stiffness"]
+        omega = [rate * share for share in (math.cos(turning), math.sin(turning), 0.0)]
+        goal = distance * math.cos(bearing), distance * math.sin(bearing), 0.0
+        return azimuth, sway, factors["scale"], *weight, *omega, *goal
+
+    def starts(self, drawn: np.ndarray) -> Start:
+        scale, weight, upright, stiffer = (drawn[:, n, None] for n in range(2, 6))
+        pull = weight * (self.body.mass - np.cumsum(self.body.masses)[:-1]) * upright
+        lengths = scale * self.body.lengths + pull / (stiffer * self.body.stiffness)
+        hanging = np.zeros((len(drawn), *self.body.positions.shape))
+        hanging[:, 1:, 2] = -np.cumsum(lengths, axis=1)
+        positions = hanging @ tilted(drawn[:, 0], drawn[:, 1]).swapaxes(1, 2)
+        return Start(positions, cross(drawn[:, None, 6:9], positions), drawn[:, 9:])
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
         return {"acceleration": ACCELERATION * level(action)}

@@ -351,7 +351,18 @@ class SceneTask(Task):
         moving = tuple(i for i in range(count) if i not in held)
         return ObservedParticles(moving, np.full(count, self._scales[0]), np.full(count, self._scales[1]))
 
-    def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
+    def draw_starts(
+        self,
+        generators: Sequence[Generator],
+        options: Sequence[dict[str, Any]],
+        factors: Sequence[Mapping[str, float]],
+    ) -> Start:
+        each = zip(generators, options, factors, strict=True)
+        positions, velocities, goals = zip(*(self._drawn(*own) for own in each), strict=True)
+        return Start(np.array(positions), np.array(velocities), goals)
+
+    def _drawn(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
+        """Draw the start of an episode."""
         if self._start is None:
             x, v, goal = self._scene.positions, self._scene.velocities, self._goal
         else:

@@ -21,7 +21,7 @@ from springgym.envs.options import Autoreset, EnvOptions, Modes, number
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import gaussian, long_tail, thrift
 from springgym.envs.starts import headed, uniform
-from springgym.envs.task import PlacedAtOnce, Start, at_rest, level
+from springgym.envs.task import Start, Task, at_rest, level
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks
 from springgym.rendering.look import GREEN, ORANGE, RED
@@ -131,7 +131,7 @@ def achieve(m: Measures, s: Situation, achieved: np.ndarray, desired: np.ndarray
             achieved[c, axis], desired[c, axis] = m.centre[c, BOX, axis], 0.0
 
 
-class SpringShove(PlacedAtOnce, kernels=(evaluate, compact, achieve)):
+class SpringShove(Task, kernels=(evaluate, compact, achieve)):
     """Define the MDP of `SpringShoveEnv`, which describes it."""
 
     actions: ClassVar = {"push": 2}

@@ -39,7 +39,7 @@ from springgym.envs.shove import (
     see_pusher,
 )
 from springgym.envs.starts import headed, uniform
-from springgym.envs.task import PlacedAtOnce, Start, at_rest, level
+from springgym.envs.task import Start, Task, at_rest, level
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks
 from springgym.rendering.look import GREEN, ORANGE, RED, STEEL, TEAL
@@ -97,7 +97,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
         see_pusher(m, c, observation, 9)
 
 
-class SpringStack(PlacedAtOnce, kernels=(evaluate, compact)):
+class SpringStack(Task, kernels=(evaluate, compact)):
     """Define the MDP of `SpringStackEnv`, which describes it."""
 
     actions: ClassVar = {"push": 2}

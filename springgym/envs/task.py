@@ -163,12 +163,16 @@ class Task:
         """Return the "particles" observation."""
         raise NotImplementedError
 
-    def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
-        """Draw the start of an episode.
+    def draw(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Sequence[float]:
+        """Draw the numbers that determine the start of an episode.
 
         ``options`` holds the reset options of the user; the task removes those that it uses. ``factors`` are
         the factors of this episode's randomisation; 1 without randomisation.
         """
+        raise NotImplementedError
+
+    def starts(self, drawn: np.ndarray) -> Start:
+        """Compute the starts of k episodes from what `draw` returned for each, (k, numbers)."""
         raise NotImplementedError
 
     def draw_starts(
@@ -177,10 +181,9 @@ class Task:
         options: Sequence[dict[str, Any]],
         factors: Sequence[Mapping[str, float]],
     ) -> Start:
-        """Draw the starts of k episodes, each as `start` does; `PlacedAtOnce` takes less time."""
+        """Draw the starts of k episodes."""
         each = zip(generators, options, factors, strict=True)
-        positions, velocities, goals = zip(*(self.start(*own) for own in each), strict=True)
-        return Start(np.array(positions), np.array(velocities), goals)
+        return self.starts(np.array([self.draw(*own) for own in each]))
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
         """Return the values for `Simulator.actuate` that belong to clipped actions (n, A)."""
@@ -230,21 +233,3 @@ class Task:
         if self.observation != "particles":
             return sum(entry.size for entry in self.entries)
         return self.particles.size(self.goal_size)
-
-
-class PlacedAtOnce(Task):
-    """A task that draws some numbers for each episode, and computes the starts of k episodes from them."""
-
-    draw: Callable[..., Sequence[float]]
-    """draws the numbers that determine the start of an episode, from the arguments of `Task.start`"""
-    starts: Callable[[np.ndarray], Start]
-    """computes the starts of k episodes from what ``draw`` returned for each, (k, numbers)"""
-
-    def draw_starts(
-        self,
-        generators: Sequence[Generator],
-        options: Sequence[dict[str, Any]],
-        factors: Sequence[Mapping[str, float]],
-    ) -> Start:
-        each = zip(generators, options, factors, strict=True)
-        return self.starts(np.array([self.draw(*own) for own in each]))

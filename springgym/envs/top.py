@@ -20,7 +20,7 @@ from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, BodyOptions, EnvOptions, Modes, made, number
 from springgym.envs.rewards import angle_of, long_tail, spinning, thrift
 from springgym.envs.starts import standing, uniform, varied_top
-from springgym.envs.task import PlacedAtOnce, Start
+from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
 from springgym.rendering.look import GREEN, RED
@@ -71,7 +71,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
         observation[c, 6] = (spin - WANTED) / SPIN_UNIT
 
 
-class SpringTop(PlacedAtOnce, kernels=(evaluate, compact)):
+class SpringTop(Task, kernels=(evaluate, compact)):
     """Define the MDP of `SpringTopEnv`, which describes it."""
 
     actions: ClassVar = {"torque": 3, "impulse": 3}

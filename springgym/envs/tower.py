@@ -22,7 +22,7 @@ from springgym.envs.options import Autoreset, EnvOptions, Modes
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import gaussian, long_tail, thrift
 from springgym.envs.starts import headed, uniform
-from springgym.envs.task import PlacedAtOnce, Start, at_rest
+from springgym.envs.task import Start, Task, at_rest
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks
 from springgym.rendering.look import BLUE, GREEN, RED, STEEL, TEAL
@@ -131,7 +131,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
                 observation[c, first + 3 + axis] = m.axis[c, k, axis] / TILT_UNIT
 
 
-class SpringTower(PlacedAtOnce, kernels=(evaluate, compact, move)):
+class SpringTower(Task, kernels=(evaluate, compact, move)):
     """Define the MDP of `SpringTowerEnv`, which describes it."""
 
     actions: ClassVar = {"crane": 4}

@@ -22,7 +22,7 @@ from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Modes, number
 from springgym.envs.rewards import angle_of, gaussian, long_tail, thrift
 from springgym.envs.starts import any_rotation, uniform
-from springgym.envs.task import PlacedAtOnce, Start
+from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks
 from springgym.rendering.look import AMBER, BLUE, GREEN, IVORY, ORANGE, RED
@@ -125,7 +125,7 @@ def achieve(m: Measures, s: Situation, achieved: np.ndarray, desired: np.ndarray
         achieved[c, 5], desired[c, 5] = fastest(s.v, c), 0.0
 
 
-class SpringTumble(PlacedAtOnce, kernels=(evaluate, compact, achieve)):
+class SpringTumble(Task, kernels=(evaluate, compact, achieve)):
     """Define the MDP of `SpringTumbleEnv`, which describes it."""
 
     actions: ClassVar = {"wrench": 6, "impulses": 3 * len(CORNERS)}
