@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
+from typing import TYPE_CHECKING, ClassVar, Literal, Unpack
 
 import gymnasium as gym
 import numpy as np
-from numpy.random import Generator
 
 from springgym.bodies import Body, rolling_ball, top
 from springgym.bodies.rotations import turned
@@ -22,7 +19,7 @@ from springgym.envs.options import Autoreset, EnvOptions, Modes, number
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import angle_of, gaussian, height_above, long_tail, thrift
 from springgym.envs.starts import uniform
-from springgym.envs.task import Start, Task, at_rest, level
+from springgym.envs.task import Drawn, Factors, ResetOptions, Start, Task, at_rest, level
 from springgym.measures import Measures
 from springgym.rendering import Camera, Look, Marks, Scenery
 from springgym.rendering.look import GREEN, ORANGE, RED
@@ -127,8 +124,7 @@ class SpringBalance(Task, kernels=(evaluate, compact, move)):
         self.ball = rolling_ball(BALL_RADIUS, BALL_MASS, stiffness=2e3, damping=0.5)
         self.limits = np.full(2, self.torque)
 
-    @cached_property
-    def scene(self) -> Scene:
+    def make_scene(self) -> Scene:
         tip = self.plate.particle("tip")
         above = self.plate.positions[CROWN] + (0.0, 0.0, BALL_RADIUS + self._height(NOMINAL))
         return Scene(
@@ -139,18 +135,17 @@ class SpringBalance(Task, kernels=(evaluate, compact, move)):
             collisions=self.contact,
         )
 
-    def _height(self, factors: Mapping[str, float]) -> float:
+    def _height(self, factors: Factors) -> float:
         """Return the height of the ball's lowest point above the plate that carries it [m]."""
         return rest_height(weight_of(BALL_MASS, factors), STRENGTH, REACH)
 
-    @cached_property
-    def particles(self) -> ObservedParticles:
+    def observed_particles(self) -> ObservedParticles:
         count = len(self.scene.free)
         ball = len(self.plate.masses)
         seen = (*range(CROWN + 1), ball, ball + 1, ball + 3)  # the last is opposite to the first
         return ObservedParticles(seen, np.full(count, 0.25), np.full(count, 0.5), about="goal")
 
-    def draw(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Sequence[float]:
+    def draw(self, rng: np.random.Generator, options: ResetOptions, factors: Factors) -> Drawn:
         low = (0.0, -math.pi, 0.0, -math.pi, ORBIT[0], -math.pi, self.rate[0], -1.0)
         high = (0.05, math.pi, 1.0, math.pi, ORBIT[1], math.pi, self.rate[1], 1.0)
         tilt, azimuth, share, bearing, radius, phase, rate, sense = uniform(rng, low, high)

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
+from typing import TYPE_CHECKING, ClassVar, Literal, Unpack
 
 import gymnasium as gym
 import numpy as np
-from numpy.random import Generator
 
 from springgym.bodies import Body, ball
 from springgym.core.compiling import compiled, kernel
@@ -20,7 +17,7 @@ from springgym.envs.options import Autoreset, EnvOptions, Modes, number
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import gaussian, thrift
 from springgym.envs.starts import uniform
-from springgym.envs.task import Start, Task, at_rest
+from springgym.envs.task import Drawn, Factors, ResetOptions, Start, Task, at_rest
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
 from springgym.rendering.look import GREEN, INK, ORANGE, RED
@@ -126,8 +123,7 @@ class SpringBilliards(Task, kernels=(evaluate, compact, move)):
         super().__init__(**modes)
         self.ball: Body = ball(RADIUS, MASS)
 
-    @cached_property
-    def scene(self) -> Scene:
+    def make_scene(self) -> Scene:
         cue, other = np.reshape(self._placed((-0.6, 0.0), (0.0, 0.0), NOMINAL), (2, 1, 3))
         contact = Contact(friction=FRICTION, restitution=RESTITUTION, strength=STRENGTH, reach=REACH)
         return Scene(
@@ -141,18 +137,17 @@ class SpringBilliards(Task, kernels=(evaluate, compact, move)):
         )
 
     def _placed(
-        self, cue: tuple[float, float], other: tuple[float, float], factors: Mapping[str, float]
+        self, cue: tuple[float, float], other: tuple[float, float], factors: Factors
     ) -> tuple[float, ...]:
         """Return the positions of two balls that lie on the table [m], one after the other."""
         height = RADIUS + rest_height(weight_of(MASS, factors), STRENGTH, REACH)
         return *cue, height, *other, height
 
-    @cached_property
-    def particles(self) -> ObservedParticles:
+    def observed_particles(self) -> ObservedParticles:
         level = ((0, 2), (1, 2))
         return ObservedParticles((0, 1), np.full(2, WAY_UNIT), np.full(2, SPEED_UNIT), skipped=level)
 
-    def draw(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Sequence[float]:
+    def draw(self, rng: np.random.Generator, options: ResetOptions, factors: Factors) -> Drawn:
         low = (-0.2, -0.2, -math.pi, APART[0], WAY[0], -CUT)
         high = (0.2, 0.2, math.pi, APART[1], WAY[1], CUT)
         x, y, bearing, apart, way, cut = uniform(rng, low, high)

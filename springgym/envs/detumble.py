@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
+from typing import TYPE_CHECKING, ClassVar, Literal, Unpack
 
 import gymnasium as gym
 import numpy as np
-from numpy.random import Generator
 
 from springgym.bodies import Body, box, rigid_velocities
 from springgym.bodies.rotations import axes, cross
@@ -21,7 +18,7 @@ from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, BodyOptions, EnvOptions, Modes, made, number
 from springgym.envs.rewards import gaussian, thrift
 from springgym.envs.starts import any_rotation, direction, principal_axes
-from springgym.envs.task import Start, Task
+from springgym.envs.task import Drawn, Factors, ResetOptions, Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery, two_tone
 from springgym.rendering.look import RED, TEAL
@@ -103,8 +100,7 @@ class SpringDetumble(Task, kernels=(evaluate, compact)):
         """directions of the thrusters in the body's triad, (thrusters, 3)"""
         self.limits = np.full(len(THRUSTERS), IMPULSE) if self.action == "thrusters" else np.full(3, TORQUE)
 
-    @cached_property
-    def scene(self) -> Scene:
+    def make_scene(self) -> Scene:
         thrusters = self.action == "thrusters"
         corners = tuple(corner for corner, _ in THRUSTERS)
         return Scene(
@@ -115,8 +111,7 @@ class SpringDetumble(Task, kernels=(evaluate, compact)):
             thrust=ThrustActuator(corners, turns=True) if thrusters else None,
         )
 
-    @cached_property
-    def particles(self) -> ObservedParticles:
+    def observed_particles(self) -> ObservedParticles:
         reach = np.linalg.norm(self._shape, axis=1)
         return ObservedParticles(
             tuple(range(8)),
@@ -127,7 +122,7 @@ class SpringDetumble(Task, kernels=(evaluate, compact)):
             turned=True,
         )
 
-    def draw(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Sequence[float]:
+    def draw(self, rng: np.random.Generator, options: ResetOptions, factors: Factors) -> Drawn:
         anyhow, near, speed = direction(rng), 0.1 * rng.normal(size=3), rng.uniform(2.0, 6.0)
         upset = rng.uniform() < 0.5
         turn = any_rotation(rng)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
+from typing import TYPE_CHECKING, ClassVar, Literal, Unpack
 
 import gymnasium as gym
 import numpy as np
-from numpy.random import Generator
 
 from springgym.bodies import Body, stretched_shapes, top
 from springgym.checks import chosen, shown
@@ -22,7 +20,7 @@ from springgym.envs.options import Autoreset, EnvOptions, Modes, number
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import angle_of, gaussian, thrift
 from springgym.envs.starts import above_bowl, standing, uniform, varied_top
-from springgym.envs.task import Start, Task, level
+from springgym.envs.task import Drawn, Factors, ResetOptions, Start, Task, level
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks
 from springgym.rendering.look import AMBER, BLUE, GREEN, INK, IVORY, RED, TEAL, together, two_tone
@@ -207,8 +205,7 @@ class SpringDuel(Task, kernels=(evaluate, compact)):
         self._shape = stretched_shapes(self.body, (0, 0, 1), SPINS[1])
         self._tip = self.body.particle("tip")
 
-    @cached_property
-    def scene(self) -> Scene:
+    def make_scene(self) -> Scene:
         contact = Contact(friction=0.02, restitution=0.5, strength=STRENGTH, reach=REACH)
         poses = [self._pose(bearing, 0.0, 0.0, SPINS[0], NOMINAL) for bearing in (math.pi, 0.0)]
         bodies, states = [], self.starts(np.reshape(poses, (1, -1)))[:2]
@@ -223,7 +220,7 @@ class SpringDuel(Task, kernels=(evaluate, compact)):
         )
 
     def _pose(
-        self, bearing: float, tilt: float, azimuth: float, spin: float, factors: Mapping[str, float]
+        self, bearing: float, tilt: float, azimuth: float, spin: float, factors: Factors
     ) -> tuple[float, ...]:
         """Return azimuth, tilt, spin, `varied_top`, and the place of the tip in the bowl."""
         height = rest_height(weight_of(MASS, factors), STRENGTH, REACH)
@@ -231,15 +228,14 @@ class SpringDuel(Task, kernels=(evaluate, compact)):
         foot = away * math.cos(bearing), away * math.sin(bearing), height
         return azimuth, tilt, spin, *varied_top(factors), *foot
 
-    @cached_property
-    def particles(self) -> ObservedParticles:
+    def observed_particles(self) -> ObservedParticles:
         outwards = np.hypot(self.body.positions[:, 0], self.body.positions[:, 1])
         count = 2 * len(outwards)
         return ObservedParticles(
             tuple(range(count)), np.full(count, 0.7), np.tile(SPINS[1] * outwards + 1.0, 2)
         )
 
-    def draw(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Sequence[float]:
+    def draw(self, rng: np.random.Generator, options: ResetOptions, factors: Factors) -> Drawn:
         if (found := factors["scale"]) > LARGEST:
             raise ValueError(
                 f"randomize allows tops of scale {found:.4g}; it must be at most {LARGEST}, "

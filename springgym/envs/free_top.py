@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
+from typing import TYPE_CHECKING, ClassVar, Literal, Unpack
 
 import gymnasium as gym
 import numpy as np
-from numpy.random import Generator
 
 from springgym.bodies import Body, rigid_velocities, stretched_shapes, top
 from springgym.checks import chosen, flag
@@ -21,7 +18,7 @@ from springgym.envs.options import Autoreset, BodyOptions, EnvOptions, Modes, ma
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import angle_of, gaussian, spinning, thrift
 from springgym.envs.starts import above_bowl, standing, uniform, varied_top
-from springgym.envs.task import Start, Task
+from springgym.envs.task import Drawn, Factors, ResetOptions, Start, Task
 from springgym.envs.top import tilt_of
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks
@@ -114,8 +111,7 @@ class SpringFreeTop(Task, kernels=(evaluate, compact)):
         self._strength, self._reach = scales(self.contact, self.body)
         self.limits = np.array([FORCE, FORCE, self.torque])
 
-    @cached_property
-    def scene(self) -> Scene:
+    def make_scene(self) -> Scene:
         tip, shape = self._tip, self._shape(WANTED)
         positions = shape - shape[tip] + np.array([0.0, 0.0, self._height(NOMINAL)])
         return Scene(
@@ -128,17 +124,16 @@ class SpringFreeTop(Task, kernels=(evaluate, compact)):
             contact=self.contact,
         )
 
-    def _height(self, factors: Mapping[str, float]) -> float:
+    def _height(self, factors: Factors) -> float:
         """Return the height of the tip above the surface when it carries the weight [m]."""
         return rest_height(weight_of(self.body.mass, factors), self._strength, self._reach)
 
-    @cached_property
-    def particles(self) -> ObservedParticles:
+    def observed_particles(self) -> ObservedParticles:
         outwards = np.hypot(self.body.positions[:, 0], self.body.positions[:, 1])
         count = len(outwards)
         return ObservedParticles(tuple(range(count)), np.full(count, 0.5), WANTED * outwards + 0.5)
 
-    def draw(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Sequence[float]:
+    def draw(self, rng: np.random.Generator, options: ResetOptions, factors: Factors) -> Drawn:
         low = (0.02, -math.pi, self.spins[0], 0.0, -math.pi)
         high = (self.steepest, math.pi, self.spins[1], 1.0, math.pi)
         tilt, azimuth, spin, share, bearing = uniform(rng, low, high)

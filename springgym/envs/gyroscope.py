@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
+from typing import TYPE_CHECKING, ClassVar, Literal, Unpack
 
 import gymnasium as gym
 import numpy as np
-from numpy.random import Generator
 
 from springgym.bodies import gyroscope, rigid_velocities, stretched_shapes
 from springgym.bodies.rotations import cross, turned
@@ -23,7 +20,7 @@ from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, BodyOptions, EnvOptions, Modes, made, number
 from springgym.envs.rewards import angle_between, angle_of, gaussian, long_tail, spinning, thrift
 from springgym.envs.starts import direction, tilted, uniform
-from springgym.envs.task import Start, Task
+from springgym.envs.task import Drawn, Factors, ResetOptions, Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
 from springgym.rendering.look import GREEN, ORANGE, RED
@@ -96,8 +93,7 @@ class SpringGyroscope(Task, kernels=(evaluate, compact, achieve)):
         self._shape = stretched_shapes(self.body, (0, 0, 1), FASTEST, self.body.parts["centre"])
         self.limits = np.full(3, IMPULSE if self.action == "impulse" else TORQUE)
 
-    @cached_property
-    def scene(self) -> Scene:
+    def make_scene(self) -> Scene:
         impulse = self.action == "impulse"
         centre = self.body.parts["centre"]
         return Scene(
@@ -108,8 +104,7 @@ class SpringGyroscope(Task, kernels=(evaluate, compact, achieve)):
             thrust=ThrustActuator(self.body.parts["head"]) if impulse else None,
         )
 
-    @cached_property
-    def particles(self) -> ObservedParticles:
+    def observed_particles(self) -> ObservedParticles:
         parts = self.body.parts
         reach = np.linalg.norm(self.body.positions, axis=1)
         outwards = np.hypot(self.body.positions[:, 0], self.body.positions[:, 1])
@@ -117,7 +112,7 @@ class SpringGyroscope(Task, kernels=(evaluate, compact, achieve)):
             parts["ring"] + parts["head"] + parts["foot"], reach, USUAL * outwards + 2.0 * reach
         )
 
-    def draw(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Sequence[float]:
+    def draw(self, rng: np.random.Generator, options: ResetOptions, factors: Factors) -> Drawn:
         axis, sideways = direction(rng), rng.uniform(-math.pi, math.pi)
         drawn_spin, drawn_away = uniform(rng, (25.0, 0.5), (45.0, 1.5))
         sign = rng.choice((-1.0, 1.0)) if self.hard else 1.0

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
+from typing import TYPE_CHECKING, ClassVar, Literal, Unpack
 
 import gymnasium as gym
 import numpy as np
-from numpy.random import Generator
 
 from springgym.bodies import Body, rolling_ball, top
 from springgym.checks import flag, whole
@@ -20,7 +18,7 @@ from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Modes, number
 from springgym.envs.rewards import angle_of, gaussian, height_above, long_tail, thrift
 from springgym.envs.starts import uniform
-from springgym.envs.task import Start, Task, level
+from springgym.envs.task import Drawn, Factors, ResetOptions, Start, Task, level
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
 from springgym.rendering.look import GREEN, ORANGE, RED
@@ -164,8 +162,7 @@ class SpringJuggle(Task, kernels=(evaluate, compact)):
         self.paddle: Body = top(6, RADIUS, HEIGHT, PADDLE_MASS, stiffness=1e5, damping=60.0)
         self.ball = rolling_ball(BALL_RADIUS, BALL_MASS, stiffness=2e3, damping=0.2)
 
-    @cached_property
-    def scene(self) -> Scene:
+    def make_scene(self) -> Scene:
         balls = [
             Placed(self.ball, self.ball.positions + np.array([column, 0.0, 0.5]), name=name)
             for column, name in zip(self.columns, ("ball", "other"), strict=False)
@@ -178,15 +175,14 @@ class SpringJuggle(Task, kernels=(evaluate, compact)):
         """Return the paddle's particles, its crown at the origin [m]."""
         return self.paddle.positions - self.paddle.positions[CROWN]
 
-    @cached_property
-    def particles(self) -> ObservedParticles:
+    def observed_particles(self) -> ObservedParticles:
         count, size = len(self.paddle.masses), len(self.ball.masses)
         of_balls = [count + size * k + n for k in range(self.balls) for n in (0, 1, 3)]  # 3 is opposite to 0
         seen = (0, 2, 4, CROWN, *of_balls)
         speeds = np.append(np.ones(count), np.full(size * self.balls, BALL_SPEED_UNIT))
         return ObservedParticles(seen, np.full(len(speeds), 0.25), speeds)
 
-    def draw(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Sequence[float]:
+    def draw(self, rng: np.random.Generator, options: ResetOptions, factors: Factors) -> Drawn:
         low = (self.wanted[0], DROPPED[0], 0.0, -math.pi, -0.1, -0.1)
         high = (self.wanted[1], DROPPED[1], 0.1, math.pi, 0.1, 0.1)
         wanted, height, away, bearing, east, north = uniform(rng, low, high)

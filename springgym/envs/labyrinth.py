@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from functools import cache, cached_property
+from collections.abc import Iterator, Sequence
+from functools import cache
 from itertools import product
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
+from typing import TYPE_CHECKING, ClassVar, Literal, Unpack
 
 import gymnasium as gym
 import numpy as np
-from numpy.random import Generator
 
 from springgym.bodies import Body, rolling_ball
 from springgym.checks import flag
@@ -20,7 +19,7 @@ from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Modes
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import gaussian, thrift
-from springgym.envs.task import Start, Task, at_rest
+from springgym.envs.task import Drawn, Factors, ResetOptions, Start, Task, at_rest
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
 from springgym.rendering.look import GREEN, INK, RED, Color, together
@@ -237,8 +236,7 @@ class SpringLabyrinth(Task, kernels=(evaluate, compact, move)):
         self.parameters = np.array([self.rate, self.hole])
         self.limits = np.full(2, self.rate)
 
-    @cached_property
-    def scene(self) -> Scene:
+    def make_scene(self) -> Scene:
         return Scene(
             self.ball,
             np.add(self.ball.positions, (0.0, 0.0, self._height(NOMINAL))),
@@ -247,16 +245,15 @@ class SpringLabyrinth(Task, kernels=(evaluate, compact, move)):
             contact=Contact(friction=0.5, restitution=0.3, strength=STRENGTH, reach=REACH),
         )
 
-    def _height(self, factors: Mapping[str, float]) -> float:
+    def _height(self, factors: Factors) -> float:
         """Return the height of the centre of a ball that lies on a level board [m]."""
         return factors["scale"] * RADIUS + rest_height(weight_of(MASS, factors), STRENGTH, REACH)
 
-    @cached_property
-    def particles(self) -> ObservedParticles:
+    def observed_particles(self) -> ObservedParticles:
         count = len(self.ball.masses)
         return ObservedParticles(tuple(range(count)), np.full(count, WAY_UNIT), np.full(count, SPEED_UNIT))
 
-    def draw(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Sequence[float]:
+    def draw(self, rng: np.random.Generator, options: ResetOptions, factors: Factors) -> Drawn:
         way = rng.integers(len(ways()))
         return *rng.random(1 + 2 * CELLS**2).tolist(), way, self._height(factors), factors["scale"]
 

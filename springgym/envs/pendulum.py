@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
+from typing import TYPE_CHECKING, ClassVar, Literal, Unpack
 
 import gymnasium as gym
 import numpy as np
-from numpy.random import Generator
 
 from springgym.bodies import cube, start
 from springgym.bodies.rotations import axes, turned
@@ -21,7 +18,7 @@ from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, BodyOptions, EnvOptions, Modes, made, number
 from springgym.envs.rewards import angle_of, gaussian, spinning, thrift
 from springgym.envs.starts import uniform
-from springgym.envs.task import Start, Task, at_rest
+from springgym.envs.task import Drawn, Factors, ResetOptions, Start, Task, at_rest
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery, two_tone
 from springgym.rendering.look import GREEN, RED
@@ -82,8 +79,7 @@ class SpringPendulum(Task, kernels=(evaluate, compact)):
         self._shape = self.body.positions - self.body.positions[0]
         self.limits = np.full(3, IMPULSE if self.action == "impulse" else TORQUE)
 
-    @cached_property
-    def scene(self) -> Scene:
+    def make_scene(self) -> Scene:
         hanging = start(self.body, tilt=math.pi, omega=(TOO_FAST, 0.0, 0.0), pinned=(0,))
         impulse = self.action == "impulse"
         return Scene(
@@ -94,12 +90,11 @@ class SpringPendulum(Task, kernels=(evaluate, compact)):
             thrust=ThrustActuator((FAR,)) if impulse else None,
         )
 
-    @cached_property
-    def particles(self) -> ObservedParticles:
+    def observed_particles(self) -> ObservedParticles:
         reach = np.linalg.norm(self._shape, axis=1)
         return ObservedParticles(tuple(range(1, 8)), reach, 4.0 * reach)
 
-    def draw(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Sequence[float]:
+    def draw(self, rng: np.random.Generator, options: ResetOptions, factors: Factors) -> Drawn:
         anywhere, near, azimuth, roll = uniform(
             rng, (0.0, 0.0, -math.pi, -math.pi), (math.pi, 0.3, math.pi, math.pi)
         )

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
 
 import gymnasium as gym
 import numpy as np
-from numpy.random import Generator
 
 from springgym.bodies import rope, solid_rope
 from springgym.bodies.rotations import cross
@@ -22,7 +19,7 @@ from springgym.envs.options import Autoreset, BodyOptions, EnvOptions, Modes, ma
 from springgym.envs.randomisation import weight_of
 from springgym.envs.rewards import gaussian, long_tail, thrift
 from springgym.envs.starts import tilted, uniform
-from springgym.envs.task import Start, Task, level
+from springgym.envs.task import Drawn, Factors, ResetOptions, Start, Task, level
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
 from springgym.rendering.look import BLUE, GREEN, INK, RED
@@ -110,17 +107,15 @@ class SpringRope(Task, kernels=(evaluate, compact, achieve)):
                 f"material is {shown(material)} and diameter {shown(diameter)}; give both, or neither"
             )
 
-    @cached_property
-    def scene(self) -> Scene:
+    def make_scene(self) -> Scene:
         return Scene(self.body, pinned=(0,), drive=DriveActuator(0, SPEED))
 
-    @cached_property
-    def particles(self) -> ObservedParticles:
+    def observed_particles(self) -> ObservedParticles:
         count = len(self.body.masses)
         two = np.full(count, 2.0)
         return ObservedParticles(tuple(range(count)), two, two, about="goal", skipped=((0, 2),))
 
-    def draw(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Sequence[float]:
+    def draw(self, rng: np.random.Generator, options: ResetOptions, factors: Factors) -> Drawn:
         azimuth, turning, bearing, rate, drawn_sway, drawn_distance = uniform(
             rng,
             (-math.pi, -math.pi, -math.pi, -self.rate, 0.0, 1.5),

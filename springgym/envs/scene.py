@@ -7,7 +7,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
-from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, Unpack, overload
 
@@ -24,7 +23,7 @@ from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.goals import Aim, Goals, reach
 from springgym.envs.observation import BOUND, Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, RewardedOptions, mapping
-from springgym.envs.task import Start, Task
+from springgym.envs.task import Factors, ResetOptions, Start, Task
 from springgym.measures import Measures, MeasuresOfBodies
 from springgym.records import read_only
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
@@ -339,12 +338,10 @@ class SceneTask(Task):
             raise ValueError(f"look draws {look.particles} particles; the scene has {len(scene.masses)}")
         self._look, self._camera, self._scenery = look, camera, scenery
 
-    @property
-    def scene(self) -> Scene:
+    def make_scene(self) -> Scene:
         return self._scene
 
-    @cached_property
-    def particles(self) -> ObservedParticles:
+    def observed_particles(self) -> ObservedParticles:
         scene, count = self._scene, len(self._scene.masses)
         each = zip(scene.bodies, scene.slices, strict=True)
         held = set(scene.pins) - {own.start + placed.drive.particle for placed, own in each if placed.drive}
@@ -352,16 +349,13 @@ class SceneTask(Task):
         return ObservedParticles(moving, np.full(count, self._scales[0]), np.full(count, self._scales[1]))
 
     def draw_starts(
-        self,
-        generators: Sequence[Generator],
-        options: Sequence[dict[str, Any]],
-        factors: Sequence[Mapping[str, float]],
+        self, generators: Sequence[Generator], options: Sequence[ResetOptions], factors: Sequence[Factors]
     ) -> Start:
         each = zip(generators, options, factors, strict=True)
         positions, velocities, goals = zip(*(self._drawn(*own) for own in each), strict=True)
         return Start(np.array(positions), np.array(velocities), goals)
 
-    def _drawn(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
+    def _drawn(self, rng: Generator, options: ResetOptions, factors: Factors) -> Start:
         """Draw the start of an episode."""
         if self._start is None:
             x, v, goal = self._scene.positions, self._scene.velocities, self._goal

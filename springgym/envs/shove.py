@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias, Unpack
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, ClassVar, Literal, TypeAlias, Unpack
 
 import gymnasium as gym
 import numpy as np
-from numpy.random import Generator
 
 from springgym.bodies import Body, box, rolling_ball
 from springgym.checks import flag
@@ -21,7 +19,7 @@ from springgym.envs.options import Autoreset, EnvOptions, Modes, number
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import gaussian, long_tail, thrift
 from springgym.envs.starts import headed, uniform
-from springgym.envs.task import Start, Task, at_rest, level
+from springgym.envs.task import Drawn, Factors, ResetOptions, Start, Task, at_rest, level
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks
 from springgym.rendering.look import GREEN, ORANGE, RED
@@ -161,8 +159,7 @@ class SpringShove(Task, kernels=(evaluate, compact, achieve)):
         self.box: Body = box(SIDES, MASS, stiffness=1.8e4, damping=5.0)
         self.pusher = rolling_ball(RADIUS, MASS, stiffness=1.8e4, damping=5.0)
 
-    @cached_property
-    def scene(self) -> Scene:
+    def make_scene(self) -> Scene:
         (started,), *_ = self.starts(np.array([self._placed((-0.5, 0.0), (0.0, 0.0), 0.0, NOMINAL)]))
         return Scene(
             bodies=(
@@ -174,24 +171,21 @@ class SpringShove(Task, kernels=(evaluate, compact, achieve)):
             collisions=Contact(friction=SLIPPERY, restitution=0.3, strength=STRENGTH, reach=REACH),
         )
 
-    def _placed(
-        self, pusher: Level, place: Level, heading: float, factors: Mapping[str, float]
-    ) -> tuple[float, ...]:
+    def _placed(self, pusher: Level, place: Level, heading: float, factors: Factors) -> tuple[float, ...]:
         """Return what `starts` takes: the places of the pusher and of the middle of the box's lower side, as
         they lie on the floor, the box's heading, and the scale."""
         weight = weight_of(MASS, factors)
         lying, carried = rest_height(weight / 4, STRENGTH, REACH), rest_height(weight, STRENGTH, REACH)
         return *pusher, RADIUS + carried, *place, lying, heading, factors["scale"]
 
-    @cached_property
-    def particles(self) -> ObservedParticles:
+    def observed_particles(self) -> ObservedParticles:
         count = CORNERS + len(self.box.masses)
         upper = tuple(range(CORNERS, CORNERS + 4))
         seen = (0, 1, 3, *upper)  # of the pusher, 3 is opposite to 0
         level = tuple((corner, 2) for corner in upper)
         return ObservedParticles(seen, np.full(count, 0.5), np.full(count, 0.5), skipped=level)
 
-    def draw(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Sequence[float]:
+    def draw(self, rng: np.random.Generator, options: ResetOptions, factors: Factors) -> Drawn:
         low = (0.3, -math.pi, -self.turned, 0.35, -math.pi)
         high = (self.farthest, math.pi, self.turned, 0.6, math.pi)
         away, bearing, heading, apart, side = uniform(rng, low, high)

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
+from typing import TYPE_CHECKING, ClassVar, Literal, Unpack
 
 import gymnasium as gym
 import numpy as np
-from numpy.random import Generator
 
 from springgym.bodies import Body, box, rolling_ball
 from springgym.core.compiling import compiled, kernel
@@ -39,7 +36,7 @@ from springgym.envs.shove import (
     see_pusher,
 )
 from springgym.envs.starts import headed, uniform
-from springgym.envs.task import Start, Task, at_rest, level
+from springgym.envs.task import Drawn, Factors, ResetOptions, Start, Task, at_rest, level
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks
 from springgym.rendering.look import GREEN, ORANGE, RED, STEEL, TEAL
@@ -126,8 +123,7 @@ class SpringStack(Task, kernels=(evaluate, compact)):
         self.shelf: Body = box(SHELF_SIDES, 8.0, stiffness=1.8e4, damping=5.0)
         self.pusher = rolling_ball(RADIUS, MASS, stiffness=1.8e4, damping=5.0)
 
-    @cached_property
-    def scene(self) -> Scene:
+    def make_scene(self) -> Scene:
         drawn = self._placed((-0.7, 0.0), 0.0, (-1.1, 0.0), (0.2, 0.0), NOMINAL)
         (started,), *_ = self.starts(np.array([drawn]))
         contact = Contact(friction=FRICTION, restitution=0.3, strength=STRENGTH, reach=REACH)
@@ -144,7 +140,7 @@ class SpringStack(Task, kernels=(evaluate, compact)):
         )
 
     def _placed(
-        self, place: Level, heading: float, pusher: Level, block: Level, factors: Mapping[str, float]
+        self, place: Level, heading: float, pusher: Level, block: Level, factors: Factors
     ) -> tuple[float, ...]:
         """Return what `starts` takes: the places of pusher, box and block, the height of the shelf, the box's
         heading, and the scale. Pusher and box lie on the shelf, the block on the floor."""
@@ -154,14 +150,13 @@ class SpringStack(Task, kernels=(evaluate, compact)):
         half = scale * SIDES[2] / 2
         return *pusher, carried, *place, top + lying + half, *block, lying + half, top, heading, scale
 
-    @cached_property
-    def particles(self) -> ObservedParticles:
+    def observed_particles(self) -> ObservedParticles:
         upper = (*range(CORNERS, CORNERS + 4), *range(BLOCKS, BLOCKS + 4))
         seen = (0, 1, 3, *upper)  # of the pusher, 3 is opposite to 0
         level = tuple((corner, 2) for corner in upper)
         return ObservedParticles(seen, np.full(SHELFS + 8, 0.5), np.full(SHELFS + 8, 0.5), skipped=level)
 
-    def draw(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Sequence[float]:
+    def draw(self, rng: np.random.Generator, options: ResetOptions, factors: Factors) -> Drawn:
         if (scale := factors["scale"]) < SMALLEST:
             raise ValueError(
                 f"randomize allows bodies of scale {scale:.4g}; it must be at least "

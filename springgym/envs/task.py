@@ -34,6 +34,16 @@ MET, FAILED = -2, -1
 failed."""
 
 
+ResetOptions = dict[str, Any]
+"""Reset options of the user; a task removes those that it uses."""
+
+Factors = Mapping[str, float]
+"""Factors of an episode's randomisation, by name; 1 without randomisation."""
+
+Drawn = Sequence[float]
+"""The numbers that determine the start of an episode."""
+
+
 def level(vectors: np.ndarray) -> np.ndarray:
     """Return vectors (n, 2) as level ones (n, 3): their third component is 0."""
     found = np.zeros((len(vectors), 3))
@@ -153,22 +163,26 @@ class Task:
         """Return the values that compact observations (n, D) encode, by entry, (n, size) in SI units."""
         return values(self.entries, observations)
 
-    @property
+    @cached_property
     def scene(self) -> Scene:
-        """Return the scene."""
-        raise NotImplementedError
+        """Return the scene, which `make_scene` has made."""
+        return self.make_scene()
 
-    @property
+    @cached_property
     def particles(self) -> ObservedParticles:
-        """Return the "particles" observation."""
+        """Return the "particles" observation, see `observed_particles`."""
+        return self.observed_particles()
+
+    def make_scene(self) -> Scene:
+        """Make the scene."""
         raise NotImplementedError
 
-    def draw(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Sequence[float]:
-        """Draw the numbers that determine the start of an episode.
+    def observed_particles(self) -> ObservedParticles:
+        """Return what is observed of the particles."""
+        raise NotImplementedError
 
-        ``options`` holds the reset options of the user; the task removes those that it uses. ``factors`` are
-        the factors of this episode's randomisation; 1 without randomisation.
-        """
+    def draw(self, rng: Generator, options: ResetOptions, factors: Factors) -> Drawn:
+        """Draw the numbers that determine the start of an episode."""
         raise NotImplementedError
 
     def starts(self, drawn: np.ndarray) -> Start:
@@ -176,10 +190,7 @@ class Task:
         raise NotImplementedError
 
     def draw_starts(
-        self,
-        generators: Sequence[Generator],
-        options: Sequence[dict[str, Any]],
-        factors: Sequence[Mapping[str, float]],
+        self, generators: Sequence[Generator], options: Sequence[ResetOptions], factors: Sequence[Factors]
     ) -> Start:
         """Draw the starts of k episodes."""
         each = zip(generators, options, factors, strict=True)

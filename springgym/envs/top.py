@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, ClassVar, Literal, Unpack
 
 import gymnasium as gym
 import numpy as np
-from numpy.random import Generator
 
 from springgym.bodies import Body, rigid_velocities, solid_top, stretched_shapes, top
 from springgym.checks import flag
@@ -20,7 +18,7 @@ from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, BodyOptions, EnvOptions, Modes, made, number
 from springgym.envs.rewards import angle_of, long_tail, spinning, thrift
 from springgym.envs.starts import standing, uniform, varied_top
-from springgym.envs.task import Start, Task
+from springgym.envs.task import Drawn, Factors, ResetOptions, Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
 from springgym.rendering.look import GREEN, RED
@@ -100,8 +98,7 @@ class SpringTop(Task, kernels=(evaluate, compact)):
         self.parameters = np.array([self.action != "impulse"], float)
         self.limits = np.full(3, self.impulse if self.action == "impulse" else self.torque)
 
-    @cached_property
-    def scene(self) -> Scene:
+    def make_scene(self) -> Scene:
         impulse = self.action == "impulse"
         spin = rigid_velocities(
             self.body.positions, (0, 0, self.spins[1]), self.body.positions[self.body.particle("tip")]
@@ -114,14 +111,13 @@ class SpringTop(Task, kernels=(evaluate, compact)):
             thrust=ThrustActuator((self.upper,)) if impulse else None,
         )
 
-    @cached_property
-    def particles(self) -> ObservedParticles:
+    def observed_particles(self) -> ObservedParticles:
         ring = self.body.parts["ring"]
         reach = np.linalg.norm(self.body.positions, axis=1)
         outwards = np.hypot(self.body.positions[:, 0], self.body.positions[:, 1])
         return ObservedParticles((*ring, self.upper), reach, WANTED * outwards + 2.0 * reach)
 
-    def draw(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Sequence[float]:
+    def draw(self, rng: np.random.Generator, options: ResetOptions, factors: Factors) -> Drawn:
         low, high = (0.1, -math.pi, self.spins[0]), (0.6, math.pi, self.spins[1])
         tilt, azimuth, spin = uniform(rng, low, high)
         tilt = number(options, "tilt", tilt, 0.0, FALLEN)

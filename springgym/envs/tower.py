@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
+from typing import TYPE_CHECKING, ClassVar, Literal, Unpack
 
 import gymnasium as gym
 import numpy as np
-from numpy.random import Generator
 
 from springgym.bodies import Body, box
 from springgym.checks import whole
@@ -22,7 +19,7 @@ from springgym.envs.options import Autoreset, EnvOptions, Modes
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import gaussian, long_tail, thrift
 from springgym.envs.starts import headed, uniform
-from springgym.envs.task import Start, Task, at_rest
+from springgym.envs.task import Drawn, Factors, ResetOptions, Start, Task, at_rest
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks
 from springgym.rendering.look import BLUE, GREEN, RED, STEEL, TEAL
@@ -163,8 +160,7 @@ class SpringTower(Task, kernels=(evaluate, compact, move)):
             ),
         )
 
-    @cached_property
-    def scene(self) -> Scene:
+    def make_scene(self) -> Scene:
         places = [(0.6 * k, 0.0) for k in range(self.blocks)]
         drawn = np.array([self._placed(places, [0.0] * self.blocks, NOMINAL)])
         started = self.starts(drawn).positions.reshape(self.blocks, CORNERS, 3)
@@ -180,7 +176,7 @@ class SpringTower(Task, kernels=(evaluate, compact, move)):
         )
 
     def _placed(
-        self, places: list[tuple[float, float]], headings: list[float], factors: Mapping[str, float]
+        self, places: list[tuple[float, float]], headings: list[float], factors: Factors
     ) -> list[float]:
         """Return what `starts` takes for blocks that stand on the floor: the scale, and place and heading of
         each."""
@@ -188,12 +184,11 @@ class SpringTower(Task, kernels=(evaluate, compact, move)):
         poses = zip(places, headings, strict=True)
         return [factors["scale"], *(n for place, heading in poses for n in (*place, height, heading))]
 
-    @cached_property
-    def particles(self) -> ObservedParticles:
+    def observed_particles(self) -> ObservedParticles:
         count = CORNERS * self.blocks
         return ObservedParticles(tuple(range(count)), np.full(count, 0.5), np.full(count, 0.5))
 
-    def draw(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Sequence[float]:
+    def draw(self, rng: np.random.Generator, options: ResetOptions, factors: Factors) -> Drawn:
         others = self.blocks - 1
         x, y, first, *drawn = uniform(
             rng,

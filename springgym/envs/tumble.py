@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
+from typing import TYPE_CHECKING, ClassVar, Literal, Unpack
 
 import gymnasium as gym
 import numpy as np
-from numpy.random import Generator
 
 from springgym.bodies import Body, from_points
 from springgym.bodies.rotations import cross
@@ -22,7 +19,7 @@ from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Modes, number
 from springgym.envs.rewards import angle_of, gaussian, long_tail, thrift
 from springgym.envs.starts import any_rotation, uniform
-from springgym.envs.task import Start, Task
+from springgym.envs.task import Drawn, Factors, ResetOptions, Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks
 from springgym.rendering.look import AMBER, BLUE, GREEN, IVORY, ORANGE, RED
@@ -157,8 +154,7 @@ class SpringTumble(Task, kernels=(evaluate, compact, achieve)):
         else:
             self.limits = np.repeat([self.force, self.torque], 3)
 
-    @cached_property
-    def scene(self) -> Scene:
+    def make_scene(self) -> Scene:
         return Scene(
             self.body,
             self._shape + np.array([0.0, 0.0, 0.7]),
@@ -168,14 +164,13 @@ class SpringTumble(Task, kernels=(evaluate, compact, achieve)):
             contact=self.contact,
         )
 
-    @cached_property
-    def particles(self) -> ObservedParticles:
+    def observed_particles(self) -> ObservedParticles:
         count = len(self.body.masses)
         return ObservedParticles(
             tuple(range(count)), np.full(count, 0.5), np.full(count, 2.0), about="goal", pointed=3
         )
 
-    def draw(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Sequence[float]:
+    def draw(self, rng: np.random.Generator, options: ResetOptions, factors: Factors) -> Drawn:
         motion = *any_rotation(rng).ravel().tolist(), *rng.uniform(-4.0, 4.0, 3).tolist()
         height, distance, bearing = uniform(rng, (0.5, 0.5, -math.pi), (0.9, self.farthest, math.pi))
         height = number(options, "height", max(1.0, factors["scale"]) * height, 0.4, 5.0)
