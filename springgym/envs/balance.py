@@ -140,10 +140,9 @@ class SpringBalance(Task, kernels=(evaluate, compact, move)):
         return rest_height(weight_of(BALL_MASS, factors), STRENGTH, REACH)
 
     def observed_particles(self) -> ObservedParticles:
-        count = len(self.scene.free)
         ball = len(self.plate.masses)
         seen = (*range(CROWN + 1), ball, ball + 1, ball + 3)  # the last is opposite to the first
-        return ObservedParticles(seen, np.full(count, 0.25), np.full(count, 0.5), about="goal")
+        return ObservedParticles(seen, 0.25, 0.5, about="goal")
 
     def draw(self, rng: np.random.Generator, options: ResetOptions, factors: Factors) -> Drawn:
         low = (0.0, -math.pi, 0.0, -math.pi, ORBIT[0], -math.pi, self.rate[0], -1.0)

@@ -145,7 +145,7 @@ class SpringBilliards(Task, kernels=(evaluate, compact, move)):
 
     def observed_particles(self) -> ObservedParticles:
         level = ((0, 2), (1, 2))
-        return ObservedParticles((0, 1), np.full(2, WAY_UNIT), np.full(2, SPEED_UNIT), skipped=level)
+        return ObservedParticles((0, 1), WAY_UNIT, SPEED_UNIT, skipped=level)
 
     def draw(self, rng: np.random.Generator, options: ResetOptions, factors: Factors) -> Drawn:
         low = (-0.2, -0.2, -math.pi, APART[0], WAY[0], -CUT)

@@ -230,10 +230,7 @@ class SpringDuel(Task, kernels=(evaluate, compact)):
 
     def observed_particles(self) -> ObservedParticles:
         outwards = np.hypot(self.body.positions[:, 0], self.body.positions[:, 1])
-        count = 2 * len(outwards)
-        return ObservedParticles(
-            tuple(range(count)), np.full(count, 0.7), np.tile(SPINS[1] * outwards + 1.0, 2)
-        )
+        return ObservedParticles(tuple(range(2 * len(outwards))), 0.7, np.tile(SPINS[1] * outwards + 1.0, 2))
 
     def draw(self, rng: np.random.Generator, options: ResetOptions, factors: Factors) -> Drawn:
         if (found := factors["scale"]) > LARGEST:

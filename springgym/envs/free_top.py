@@ -130,8 +130,7 @@ class SpringFreeTop(Task, kernels=(evaluate, compact)):
 
     def observed_particles(self) -> ObservedParticles:
         outwards = np.hypot(self.body.positions[:, 0], self.body.positions[:, 1])
-        count = len(outwards)
-        return ObservedParticles(tuple(range(count)), np.full(count, 0.5), WANTED * outwards + 0.5)
+        return ObservedParticles(tuple(range(len(outwards))), 0.5, WANTED * outwards + 0.5)
 
     def draw(self, rng: np.random.Generator, options: ResetOptions, factors: Factors) -> Drawn:
         low = (0.02, -math.pi, self.spins[0], 0.0, -math.pi)

@@ -180,7 +180,7 @@ class SpringJuggle(Task, kernels=(evaluate, compact)):
         of_balls = [count + size * k + n for k in range(self.balls) for n in (0, 1, 3)]  # 3 is opposite to 0
         seen = (0, 2, 4, CROWN, *of_balls)
         speeds = np.append(np.ones(count), np.full(size * self.balls, BALL_SPEED_UNIT))
-        return ObservedParticles(seen, np.full(len(speeds), 0.25), speeds)
+        return ObservedParticles(seen, 0.25, speeds)
 
     def draw(self, rng: np.random.Generator, options: ResetOptions, factors: Factors) -> Drawn:
         low = (self.wanted[0], DROPPED[0], 0.0, -math.pi, -0.1, -0.1)

@@ -250,8 +250,7 @@ class SpringLabyrinth(Task, kernels=(evaluate, compact, move)):
         return factors["scale"] * RADIUS + rest_height(weight_of(MASS, factors), STRENGTH, REACH)
 
     def observed_particles(self) -> ObservedParticles:
-        count = len(self.ball.masses)
-        return ObservedParticles(tuple(range(count)), np.full(count, WAY_UNIT), np.full(count, SPEED_UNIT))
+        return ObservedParticles(tuple(range(len(self.ball.masses))), WAY_UNIT, SPEED_UNIT)
 
     def draw(self, rng: np.random.Generator, options: ResetOptions, factors: Factors) -> Drawn:
         way = rng.integers(len(ways()))

@@ -84,10 +84,10 @@ class ObservedParticles:
 
     observed: tuple[int, ...]
     """particles in it; pinned ones never change, and are left out"""
-    position_scale: np.ndarray
-    """(N,) [m]"""
-    velocity_scale: np.ndarray
-    """(N,) [m/s]"""
+    position_scale: float | np.ndarray
+    """of all particles, or (N,) of each [m]"""
+    velocity_scale: float | np.ndarray
+    """of all particles, or (N,) of each [m/s]"""
     about: str = "origin"
     """reference of positions: "origin"; "centre", the centre of mass, for velocities too, so that the
     observation of a drifting body stays bounded; or "goal", its first three numbers, which are then not
@@ -153,8 +153,8 @@ def columns(particles: ObservedParticles) -> Columns:
         scales += [scale] * size
     return Columns(
         entries,
-        per_metre=1 / np.asarray(particles.position_scale, float)[entries[:, 0]],
-        per_speed=1 / np.asarray(particles.velocity_scale, float)[entries[:, 0]],
+        per_metre=1 / _of_each(particles.position_scale, entries[:, 0]),
+        per_speed=1 / _of_each(particles.velocity_scale, entries[:, 0]),
         about=ABOUT.index(particles.about),
         pointed=particles.pointed,
         measured=np.array(measured, np.int64) if measured else None,
@@ -162,6 +162,11 @@ def columns(particles: ObservedParticles) -> Columns:
         turned=particles.turned or None,
         goalless=particles.goalless,
     )
+
+
+def _of_each(scale: float | np.ndarray, particles: np.ndarray) -> np.ndarray:
+    """Return the scales of some particles (K,), given one scale or those of all particles."""
+    return np.asarray(scale, float)[particles] if np.ndim(scale) else np.full(len(particles), float(scale))
 
 
 @compiled

@@ -111,9 +111,8 @@ class SpringRope(Task, kernels=(evaluate, compact, achieve)):
         return Scene(self.body, pinned=(0,), drive=DriveActuator(0, SPEED))
 
     def observed_particles(self) -> ObservedParticles:
-        count = len(self.body.masses)
-        two = np.full(count, 2.0)
-        return ObservedParticles(tuple(range(count)), two, two, about="goal", skipped=((0, 2),))
+        moving = tuple(range(len(self.body.masses)))
+        return ObservedParticles(moving, 2.0, 2.0, about="goal", skipped=((0, 2),))
 
     def draw(self, rng: np.random.Generator, options: ResetOptions, factors: Factors) -> Drawn:
         azimuth, turning, bearing, rate, drawn_sway, drawn_distance = uniform(

@@ -342,11 +342,11 @@ class SceneTask(Task):
         return self._scene
 
     def observed_particles(self) -> ObservedParticles:
-        scene, count = self._scene, len(self._scene.masses)
-        each = zip(scene.bodies, scene.slices, strict=True)
-        held = set(scene.pins) - {own.start + placed.drive.particle for placed, own in each if placed.drive}
-        moving = tuple(i for i in range(count) if i not in held)
-        return ObservedParticles(moving, np.full(count, self._scales[0]), np.full(count, self._scales[1]))
+        each = zip(self._scene.bodies, self._scene.slices, strict=True)
+        driven = {own.start + placed.drive.particle for placed, own in each if placed.drive}
+        held = set(self._scene.pins) - driven
+        moving = tuple(i for i in range(len(self._scene.masses)) if i not in held)
+        return ObservedParticles(moving, *self._scales)
 
     def draw_starts(
         self, generators: Sequence[Generator], options: Sequence[ResetOptions], factors: Sequence[Factors]

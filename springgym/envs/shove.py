@@ -179,11 +179,10 @@ class SpringShove(Task, kernels=(evaluate, compact, achieve)):
         return *pusher, RADIUS + carried, *place, lying, heading, factors["scale"]
 
     def observed_particles(self) -> ObservedParticles:
-        count = CORNERS + len(self.box.masses)
         upper = tuple(range(CORNERS, CORNERS + 4))
         seen = (0, 1, 3, *upper)  # of the pusher, 3 is opposite to 0
         level = tuple((corner, 2) for corner in upper)
-        return ObservedParticles(seen, np.full(count, 0.5), np.full(count, 0.5), skipped=level)
+        return ObservedParticles(seen, 0.5, 0.5, skipped=level)
 
     def draw(self, rng: np.random.Generator, options: ResetOptions, factors: Factors) -> Drawn:
         low = (0.3, -math.pi, -self.turned, 0.35, -math.pi)

@@ -154,7 +154,7 @@ class SpringStack(Task, kernels=(evaluate, compact)):
         upper = (*range(CORNERS, CORNERS + 4), *range(BLOCKS, BLOCKS + 4))
         seen = (0, 1, 3, *upper)  # of the pusher, 3 is opposite to 0
         level = tuple((corner, 2) for corner in upper)
-        return ObservedParticles(seen, np.full(SHELFS + 8, 0.5), np.full(SHELFS + 8, 0.5), skipped=level)
+        return ObservedParticles(seen, 0.5, 0.5, skipped=level)
 
     def draw(self, rng: np.random.Generator, options: ResetOptions, factors: Factors) -> Drawn:
         if (scale := factors["scale"]) < SMALLEST:

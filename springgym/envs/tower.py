@@ -185,8 +185,7 @@ class SpringTower(Task, kernels=(evaluate, compact, move)):
         return [factors["scale"], *(n for place, heading in poses for n in (*place, height, heading))]
 
     def observed_particles(self) -> ObservedParticles:
-        count = CORNERS * self.blocks
-        return ObservedParticles(tuple(range(count)), np.full(count, 0.5), np.full(count, 0.5))
+        return ObservedParticles(tuple(range(CORNERS * self.blocks)), 0.5, 0.5)
 
     def draw(self, rng: np.random.Generator, options: ResetOptions, factors: Factors) -> Drawn:
         others = self.blocks - 1

@@ -165,10 +165,7 @@ class SpringTumble(Task, kernels=(evaluate, compact, achieve)):
         )
 
     def observed_particles(self) -> ObservedParticles:
-        count = len(self.body.masses)
-        return ObservedParticles(
-            tuple(range(count)), np.full(count, 0.5), np.full(count, 2.0), about="goal", pointed=3
-        )
+        return ObservedParticles(tuple(range(len(self.body.masses))), 0.5, 2.0, about="goal", pointed=3)
 
     def draw(self, rng: np.random.Generator, options: ResetOptions, factors: Factors) -> Drawn:
         motion = *any_rotation(rng).ravel().tolist(), *rng.uniform(-4.0, 4.0, 3).tolist()
