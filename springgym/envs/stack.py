@@ -11,30 +11,12 @@ import numpy as np
 
 from springgym.bodies import Body, box, rolling_ball
 from springgym.core.compiling import compiled, kernel
+from springgym.envs import shove
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Modes, number
 from springgym.envs.randomisation import NOMINAL, weight_of
-from springgym.envs.shove import (
-    BOX,
-    CORNERS,
-    FORCE,
-    MASS,
-    NEAR_UNIT,
-    PUSHER,
-    PUSHER_SPEED,
-    RADIUS,
-    REACH,
-    SIDES,
-    SPEED_UNIT,
-    STRENGTH,
-    TURNING_UNIT,
-    WAY_UNIT,
-    Level,
-    assess,
-    heading_of,
-    see_pusher,
-)
+from springgym.envs.shove import BOX, CORNERS, PUSHER, Level, assess, heading_of, see_pusher
 from springgym.envs.starts import headed, uniform
 from springgym.envs.task import Drawn, Factors, ResetOptions, Start, Task, at_rest, level
 from springgym.measures import Measures
@@ -82,15 +64,15 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
         heading, turned = heading_of(m, c, BOX), turned_of(m, c)
         for axis in range(2):
-            observation[c, axis] = (m.centre[c, BOX, axis] - m.centre[c, BLOCK, axis]) / WAY_UNIT
-            observation[c, 2 + axis] = m.centre_velocity[c, BOX, axis] / SPEED_UNIT
-            observation[c, 13 + axis] = m.centre_velocity[c, PUSHER, axis] / PUSHER_SPEED
-            observation[c, 15 + axis] = m.centre[c, PUSHER, axis] / WAY_UNIT
+            observation[c, axis] = (m.centre[c, BOX, axis] - m.centre[c, BLOCK, axis]) / shove.WAY_UNIT
+            observation[c, 2 + axis] = m.centre_velocity[c, BOX, axis] / shove.SPEED_UNIT
+            observation[c, 13 + axis] = m.centre_velocity[c, PUSHER, axis] / shove.PUSHER_SPEED
+            observation[c, 15 + axis] = m.centre[c, PUSHER, axis] / shove.WAY_UNIT
         observation[c, 4] = math.cos(heading)
         observation[c, 5] = math.sin(heading)
         observation[c, 6] = math.cos(turned)
         observation[c, 7] = math.sin(turned)
-        observation[c, 8] = m.angular_velocity[c, BOX, 2] / TURNING_UNIT
+        observation[c, 8] = m.angular_velocity[c, BOX, 2] / shove.TURNING_UNIT
         see_pusher(m, c, observation, 9)
 
 
@@ -101,32 +83,32 @@ class SpringStack(Task, kernels=(evaluate, compact)):
     terms = ("approach", "near", "heading")
     metrics = ("error", "heading", "speed")
     entries = (
-        Entry("way", 2, WAY_UNIT),
-        Entry("velocity", 2, SPEED_UNIT),
+        Entry("way", 2, shove.WAY_UNIT),
+        Entry("velocity", 2, shove.SPEED_UNIT),
         Entry("heading", 2),
         Entry("turned", 2),
-        Entry("turning", 1, TURNING_UNIT),
-        Entry("pusher", 2, NEAR_UNIT),
-        Entry("beside", 2, NEAR_UNIT),
-        Entry("pusher_velocity", 2, PUSHER_SPEED),
-        Entry("pusher_place", 2, WAY_UNIT),
+        Entry("turning", 1, shove.TURNING_UNIT),
+        Entry("pusher", 2, shove.NEAR_UNIT),
+        Entry("beside", 2, shove.NEAR_UNIT),
+        Entry("pusher_velocity", 2, shove.PUSHER_SPEED),
+        Entry("pusher_place", 2, shove.WAY_UNIT),
     )
     period = 0.04
     finest = 0.04 / 32
     hold = 12
     checks_starts = False
-    limits = np.full(2, FORCE)
+    limits = np.full(2, shove.FORCE)
 
     def __init__(self, **modes: Unpack[Modes]) -> None:
         super().__init__(**modes)
-        self.box: Body = box(SIDES, MASS, stiffness=1.8e4, damping=5.0)
+        self.box: Body = box(shove.SIDES, shove.MASS, stiffness=1.8e4, damping=5.0)
         self.shelf: Body = box(SHELF_SIDES, 8.0, stiffness=1.8e4, damping=5.0)
-        self.pusher = rolling_ball(RADIUS, MASS, stiffness=1.8e4, damping=5.0)
+        self.pusher = rolling_ball(shove.RADIUS, shove.MASS, stiffness=1.8e4, damping=5.0)
 
     def make_scene(self) -> Scene:
         drawn = self._placed((-0.7, 0.0), 0.0, (-1.1, 0.0), (0.2, 0.0), NOMINAL)
         (started,), *_ = self.starts(np.array([drawn]))
-        contact = Contact(friction=FRICTION, restitution=0.3, strength=STRENGTH, reach=REACH)
+        contact = Contact(friction=FRICTION, restitution=0.3, strength=shove.STRENGTH, reach=shove.REACH)
         return Scene(
             bodies=(
                 Placed(self.pusher, started[:CORNERS], wrench=WrenchActuator(), name="pusher"),
@@ -144,10 +126,10 @@ class SpringStack(Task, kernels=(evaluate, compact)):
     ) -> tuple[float, ...]:
         """Return what `starts` takes: the places of pusher, box and block, the height of the shelf, the box's
         heading, and the scale. Pusher and box lie on the shelf, the block on the floor."""
-        scale, weight = factors["scale"], weight_of(MASS, factors)
-        lying, top = rest_height(weight / 4, STRENGTH, REACH), scale * TOP
-        carried = top + RADIUS + rest_height(weight, STRENGTH, REACH)
-        half = scale * SIDES[2] / 2
+        scale, weight = factors["scale"], weight_of(shove.MASS, factors)
+        lying, top = rest_height(weight / 4, shove.STRENGTH, shove.REACH), scale * TOP
+        carried = top + shove.RADIUS + rest_height(weight, shove.STRENGTH, shove.REACH)
+        half = scale * shove.SIDES[2] / 2
         return *pusher, carried, *place, top + lying + half, *block, lying + half, top, heading, scale
 
     def observed_particles(self) -> ObservedParticles:
@@ -169,7 +151,7 @@ class SpringStack(Task, kernels=(evaluate, compact)):
         x, y = scale * along, scale * across
         apart *= max(1.0, scale)
         pusher = x + apart * math.cos(bearing), y + apart * math.sin(bearing)
-        block = gap + scale * SIDES[0] / 2, scale * aside
+        block = gap + scale * shove.SIDES[0] / 2, scale * aside
         return self._placed((x, y), heading, pusher, block, factors)
 
     def starts(self, drawn: np.ndarray) -> Start:
@@ -181,7 +163,7 @@ class SpringStack(Task, kernels=(evaluate, compact)):
         return at_rest(np.hstack([pusher + self.pusher.positions, moved, block + box, shelf]))
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
-        return {"pusher.force": FORCE * level(action)}
+        return {"pusher.force": shove.FORCE * level(action)}
 
     def look(self) -> Look:
         shown = film.look(self.scene, colors={"pusher": ORANGE, "block": TEAL})
@@ -201,7 +183,7 @@ class SpringStack(Task, kernels=(evaluate, compact)):
         return Marks(
             lines=[(corners[n], corners[n - 1]) for n in range(4)],
             arrows=[
-                Arrow(m.centre[PUSHER] + (0.0, 0.0, 1.2 * RADIUS), np.append(0.3 * s.action, 0.0)),
+                Arrow(m.centre[PUSHER] + (0.0, 0.0, 1.2 * shove.RADIUS), np.append(0.3 * s.action, 0.0)),
                 Arrow(m.centre[BOX] + 0.14 * m.axis[BOX], 0.15 * m.side[BOX], GREEN),
             ],
             key=((GREEN, "stack this box on the other, aligned"), (RED, "push on the ball")),

@@ -6,19 +6,8 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from springgym.envs.billiards import (
-    CUE,
-    FORCE,
-    FRICTION,
-    MASS,
-    OBJECT,
-    PERIOD,
-    POCKET,
-    POTTED,
-    RADIUS,
-    RESTITUTION,
-    SOFT,
-)
+from springgym.envs import billiards
+from springgym.envs.billiards import CUE, FORCE, FRICTION, MASS, OBJECT, PERIOD, RADIUS
 from tests.envs.cases import started
 from tests.envs.playing import Policy, play
 from tests.envs.test_cheats import classical
@@ -89,7 +78,9 @@ def parted(aim: float, away: float = 0.6) -> tuple[np.ndarray, float]:
 def test_a_full_hit() -> None:
     """(1 + e)/2 of the velocity goes on; friction takes up to three periods of μ g from both."""
     after, before = parted(0.0)
-    assert after[0] / before == pytest.approx((1 + RESTITUTION) / 2, abs=3 * SLOWING * PERIOD / before)
+    assert after[0] / before == pytest.approx(
+        (1 + billiards.RESTITUTION) / 2, abs=3 * SLOWING * PERIOD / before
+    )
     assert abs(after[1]) < 1e-6
 
 
@@ -125,11 +116,11 @@ def test_a_ball_in_the_pocket_stays_there() -> None:
         _, reward, terminated, _, info = env.step(IDLE)
         assert not terminated
         rewards.append(reward)
-    assert env.unwrapped.episodes.goal[0, POTTED] == 1.0
+    assert env.unwrapped.episodes.goal[0, billiards.POTTED] == 1.0
     assert rewards[-1] == 1.0
     assert max(reward for reward in rewards if reward < 1.0) <= 0.2
     assert info["is_success"]
-    assert info["away"] < FRICTION * G / SOFT + 1e-4  # where friction holds it
+    assert info["away"] < FRICTION * G / billiards.SOFT + 1e-4  # where friction holds it
 
 
 @pytest.mark.parametrize(("aim", "size"), [(0.3, 0.5), (0.0, 0.2), (0.0, 1.0)])
@@ -144,7 +135,7 @@ def test_a_stroke_that_fails_ends_the_episode(aim: float, size: float) -> None:
     assert terminated
     assert not info["diverged"]
     assert not info["is_success"]
-    assert info["away"] > POCKET
+    assert info["away"] > billiards.POCKET
 
 
 # --- Ways around the task -------------------------------------------------------------------------------
