@@ -197,7 +197,7 @@ class BalanceOptions(EnvOptions, total=False):
     hard: bool
 
 
-class SpringBalanceEnv(SpringEnv, gym.Env):
+class SpringBalanceEnv(SpringEnv, gym.Env, task=SpringBalance):
     """
     ## Description
     A plate stands with its tip on a stick, as a juggler's does, and a ball lies on it. Keep the ball at a
@@ -250,17 +250,13 @@ class SpringBalanceEnv(SpringEnv, gym.Env):
     - `randomize`: the factor `scale` leaves the ball as it is.
     """
 
-    task_type = SpringBalance
-
     if TYPE_CHECKING:
 
         def __init__(self, **options: Unpack[BalanceOptions]) -> None: ...
 
 
-class SpringBalanceVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
+class SpringBalanceVectorEnv(SpringVectorEnv, gym.vector.VectorEnv, task=SpringBalance):
     """Run a native batch of `SpringBalanceEnv`."""
-
-    task_type = SpringBalance
 
     if TYPE_CHECKING:
 

@@ -59,6 +59,11 @@ class _Common(Stateful):
     compute_reward: Callable[[object, object, object], Any]
     """see `springgym.envs.goals.Goals.compute_reward`; only with ``goals=True``"""
 
+    def __init_subclass__(cls, task: type[Task] | None = None) -> None:
+        super().__init_subclass__()
+        if task is not None:
+            cls.task_type = task
+
     def _make(self, copies: int, *, tolerance: float | None = None, **options: Any) -> None:
         self._guard = Guard()
         kind = type(self)
@@ -249,7 +254,8 @@ class SingleEnv(_Common):
 class SpringEnv(SingleEnv, gym.Env[np.ndarray, np.ndarray]):
     """A single environment.
 
-    A concrete class has `gymnasium.Env` among its own bases, because some libraries look for it there.
+    A concrete class is one of a task, ``class OwnEnv(SpringEnv, gym.Env, task=Own)``. It has `gymnasium.Env`
+    among its own bases, because some libraries look for it there.
 
     Parameters
     ----------
@@ -286,10 +292,10 @@ class SpringEnv(SingleEnv, gym.Env[np.ndarray, np.ndarray]):
     observation_space: spaces.Box
     action_space: spaces.Box
 
-    def __init_subclass__(cls, **kwargs: object) -> None:
-        super().__init_subclass__(**kwargs)
-        if hasattr(cls, "task_type"):
-            cls.metadata = SpringEnv.metadata | {"render_fps": frame_rate(cls.task_type)}
+    def __init_subclass__(cls, task: type[Task] | None = None) -> None:
+        super().__init_subclass__(task)
+        if task is not None:
+            cls.metadata = SpringEnv.metadata | {"render_fps": frame_rate(task)}
 
     def __init__(self, *, render_mode: str | None = None, **options: Any) -> None:
         if render_mode is not None:

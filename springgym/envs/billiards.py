@@ -206,7 +206,7 @@ class BilliardsOptions(EnvOptions, total=False):
     action: Literal["stroke"]
 
 
-class SpringBilliardsEnv(SpringEnv, gym.Env):
+class SpringBilliardsEnv(SpringEnv, gym.Env, task=SpringBilliards):
     """
     ## Description
     Strike a ball once, so that it sends another one into a pocket. The table has no cushions, and friction
@@ -264,17 +264,13 @@ class SpringBilliardsEnv(SpringEnv, gym.Env):
     None of its own.
     """
 
-    task_type = SpringBilliards
-
     if TYPE_CHECKING:
 
         def __init__(self, **options: Unpack[BilliardsOptions]) -> None: ...
 
 
-class SpringBilliardsVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
+class SpringBilliardsVectorEnv(SpringVectorEnv, gym.vector.VectorEnv, task=SpringBilliards):
     """Run a native batch of `SpringBilliardsEnv`."""
-
-    task_type = SpringBilliards
 
     if TYPE_CHECKING:
 

@@ -183,7 +183,7 @@ class DetumbleOptions(EnvOptions, total=False):
     body: BodyOptions
 
 
-class SpringDetumbleEnv(SpringEnv, gym.Env):
+class SpringDetumbleEnv(SpringEnv, gym.Env, task=SpringDetumble):
     """
     ## Description
     An uneven box tumbles in free fall, often about the axis of its middle moment of inertia, where it flips
@@ -230,17 +230,13 @@ class SpringDetumbleEnv(SpringEnv, gym.Env):
     - `body`: arguments of `springgym.bodies.box`.
     """
 
-    task_type = SpringDetumble
-
     if TYPE_CHECKING:
 
         def __init__(self, **options: Unpack[DetumbleOptions]) -> None: ...
 
 
-class SpringDetumbleVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
+class SpringDetumbleVectorEnv(SpringVectorEnv, gym.vector.VectorEnv, task=SpringDetumble):
     """Run a native batch of `SpringDetumbleEnv`."""
-
-    task_type = SpringDetumble
 
     if TYPE_CHECKING:
 

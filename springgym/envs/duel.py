@@ -328,7 +328,7 @@ class DuelOptions(EnvOptions, total=False):
     opponent: Literal["still", "guard", "script", "strong"] | Opponent
 
 
-class SpringDuelEnv(SpringEnv, gym.Env):
+class SpringDuelEnv(SpringEnv, gym.Env, task=SpringDuel):
     """
     ## Description
     Two spinning tops stand in a bowl, within a ring. Knock the other one over, or out of the ring, and stay.
@@ -397,17 +397,13 @@ class SpringDuelEnv(SpringEnv, gym.Env):
     `pettingzoo` before `springgym`, or call `springgym.register()` afterwards.
     """
 
-    task_type = SpringDuel
-
     if TYPE_CHECKING:
 
         def __init__(self, **options: Unpack[DuelOptions]) -> None: ...
 
 
-class SpringDuelVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
+class SpringDuelVectorEnv(SpringVectorEnv, gym.vector.VectorEnv, task=SpringDuel):
     """Run a native batch of `SpringDuelEnv`."""
-
-    task_type = SpringDuel
 
     if TYPE_CHECKING:
 

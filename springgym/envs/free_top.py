@@ -200,7 +200,7 @@ class FreeTopOptions(EnvOptions, total=False):
     body: BodyOptions
 
 
-class SpringFreeTopEnv(SpringEnv, gym.Env):
+class SpringFreeTopEnv(SpringEnv, gym.Env, task=SpringFreeTop):
     """
     ## Description
     A spinning top stands with its bare tip on a floor almost as smooth as ice, too slow to stand by itself.
@@ -254,17 +254,13 @@ class SpringFreeTopEnv(SpringEnv, gym.Env):
     - `body`: arguments of `springgym.bodies.top`.
     """
 
-    task_type = SpringFreeTop
-
     if TYPE_CHECKING:
 
         def __init__(self, **options: Unpack[FreeTopOptions]) -> None: ...
 
 
-class SpringFreeTopVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
+class SpringFreeTopVectorEnv(SpringVectorEnv, gym.vector.VectorEnv, task=SpringFreeTop):
     """Run a native batch of `SpringFreeTopEnv`."""
-
-    task_type = SpringFreeTop
 
     if TYPE_CHECKING:
 

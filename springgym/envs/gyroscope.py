@@ -176,7 +176,7 @@ class GyroscopeOptions(EnvOptions, total=False):
     body: BodyOptions
 
 
-class SpringGyroscopeEnv(SpringEnv, gym.Env):
+class SpringGyroscopeEnv(SpringEnv, gym.Env, task=SpringGyroscope):
     """
     ## Description
     A rotor spins on an axle that is pinned at its centre of mass. Turn the axle to a given direction and hold
@@ -226,17 +226,13 @@ class SpringGyroscopeEnv(SpringEnv, gym.Env):
       angular velocity across it [rad/s].
     """
 
-    task_type = SpringGyroscope
-
     if TYPE_CHECKING:
 
         def __init__(self, **options: Unpack[GyroscopeOptions]) -> None: ...
 
 
-class SpringGyroscopeVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
+class SpringGyroscopeVectorEnv(SpringVectorEnv, gym.vector.VectorEnv, task=SpringGyroscope):
     """Run a native batch of `SpringGyroscopeEnv`."""
-
-    task_type = SpringGyroscope
 
     if TYPE_CHECKING:
 

@@ -244,7 +244,7 @@ class JuggleOptions(EnvOptions, total=False):
     hard: bool
 
 
-class SpringJuggleEnv(SpringEnv, gym.Env):
+class SpringJuggleEnv(SpringEnv, gym.Env, task=SpringJuggle):
     """
     ## Description
     A paddle hangs in the air and a ball falls onto it. Keep the ball bouncing, straight up, to a given
@@ -309,17 +309,13 @@ class SpringJuggleEnv(SpringEnv, gym.Env):
     - `randomize`: the factor `scale` leaves the ball as it is.
     """
 
-    task_type = SpringJuggle
-
     if TYPE_CHECKING:
 
         def __init__(self, **options: Unpack[JuggleOptions]) -> None: ...
 
 
-class SpringJuggleVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
+class SpringJuggleVectorEnv(SpringVectorEnv, gym.vector.VectorEnv, task=SpringJuggle):
     """Run a native batch of `SpringJuggleEnv`."""
-
-    task_type = SpringJuggle
 
     if TYPE_CHECKING:
 

@@ -358,7 +358,7 @@ class LabyrinthOptions(EnvOptions, total=False):
     hard: bool
 
 
-class SpringLabyrinthEnv(SpringEnv, gym.Env):
+class SpringLabyrinthEnv(SpringEnv, gym.Env, task=SpringLabyrinth):
     """
     ## Description
     A ball rolls on a board that you tilt, as in the game. Bring it to the end of a path, past the holes
@@ -420,17 +420,13 @@ class SpringLabyrinthEnv(SpringEnv, gym.Env):
     - `randomize`: the factor `actuator` multiplies the force along the board.
     """
 
-    task_type = SpringLabyrinth
-
     if TYPE_CHECKING:
 
         def __init__(self, **options: Unpack[LabyrinthOptions]) -> None: ...
 
 
-class SpringLabyrinthVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
+class SpringLabyrinthVectorEnv(SpringVectorEnv, gym.vector.VectorEnv, task=SpringLabyrinth):
     """Run a native batch of `SpringLabyrinthEnv`."""
-
-    task_type = SpringLabyrinth
 
     if TYPE_CHECKING:
 

@@ -154,7 +154,7 @@ class PendulumOptions(EnvOptions, total=False):
     body: BodyOptions
 
 
-class SpringPendulumEnv(SpringEnv, gym.Env):
+class SpringPendulumEnv(SpringEnv, gym.Env, task=SpringPendulum):
     """
     ## Description
     A cube hangs from one of its corners. Swing it up and hold it upside down, with half the torque that would
@@ -201,17 +201,13 @@ class SpringPendulumEnv(SpringEnv, gym.Env):
     - `body`: arguments of `springgym.bodies.cube`.
     """
 
-    task_type = SpringPendulum
-
     if TYPE_CHECKING:
 
         def __init__(self, **options: Unpack[PendulumOptions]) -> None: ...
 
 
-class SpringPendulumVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
+class SpringPendulumVectorEnv(SpringVectorEnv, gym.vector.VectorEnv, task=SpringPendulum):
     """Run a native batch of `SpringPendulumEnv`."""
-
-    task_type = SpringPendulum
 
     if TYPE_CHECKING:
 

@@ -191,7 +191,7 @@ class RopeOptions(EnvOptions, total=False):
     diameter: float | None
 
 
-class SpringRopeEnv(SpringEnv, gym.Env):
+class SpringRopeEnv(SpringEnv, gym.Env, task=SpringRope):
     """
     ## Description
     A load of 70 kg hangs by a 4 m rope from the trolley of an overhead crane. Bring it above the target, and
@@ -238,17 +238,13 @@ class SpringRopeEnv(SpringEnv, gym.Env):
       [m] and of its velocity [m/s].
     """
 
-    task_type = SpringRope
-
     if TYPE_CHECKING:
 
         def __init__(self, **options: Unpack[RopeOptions]) -> None: ...
 
 
-class SpringRopeVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
+class SpringRopeVectorEnv(SpringVectorEnv, gym.vector.VectorEnv, task=SpringRope):
     """Run a native batch of `SpringRopeEnv`."""
-
-    task_type = SpringRope
 
     if TYPE_CHECKING:
 

@@ -698,13 +698,9 @@ def _with_actuators(scene: Scene, actuators: Mapping[str, Any]) -> Scene:
     return scene.with_(bodies=tuple(bodies))
 
 
-class SceneEnv(SpringEnv, gym.Env):
+class SceneEnv(SpringEnv, gym.Env, task=SceneTask):
     """A single environment with a given scene, see `make_scene_env`."""
 
-    task_type = SceneTask
 
-
-class SceneVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
+class SceneVectorEnv(SpringVectorEnv, gym.vector.VectorEnv, task=SceneTask):
     """A native batch of environments with a given scene, see `make_scene_env`."""
-
-    task_type = SceneTask

@@ -237,7 +237,7 @@ class ShoveOptions(EnvOptions, total=False):
     hard: bool
 
 
-class SpringShoveEnv(SpringEnv, gym.Env):
+class SpringShoveEnv(SpringEnv, gym.Env, task=SpringShove):
     """
     ## Description
     A ball pushes a box over the floor. Bring the box to its place, and turn it to its heading. The ball can
@@ -296,17 +296,13 @@ class SpringShoveEnv(SpringEnv, gym.Env):
     - `randomize`: the factor `scale` leaves the ball as it is.
     """
 
-    task_type = SpringShove
-
     if TYPE_CHECKING:
 
         def __init__(self, **options: Unpack[ShoveOptions]) -> None: ...
 
 
-class SpringShoveVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
+class SpringShoveVectorEnv(SpringVectorEnv, gym.vector.VectorEnv, task=SpringShove):
     """Run a native batch of `SpringShoveEnv`."""
-
-    task_type = SpringShove
 
     if TYPE_CHECKING:
 

@@ -197,7 +197,7 @@ class StackOptions(EnvOptions, total=False):
     action: Literal["push"]
 
 
-class SpringStackEnv(SpringEnv, gym.Env):
+class SpringStackEnv(SpringEnv, gym.Env, task=SpringStack):
     """
     ## Description
     A box lies on a shelf, and beyond the shelf's edge a block stands on the floor. Push the box with a ball
@@ -256,17 +256,13 @@ class SpringStackEnv(SpringEnv, gym.Env):
     - `randomize`: the factor `scale` leaves the ball as it is.
     """
 
-    task_type = SpringStack
-
     if TYPE_CHECKING:
 
         def __init__(self, **options: Unpack[StackOptions]) -> None: ...
 
 
-class SpringStackVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
+class SpringStackVectorEnv(SpringVectorEnv, gym.vector.VectorEnv, task=SpringStack):
     """Run a native batch of `SpringStackEnv`."""
-
-    task_type = SpringStack
 
     if TYPE_CHECKING:
 

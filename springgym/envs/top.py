@@ -166,7 +166,7 @@ class TopOptions(EnvOptions, total=False):
     body: BodyOptions
 
 
-class SpringTopEnv(SpringEnv, gym.Env):
+class SpringTopEnv(SpringEnv, gym.Env, task=SpringTop):
     """
     ## Description
     A spinning top stands on its pinned tip, tilted. Bring it upright, and to a spin of 50 rad/s. In the top
@@ -221,17 +221,13 @@ class SpringTopEnv(SpringEnv, gym.Env):
     - `body`: any other arguments of `springgym.bodies.top`.
     """
 
-    task_type = SpringTop
-
     if TYPE_CHECKING:
 
         def __init__(self, **options: Unpack[TopOptions]) -> None: ...
 
 
-class SpringTopVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
+class SpringTopVectorEnv(SpringVectorEnv, gym.vector.VectorEnv, task=SpringTop):
     """Run a native batch of `SpringTopEnv`."""
-
-    task_type = SpringTop
 
     if TYPE_CHECKING:
 

@@ -252,7 +252,7 @@ class TowerOptions(EnvOptions, total=False):
     blocks: int
 
 
-class SpringTowerEnv(SpringEnv, gym.Env):
+class SpringTowerEnv(SpringEnv, gym.Env, task=SpringTower):
     """
     ## Description
     Blocks stand on the floor around another one. Stack them on it, one after the other, so that a tower
@@ -322,17 +322,13 @@ class SpringTowerEnv(SpringEnv, gym.Env):
     - `blocks` (4): how many there are, from 2 to 5.
     """
 
-    task_type = SpringTower
-
     if TYPE_CHECKING:
 
         def __init__(self, **options: Unpack[TowerOptions]) -> None: ...
 
 
-class SpringTowerVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
+class SpringTowerVectorEnv(SpringVectorEnv, gym.vector.VectorEnv, task=SpringTower):
     """Run a native batch of `SpringTowerEnv`."""
-
-    task_type = SpringTower
 
     if TYPE_CHECKING:
 

@@ -231,7 +231,7 @@ class TumbleOptions(EnvOptions, total=False):
     hard: bool
 
 
-class SpringTumbleEnv(SpringEnv, gym.Env):
+class SpringTumbleEnv(SpringEnv, gym.Env, task=SpringTumble):
     """
     ## Description
     An irregular tetrahedron drops to the floor. Bring it to a target, and onto one of its faces, which is
@@ -291,17 +291,13 @@ class SpringTumbleEnv(SpringEnv, gym.Env):
       first, are those of `"frame"`), and the speed s [m/s].
     """
 
-    task_type = SpringTumble
-
     if TYPE_CHECKING:
 
         def __init__(self, **options: Unpack[TumbleOptions]) -> None: ...
 
 
-class SpringTumbleVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
+class SpringTumbleVectorEnv(SpringVectorEnv, gym.vector.VectorEnv, task=SpringTumble):
     """Run a native batch of `SpringTumbleEnv`."""
-
-    task_type = SpringTumble
 
     if TYPE_CHECKING:
 
