@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
+from contextlib import nullcontext
 from importlib import import_module
 from typing import Any
 
@@ -85,6 +86,13 @@ def ledger(given: bool) -> None:
     assert (simulator.measure().damping_loss[0] > 0) == given
 
 
+def place_check(given: bool) -> None:
+    simulator, nowhere = Simulator(Scene(CUBE)), np.zeros((8, 3))
+    with pytest.raises(ValueError, match="it has no direction") if given else nullcontext():
+        simulator.place(nowhere, nowhere, check=given)
+    assert simulator.positions.any() == given
+
+
 def place_read(given: bool) -> None:
     simulator = Simulator(Scene(CUBE))
     simulator.place(CUBE.positions + 1.0, np.zeros((8, 3)), read=given)
@@ -117,6 +125,7 @@ TRIED: dict[str, tuple[str, Callable[[bool], None]]] = {
     "start.hanging": ("Whether the body hangs from its first pin", hanging),
     "start.stretched": ("Whether to start in the shape of a steady motion under the weight", stretched),
     "Simulator.ledger": ("Whether to record work and losses", ledger),
+    "place.check": ("Whether to call `Scene.check_start`", place_check),
     "place.read": ("Whether to `read` them afterwards", place_read),
     "advance.read": ("Whether to `read` the copies afterwards", advance_read),
     "advance.check": ("Whether to check that no copy has diverged", check),
