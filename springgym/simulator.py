@@ -416,7 +416,7 @@ class Simulator:
         copies : (k,), optional
             Which copies; all by default.
         check
-            Whether to call `Scene.check_start`. Leave it out for starts that are known to be possible.
+            Whether to call `Scene.check_start`. Starts that are known to be possible do not need it.
         read
             Whether to `read` them afterwards.
 
