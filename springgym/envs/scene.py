@@ -409,23 +409,17 @@ class SceneTask(Task):
 
     def evaluate(self, m: Measures, s: Situation, out: np.ndarray) -> None:
         with _warning_unless_diverged(m):
-            for name, numbers in self._rewards(m, s, self.terms).items():
+            for name, numbers in self._rewards(m, s).items():
                 out[f"reward_{name}"] = numbers
-            for name, numbers in self._metrics_now(m, s, self.metrics).items():
-                out[name] = numbers
-            for field, bools in self._met_and_failed(m, s).items():
-                out[field] = bools
+            for name, values in (self._metrics_now(m, s) | self._met_and_failed(m, s)).items():
+                out[name] = values
 
-    def _rewards(
-        self, m: Measures, s: Situation, names: tuple[str, ...] | None = None
-    ) -> dict[str, np.ndarray]:
+    def _rewards(self, m: Measures, s: Situation) -> dict[str, np.ndarray]:
         """Return the terms of the reward."""
         given = self._functions["reward"](self._named(m), s)
-        return _by_name("reward", given if isinstance(given, Mapping) else {"own": given}, m, names)
+        return _by_name("reward", given if isinstance(given, Mapping) else {"own": given}, m, self.terms)
 
-    def _metrics_now(
-        self, m: Measures, s: Situation, names: tuple[str, ...] | None = None
-    ) -> dict[str, np.ndarray]:
+    def _metrics_now(self, m: Measures, s: Situation) -> dict[str, np.ndarray]:
         """Return the metrics."""
         if "metrics" not in self._functions:
             return {}
@@ -435,7 +429,7 @@ class SceneTask(Task):
                 raise ValueError(
                     f"metrics gave {name!r}, but info has an entry of that name already; choose another name"
                 )
-        return _by_name("metrics", given, m, names)
+        return _by_name("metrics", given, m, self.metrics)
 
     def _met_and_failed(self, m: Measures, s: Situation) -> dict[str, np.ndarray]:
         """Return whether each copy meets the aim, and whether it fails."""
@@ -584,15 +578,15 @@ def _most(name: str, given: Most) -> np.ndarray:
 
 
 def _by_name(
-    function: str, given: Mapping[str, Any], m: Measures, names: tuple[str, ...] | None
+    function: str, given: Mapping[str, Any], m: Measures, names: tuple[str, ...]
 ) -> dict[str, np.ndarray]:
-    """Return numbers (n,) by name that a function gave; ``names`` are those that it gave first."""
+    """Return numbers (n,) by name that a function gave; ``names`` are those that it gave first, if it has."""
     for name in given:
         if not isinstance(name, str) or not name:
             raise TypeError(f"{function} gave an entry named {name!r}; a name must be a non-empty string")
     if not given:
         raise ValueError(f"{function} gave an empty dict; it must give at least one number by name")
-    if names is not None and set(given) != set(names):
+    if names and set(given) != set(names):
         raise ValueError(
             f"{function} gave {', '.join(given)}, but at first it gave "
             f"{', '.join(names)}; the names must not change"
