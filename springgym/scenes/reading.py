@@ -305,18 +305,8 @@ def _net(
     floppy: bool = False,
 ) -> Body:
     """Read a body given particle by particle and spring by spring, see `Body`."""
-    return Body(
-        "net",
-        np.array(positions),
-        np.array(masses),
-        np.array(springs, int).reshape(-1, 2),
-        np.array(stiffness),
-        np.array(damping),
-        lengths=None if lengths is None else np.array(lengths),  # type: ignore[arg-type]
-        markers=markers,  # type: ignore[arg-type]
-        parts={} if parts is None else {name: tuple(particles) for name, particles in parts.items()},
-        floppy=floppy,
-    )
+    arrays: Any = (positions, masses, springs, stiffness, damping, lengths, markers)
+    return Body("net", *arrays, parts or {}, floppy=floppy)
 
 
 KINDS: dict[str, Callable[..., Body]] = {
