@@ -345,7 +345,7 @@ def _around_centre(
     """Return vertices with the springs of their triangles, and a centre, the last particle, joined to all."""
     last = len(vertices)
     positions = np.vstack([vertices, centre])
-    springs = np.vstack([edges_of(triangles), [(last, n) for n in range(last)]])
+    springs = np.vstack([surface.all_edges(triangles), [(last, n) for n in range(last)]])
     return Body(
         name=name,
         positions=positions,
@@ -370,7 +370,7 @@ def _shell(
     """Return vertices with the springs of their triangles, each joined to the one farthest from it."""
     farthest = np.argmax(np.linalg.norm(vertices[:, None] - vertices, axis=2), axis=1)
     across = np.column_stack([np.arange(len(vertices)), farthest])
-    springs = np.unique(np.sort(np.vstack([edges_of(triangles), across]), axis=1), axis=0)
+    springs = np.unique(np.sort(np.vstack([surface.all_edges(triangles), across]), axis=1), axis=0)
     return Body(
         name=name,
         positions=vertices,
@@ -381,9 +381,3 @@ def _shell(
         parts={"surface": tuple(range(len(vertices)))},
         triangles=triangles,
     )
-
-
-def edges_of(triangles: np.ndarray) -> np.ndarray:
-    """Return the edges (e, 2) of triangles, each once."""
-    pairs = np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-    return np.unique(np.sort(pairs, axis=1), axis=0)
