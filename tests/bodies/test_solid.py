@@ -444,16 +444,11 @@ def test_calibration_that_cannot_reach_ends_where_it_is_best():
     ("make", "message"),
     [
         (lambda: solid_top(0.03, 0.04, "cheese"), "material is 'cheese'; it must be one of steel"),
-        (lambda: solid_top(-0.03, 0.04, "steel"), r"radius is -0\.03; it must be a positive number"),
-        (lambda: solid_top(0.03, math.inf, "steel"), "height is inf; it must be a positive number"),
         (
             lambda: solid_top(0.03, 4.0, "steel"),
             r"radius is 0\.03 and height 4; neither must be more than 100",
         ),
         (lambda: solid_top(0.03, 0.04, "steel", ring=3), "ring is 3; it must be a whole number from 4 to 40"),
-        (lambda: solid_top(0.03, 0.04, "steel", softened=0), "softened is 0; it must be a number from 1e-12"),
-        (lambda: solid_box((1, 1), "steel"), r"sides is \(1, 1\), of shape \(2,\); it must be an array"),
-        (lambda: solid_box((1, 1, 1), "steel", cells=0), "cells is 0; it must be a whole number from 1"),
         (
             lambda: solid_box((1, 1, 1), "steel", cells=9),
             r"sides are \(1, 1, 1\) and cells 9; such a box has 1000 particles, and must have at most 400",
@@ -462,9 +457,7 @@ def test_calibration_that_cannot_reach_ends_where_it_is_best():
         (lambda: lattice((1, 1, 2), (2, 2, 2)), r"cells of 0.5 × 0.5 × 1 are too far from cubes"),
         (lambda: lattice((1, 1, 1), (1, 2, 2)), "at least two cells along each side, not 1"),
         (lambda: solid_hull([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)], "steel"), "have no volume"),
-        (lambda: solid_rope("steel", 0), "diameter is 0; it must be a positive number"),
         (lambda: solid_rope("steel", 0.01, beads=1), "beads is 1; it must be a whole number from 2"),
-        (lambda: softened(solid_rope("steel", 0.01), -1), "factor is -1; it must be a number from 1e-12"),
         (lambda: vibrations(solid_rope("steel", 0.01)), "is floppy: it does not vibrate about its shape"),
     ],
 )
