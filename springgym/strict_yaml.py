@@ -271,29 +271,38 @@ def fit(kind: object, tree: Tree, path: tuple[str, ...]) -> Any:
     YamlError
         If it is not.
     """
-    value = tree.at(path)
+    value, failed = tree.at(path), None
     for one in get_args(kind) if get_origin(kind) in UNIONS else (kind,):
-        origin, arguments = get_origin(one), get_args(one)
-        if not _has_form(one, value):
-            continue
-        if one is float:
-            return _number(tree, path, value)
-        if isinstance(one, type) and is_dataclass(one):
-            return build(one, tree, path)
-        if origin in (dict, Mapping):
-            found: dict[str | int, object] = {}
-            for name in value:
-                key = _key(arguments[0], name, tree, path)
-                if key in found:
-                    raise YamlError(f"{tree.where[*path, name]}: duplicate key {name!r}")
-                found[key] = fit(arguments[1], tree, (*path, name))
-            return found
-        if origin in (list, tuple, Sequence):
-            kinds = arguments if _is_of_length(one) else [arguments[0]] * len(value)
-            items = [fit(each, tree, (*path, str(n))) for n, each in enumerate(kinds)]
-            return items if origin is list else tuple(items)
-        return value
-    raise YamlError(f"{tree.where[path]}: {'.'.join(path)}: expected {_described(kind)}, got {shown(value)}")
+        if _has_form(one, value):
+            try:
+                return _made(one, tree, path, value)
+            except YamlError as error:  # which says more than that it fits none
+                failed = failed or error
+    raise failed or YamlError(
+        f"{tree.where[path]}: {'.'.join(path)}: expected {_described(kind)}, got {shown(value)}"
+    )
+
+
+def _made(kind: Any, tree: Tree, path: tuple[str, ...], value: Any) -> Any:
+    """Return a value of the form of a kind that is no union, if what it holds is of the right kinds, too."""
+    origin, arguments = get_origin(kind), get_args(kind)
+    if kind is float:
+        return _number(tree, path, value)
+    if isinstance(kind, type) and is_dataclass(kind):
+        return build(kind, tree, path)
+    if origin in (dict, Mapping):
+        found: dict[str | int, object] = {}
+        for name in value:
+            key = _key(arguments[0], name, tree, path)
+            if key in found:
+                raise YamlError(f"{tree.where[*path, name]}: duplicate key {name!r}")
+            found[key] = fit(arguments[1], tree, (*path, name))
+        return found
+    if origin in (list, tuple, Sequence):
+        kinds = arguments if _is_of_length(kind) else [arguments[0]] * len(value)
+        items = [fit(each, tree, (*path, str(n))) for n, each in enumerate(kinds)]
+        return items if origin is list else tuple(items)
+    return value
 
 
 def _has_form(kind: object, value: object) -> bool:
