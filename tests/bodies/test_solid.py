@@ -225,19 +225,6 @@ def test_lattice_converges_to_the_solid():
     assert [s6, s8] == pytest.approx([1, 1], abs=0.006)
 
 
-@pytest.mark.parametrize("n", [2, 4, 8])
-def test_chain_converges_to_a_rod(n):
-    """Of n springs and Simpson's masses; even masses would give sin(π/2n)/(π/2n) with half at the ends."""
-    stiffness = np.full(n, float(n))
-    masses = np.full(n + 1, 1 / n)
-    masses[[0, -1]] /= 2
-    matrix = np.zeros((n + 1, n + 1))
-    for i, k in enumerate(stiffness):
-        matrix[i : i + 2, i : i + 2] += k * np.array([[1, -1], [-1, 1]])
-    found = math.sqrt(np.linalg.eigvalsh(matrix / np.sqrt(np.outer(masses, masses)))[1])
-    assert found / math.pi == pytest.approx(math.sin(math.pi / 2 / n) / (math.pi / 2 / n), rel=1e-9)
-
-
 # --- Hulls and meshes -------------------------------------------------------------------------------
 
 
