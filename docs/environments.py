@@ -584,7 +584,7 @@ are reported as they are.
 **Specs.** `env.spec` holds plain data. `to_json` works for arguments of all types, and its text makes the
 same environment. `render_fps` is one picture per control period, so that films play in real time.
 
-`python -m tests.fuzz --steps 1e8` tries all of this at random, checks every step and prints the seed of
+`python -m tools.fuzz --steps 1e8` tries all of this at random, checks every step and prints the seed of
 every round.
 """
 

@@ -43,11 +43,7 @@ def number(name: str, value: object, low: float = -HUGE, high: float = HUGE) -> 
     given: Any = value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
     given = given.item() if isinstance(given, np.generic) else given
     real = isinstance(given, Real) and not isinstance(given, bool)
-    if not real:
-        raise TypeError(_wrong(name, value, _range("number", low, high)))
-    if not low <= given <= high:
-        raise ValueError(_wrong(name, value, _range("number", low, high)))
-    return float(given)
+    return float(_within(name, value, given if real else None, "number", low, high))
 
 
 def whole(name: str, value: Any, low: int = 0, high: float = MANY) -> int:
@@ -56,10 +52,13 @@ def whole(name: str, value: Any, low: int = 0, high: float = MANY) -> int:
         given = operator.index(value)
     except TypeError:
         given = None
-    if given is None or isinstance(value, bool):
-        raise TypeError(_wrong(name, value, _range("whole number", low, high)))
-    if not low <= given <= high:
-        raise ValueError(_wrong(name, value, _range("whole number", low, high)))
+    return _within(name, value, None if isinstance(value, bool) else given, "whole number", low, high)
+
+
+def _within(name: str, value: object, given: Any, what: str, low: float, high: float) -> Any:
+    """Return ``given``, the number that a value is, None if it is none, if it is from ``low`` to ``high``."""
+    if given is None or not low <= given <= high:
+        raise (TypeError if given is None else ValueError)(_wrong(name, value, _range(what, low, high)))
     return given
 
 
@@ -72,12 +71,10 @@ def flag(name: str, value: object) -> bool:
 
 def chosen(name: str, value: object, choices: Collection[str]) -> str:
     """Return one of some strings; errors call it ``name``."""
-    must = f"one of {', '.join(map(repr, choices))}"
-    if not isinstance(value, str):
-        raise TypeError(_wrong(name, value, must))
-    if value not in choices:
-        raise ValueError(_wrong(name, value, must))
-    return value
+    if isinstance(value, str) and value in choices:
+        return value
+    kind = ValueError if isinstance(value, str) else TypeError
+    raise kind(_wrong(name, value, f"one of {', '.join(map(repr, choices))}"))
 
 
 def instance(name: str, value: object, *kinds: type) -> Any:

@@ -26,6 +26,15 @@ class YamlError(ValueError):
     """A file that cannot be used; the message says where and why."""
 
 
+UNIONS = (Union, types.UnionType)
+FORMS: dict[object, tuple[type, ...]] = {
+    **{kind: (kind,) for kind in (int, bool, str, type(None))},
+    float: (int, float),
+}
+"""Types of values that are of a kind."""
+NAMES = {int: "a whole number", float: "a number", bool: "true or false", str: "text", type(None): "null"}
+
+
 class Tree(NamedTuple):
     """A parsed document; for each path of keys in it (list items by number), the file and line."""
 
@@ -262,44 +271,26 @@ def fit(kind: object, tree: Tree, path: tuple[str, ...]) -> Any:
     YamlError
         If it is not.
     """
-    value, origin, arguments = tree.at(path), get_origin(kind), get_args(kind)
+    value, failed = tree.at(path), None
+    for one in get_args(kind) if get_origin(kind) in UNIONS else (kind,):
+        if _has_form(one, value):
+            try:
+                return _made(one, tree, path, value)
+            except YamlError as error:  # which says more than that it fits none
+                failed = failed or error
+    raise failed or YamlError(
+        f"{tree.where[path]}: {'.'.join(path)}: expected {_described(kind)}, got {shown(value)}"
+    )
 
-    def fits(other: object) -> bool:
-        try:
-            fit(other, tree, path)
-        except YamlError:
-            return False
-        return True
 
-    if kind in (Any, object):
-        return value
-    if kind is float and type(value) in (int, float):
+def _made(kind: Any, tree: Tree, path: tuple[str, ...], value: Any) -> Any:
+    """Return a value of the form of a kind that is no union, if what it holds is of the right kinds, too."""
+    origin, arguments = get_origin(kind), get_args(kind)
+    if kind is float:
         return _number(tree, path, value)
-    if kind in (int, bool, str) and type(value) is kind:
-        return value
-    if kind in (None, type(None)) and value is None:
-        return None
-    if origin is Literal and value in arguments:
-        return value
-    if isinstance(kind, type) and is_dataclass(kind) and isinstance(value, dict):
+    if isinstance(kind, type) and is_dataclass(kind):
         return build(kind, tree, path)
-    if origin in (Union, types.UnionType):
-        for other in arguments:
-            if isinstance(other, type) and is_dataclass(other) and isinstance(value, dict):
-                return build(other, tree, path)  # whose errors say more
-            if fits(other):
-                return fit(other, tree, path)
-        for other in arguments:
-            if _holds(other, value):
-                return fit(other, tree, path)
-    if origin in (list, tuple, Sequence) and isinstance(value, list):
-        if origin is tuple and arguments[-1] is not ...:
-            if len(value) == len(arguments):
-                return tuple(fit(k, tree, (*path, str(n))) for n, k in enumerate(arguments))
-        else:
-            items = [fit(arguments[0], tree, (*path, str(n))) for n in range(len(value))]
-            return items if origin is list else tuple(items)
-    if origin in (dict, Mapping) and isinstance(value, dict):
+    if origin in (dict, Mapping):
         found: dict[str | int, object] = {}
         for name in value:
             key = _key(arguments[0], name, tree, path)
@@ -307,16 +298,28 @@ def fit(kind: object, tree: Tree, path: tuple[str, ...]) -> Any:
                 raise YamlError(f"{tree.where[*path, name]}: duplicate key {name!r}")
             found[key] = fit(arguments[1], tree, (*path, name))
         return found
-    raise YamlError(f"{tree.where[path]}: {'.'.join(path)}: expected {_described(kind)}, got {shown(value)}")
+    if origin in (list, tuple, Sequence):
+        kinds = arguments if _is_of_length(kind) else [arguments[0]] * len(value)
+        items = [fit(each, tree, (*path, str(n))) for n, each in enumerate(kinds)]
+        return items if origin is list else tuple(items)
+    return value
 
 
-def _holds(kind: object, value: object) -> bool:
-    """Return whether a value is a mapping or list, of the right length, as a kind is, whatever it holds."""
+def _has_form(kind: object, value: object) -> bool:
+    """Return whether a value has the type of a kind that is no union, whatever lists and mappings hold."""
     origin, arguments = get_origin(kind), get_args(kind)
-    if isinstance(value, list):
-        long = origin is not tuple or arguments[-1] is ... or len(value) == len(arguments)
-        return origin in (list, tuple, Sequence) and long
-    return isinstance(value, dict) and origin in (dict, Mapping)
+    if kind in FORMS:
+        return type(value) in FORMS[kind]
+    if origin is Literal:
+        return value in arguments
+    if origin in (list, tuple, Sequence):
+        return isinstance(value, list) and not (_is_of_length(kind) and len(value) != len(arguments))
+    return kind in (Any, object) or isinstance(value, dict)
+
+
+def _is_of_length(kind: object) -> bool:
+    """Return whether a kind is a tuple of so many values, as ``tuple[float, float]``."""
+    return get_origin(kind) is tuple and get_args(kind)[-1] is not ...
 
 
 def _number(tree: Tree, path: tuple[str, ...], value: float) -> float:
@@ -336,22 +339,13 @@ def _key(kind: object, key: str, tree: Tree, path: tuple[str, ...]) -> str | int
 
 
 def _described(kind: object) -> str:
-    simple = {
-        int: "a whole number",
-        float: "a number",
-        bool: "true or false",
-        str: "text",
-        type(None): "null",
-    }
-    if kind in simple:
-        return simple[kind]
     origin, arguments = get_origin(kind), get_args(kind)
+    if kind in NAMES:
+        return NAMES[kind]
     if origin is Literal:
         return f"one of {', '.join(map(str, arguments))}"
-    if origin in (Union, types.UnionType):
+    if origin in UNIONS:
         return " or ".join(map(_described, arguments))
-    if origin is tuple and arguments[-1] is not ...:
+    if _is_of_length(kind):
         return f"a list of {len(arguments)} values"
-    if origin in (list, tuple, Sequence):
-        return "a list"
-    return "a mapping"
+    return "a list" if origin in (list, tuple, Sequence) else "a mapping"

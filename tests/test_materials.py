@@ -58,15 +58,8 @@ def test_softened(name):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"young": 0.0}, r"young of 'clay' is 0\.0; it must be a positive number"),
-        ({"young": True}, "young of 'clay' is True; it must be a positive number"),
-        ({"density": float("nan")}, "density of 'clay' is nan; it must be a positive number"),
         ({"poisson": 0.5}, r"poisson of 'clay' is 0\.5; it must be a number from -0\.99 to 0\.49999"),
         ({"loss": -0.1}, r"loss of 'clay' is -0\.1; it must be a number from 0 to 1"),
-        ({"loss": "0.1"}, "loss of 'clay' is '0.1'; it must be a number from 0 to 1"),
-        ({"name": 3}, "name of a material is 3; it must be str"),
-        ({"grain": "oak"}, "grain of 'clay' is 'oak'; it must be Grain or None"),
-        ({"sources": "a book"}, "sources of 'clay' is 'a book'; it must be Mapping"),
         (
             {"grain": Grain(1e9, 1e9, 1e9, 1e9, 1e9, 0.9, 0.9), "poisson": 0.9},
             "young, poisson and grain of 'clay' do not fit: no material has E",
@@ -74,20 +67,14 @@ def test_softened(name):
     ],
 )
 def test_impossible_materials_are_refused(changes, message):
-    with pytest.raises((ValueError, TypeError), match=message):
+    """For all arguments, and those of a grain, see `tests.api.test_bodies`."""
+    with pytest.raises(ValueError, match=message):
         replace(Material("clay", 1e9, 0.3, 2000.0), **changes)
 
 
-@pytest.mark.parametrize("name", [field.name for field in fields(Grain)])
-def test_impossible_grains_are_refused(name):
-    for value in (float("nan"), "1", None, True):
-        with pytest.raises((ValueError, TypeError), match=f"{name} of a grain is"):
-            replace(MATERIALS["oak"].grain, **{name: value})
-
-
-@pytest.mark.parametrize("factor", [0, -1, float("inf"), 1e13, "2", True])
+@pytest.mark.parametrize("factor", [0, 1e13])
 def test_softening_by_no_factor_is_refused(factor):
-    with pytest.raises((ValueError, TypeError), match=r"factor is .*; it must be a number from 1e-12 to"):
+    with pytest.raises(ValueError, match=r"factor is .*; it must be a number from 1e-12 to"):
         MATERIALS["steel"].softened(factor)
 
 

@@ -9,13 +9,12 @@ from __future__ import annotations
 import ast
 import contextlib
 import doctest
-import inspect
 import io
 import json
 import re
 import shlex
 import tomllib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -242,34 +241,3 @@ def test_posters_are_small_and_of_what_there_is() -> None:
     posters = {path.stem: path.stat().st_size for path in (DOCS / "figures" / "posters").iterdir()}
     assert posters.keys() == {*names(), *(row.id for row in ENVIRONMENTS)}
     assert max(posters.values()) < 30_000
-
-
-# --- What the tests above find ------------------------------------------------------------------------
-
-BROKEN: dict[str, tuple[Callable[..., None], str]] = {
-    "code": (test_code_of_a_page_runs, "```python\n1 / 0\n```\n"),
-    "printed": (test_code_of_a_page_runs, "```python\nprint(1)\n```\n\n```text\n2\n```\n"),
-    "scene file": (test_scene_files_of_a_page_load, "```yaml\nbody: {kind: cuke}\n```\n"),
-    "option": (test_commands_of_a_page_are_understood, "```sh\nspringgym simulate top --chek\n```\n"),
-    "scene": (test_commands_of_a_page_are_understood, "```sh\nspringgym simulate topp --check\n```\n"),
-    "option of a script": (
-        test_commands_of_a_page_are_understood,
-        "```sh\nspringgym train SpringTop-v0 --sed 1\n```\n",
-    ),
-    "script's option": (
-        test_commands_of_a_page_are_understood,
-        "```sh\npython agents/train.py --sed 1\n```\n",
-    ),
-    "extra": (test_commands_of_a_page_are_understood, '```sh\npip install "springgym[plots]"\n```\n'),
-}
-
-
-@pytest.mark.parametrize("what", BROKEN)
-def test_a_broken_page_is_found(what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    check, text = BROKEN[what]
-    page = tmp_path / "page.md"
-    page.write_text(text, encoding="utf-8")
-    given = {"page": page, "tmp_path": tmp_path, "monkeypatch": monkeypatch}
-    arguments = {name: given[name] for name in inspect.signature(check).parameters}
-    with pytest.raises((Exception, SystemExit)):
-        check(**arguments)

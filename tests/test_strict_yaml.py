@@ -17,7 +17,7 @@ class Thing:
     colour: Literal["red", "blue"] = "red"
     point: tuple[float, float] = (0.0, 0.0)
     place: float | tuple[float, float] = 0.0
-    sides: Sequence[float] = ()
+    sides: Sequence[float] | Sequence[Sequence[float]] = ()
     factors: Mapping[int, float] | None = None
     flags: dict[str, bool] | None = None
     anything: Any = None
@@ -48,6 +48,7 @@ anything: [1, {a: b}]
     sides, factors = (1.0, 2.0, 3e-4), {0: 2.0, 7: 0.5}
     rest = ({"on": True}, [1, {"a": "b"}])
     assert thing == Thing(3, 1e5, None, "blue", (1.0, 2.5), 0.0, sides, factors, *rest)
+    assert made("count: 1\nsides: [[1, 2], [3]]").sides == ((1.0, 2.0), (3.0,))
     assert type(thing.size) is float
     assert type(thing.point[0]) is float
 
@@ -77,6 +78,7 @@ def test_every_way_to_write_a_number(number):
         ("count: 1\nflags: {a: 1}", "file.yaml:2: flags.a: expected true or false, got 1"),
         ("count: 1\nflags: [true]", "file.yaml:2: flags: expected a mapping or null, got [True]"),
         ("count: 1\nplace: [1, x]", "file.yaml:2: place.1: expected a number, got 'x'"),
+        ("count: 1\nsides: [[1, 2], [x]]", "file.yaml:2: sides.0: expected a number, got [1, 2]"),
         ("count: 1\nplace: [1]", "file.yaml:2: place: expected a number or a list of 2 values, got [1]"),
         ("count: 1\nanything:\n  a: 1\n  a: 2", "file.yaml:4: duplicate key 'a'"),
         ("count: -1", "file.yaml:1: the file: count is -1; it must not be negative"),

@@ -71,7 +71,7 @@ def from_points(
             raise ValueError(f"point {inside} at {cloud[inside]} lies inside the hull and cannot have a mass")
     else:
         masses = np.full(len(corners), masses / len(corners))
-    return _around_centre(
+    return _braced(
         "hull",
         cloud[corners],
         triangles.reshape(-1, 3),
@@ -129,7 +129,7 @@ def from_mesh(
     if by == "area":
         share = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6
         masses = np.bincount(triangles.ravel(), np.repeat(share, 3))
-        return _shell(name, vertices, triangles, mass * masses / masses.sum(), stiffness, damping)
+        return _braced(name, vertices, triangles, mass * masses / masses.sum(), None, stiffness, damping)
     volume = np.linalg.det(np.stack([a - centre, b - centre, c - centre], axis=1)) / 6
     masses = np.bincount(triangles.ravel(), np.repeat(volume / 4, 3))
     if (masses <= 0).any():
@@ -139,7 +139,7 @@ def from_mesh(
             "take by='area', or the union of convex parts"
         )
     total = np.append(masses, volume.sum() / 4)
-    return _around_centre(name, vertices, triangles, mass * total / total.sum(), centre, stiffness, damping)
+    return _braced(name, vertices, triangles, mass * total / total.sum(), centre, stiffness, damping)
 
 
 def read_mesh(path: str | Path, scale: float) -> tuple[str, np.ndarray, np.ndarray, np.ndarray]:
@@ -333,19 +333,29 @@ def braces(positions: np.ndarray, springs: np.ndarray) -> np.ndarray:
     return np.array(added, int).reshape(-1, 2)
 
 
-def _around_centre(
+def _braced(
     name: str,
     vertices: np.ndarray,
     triangles: np.ndarray,
     masses: np.ndarray,
-    centre: np.ndarray,
+    centre: np.ndarray | None,
     stiffness: float,
     damping: float,
 ) -> Body:
-    """Return vertices with the springs of their triangles, and a centre, the last particle, joined to all."""
-    last = len(vertices)
-    positions = np.vstack([vertices, centre])
-    springs = np.vstack([edges_of(triangles), [(last, n) for n in range(last)]])
+    """Return vertices with the springs of their triangles, joined to a centre, the last particle.
+
+    Without a centre, each vertex is joined to the one farthest from it.
+    """
+    last, positions, springs = len(vertices), vertices, surface.all_edges(triangles)
+    parts, markers = {"surface": tuple(range(last))}, None
+    if centre is None:
+        farthest = np.argmax(np.linalg.norm(vertices[:, None] - vertices, axis=2), axis=1)
+        across = np.column_stack([np.arange(last), farthest])
+        springs = np.unique(np.sort(np.vstack([springs, across]), axis=1), axis=0)
+    else:
+        positions = np.vstack([vertices, centre])
+        springs = np.vstack([springs, [(last, n) for n in range(last)]])
+        parts, markers = parts | {"centre": (last,)}, (last, 0, 1)
     return Body(
         name=name,
         positions=positions,
@@ -353,37 +363,7 @@ def _around_centre(
         springs=np.vstack([springs, braces(positions, springs)]),
         stiffness=stiffness,  # type: ignore[arg-type]
         damping=damping,  # type: ignore[arg-type]
-        markers=(last, 0, 1),
-        parts={"surface": tuple(range(last)), "centre": (last,)},
+        markers=markers,  # type: ignore[arg-type]
+        parts=parts,
         triangles=triangles,
     )
-
-
-def _shell(
-    name: str,
-    vertices: np.ndarray,
-    triangles: np.ndarray,
-    masses: np.ndarray,
-    stiffness: float,
-    damping: float,
-) -> Body:
-    """Return vertices with the springs of their triangles, each joined to the one farthest from it."""
-    farthest = np.argmax(np.linalg.norm(vertices[:, None] - vertices, axis=2), axis=1)
-    across = np.column_stack([np.arange(len(vertices)), farthest])
-    springs = np.unique(np.sort(np.vstack([edges_of(triangles), across]), axis=1), axis=0)
-    return Body(
-        name=name,
-        positions=vertices,
-        masses=masses,
-        springs=np.vstack([springs, braces(vertices, springs)]),
-        stiffness=stiffness,  # type: ignore[arg-type]
-        damping=damping,  # type: ignore[arg-type]
-        parts={"surface": tuple(range(len(vertices)))},
-        triangles=triangles,
-    )
-
-
-def edges_of(triangles: np.ndarray) -> np.ndarray:
-    """Return the edges (e, 2) of triangles, each once."""
-    pairs = np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-    return np.unique(np.sort(pairs, axis=1), axis=0)

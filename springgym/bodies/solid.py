@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike
 from springgym.bodies.body import MOST_PARTICLES, Body
 from springgym.bodies.cube import CORNERS, FACES
 from springgym.bodies.elastic import HIGHER, Cable, Elastic
-from springgym.bodies.irregular import MOST_VERTICES, braces, convex_hull, edges_of, read_mesh
+from springgym.bodies.irregular import MOST_VERTICES, braces, convex_hull, read_mesh
 from springgym.bodies.lattice import grid, lattice
 from springgym.bodies.network import (
     Network,
@@ -40,6 +40,7 @@ from springgym.bodies.network import (
 )
 from springgym.bodies.network import missed as missed_by
 from springgym.bodies.rope import rope
+from springgym.bodies.surface import all_edges
 from springgym.checks import TINY, array, instance, number, shown, whole
 from springgym.materials import SOFTEST, Material, material_of
 from springgym.theory import rope as chain
@@ -373,7 +374,7 @@ def _unit_polyhedron(
         masses = moment_masses(positions, rule)
         if masses is None:
             continue
-        springs = np.vstack([edges_of(outside), [(len(corners), n) for n in range(len(corners))]])
+        springs = np.vstack([all_edges(outside), [(len(corners), n) for n in range(len(corners))]])
         springs = np.vstack([springs, braces(positions, springs)])
         unit = _solved(Network(positions, masses, springs), rule, tensor, list(symmetries))
         found.append((unit, outside))
@@ -389,7 +390,7 @@ def _unit_polyhedron(
 
 def _subdivided(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Divide each triangle of a surface into four, with the middles of its edges as further vertices."""
-    edges = edges_of(triangles)
+    edges = all_edges(triangles)
     middle = {pair: len(vertices) + n for n, pair in enumerate(map(tuple, edges.tolist()))}
     finer = []
     for corner in triangles.tolist():

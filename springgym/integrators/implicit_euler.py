@@ -1,15 +1,12 @@
-"""Implicit Euler: stable for any step, and a brake on every rotation."""
+"""Implicit Euler: stable for any step, and a brake on every rotation.
+
+v₁ = v₀ + h a(x₁, v₁), x₁ = x₀ + h v₁. A spin Ω loses h Ω³ a second.
+"""
 
 from __future__ import annotations
 
-import numpy as np
-
-from springgym.core.compiling import compiled
-from springgym.core.kinds import Ledger, Rows
-from springgym.forces import act, actuate
-from springgym.integrators.newton import copy_rows, record_losses, solve_stage
-from springgym.integrators.record import Control, Integrator
-from springgym.terms import Terms
+from springgym.integrators.newton import one_stage
+from springgym.integrators.record import Integrator
 
 RECORD = Integrator(
     name="implicit_euler",
@@ -25,20 +22,4 @@ RECORD = Integrator(
     iterative=True,
 )
 
-
-@compiled
-def integrate(
-    x: Rows, v: Rows, ledger: Ledger, workspace: np.ndarray, control: Control, steps: int, terms: Terms
-) -> None:
-    """v₁ = v₀ + h a(x₁, v₁), x₁ = x₀ + h v₁. A spin Ω loses h Ω³ a second."""
-    h = control.step
-    space, matrix = workspace
-    a, b, change, x0, v0 = space[0], space[1], space[2], space[3], space[4]
-    for n in range(steps + 1):
-        actuate(x, b, terms)
-        act(v, b, h if 0 < n < steps else 0.5 * h, ledger, terms)
-        if n < steps:
-            copy_rows(x, x0)
-            copy_rows(v, v0)
-            solve_stage((x0, v0), x, v, h, (matrix, a, change), control, terms)
-            record_losses(x, v, a, h, ledger, terms)
+integrate = one_stage(1.0)

@@ -1,6 +1,8 @@
-"""The equations of implicit methods: their matrix, and Newton's method for a stage."""
+"""The equations of implicit methods: their matrix, and Newton's method for a stage, or a step of one."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 
@@ -8,7 +10,7 @@ from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Number, Rows
 from springgym.core.lanes import any_lane, load, select, store
 from springgym.core.vectors import choose, dot, row, set_row, vec
-from springgym.forces import accelerate_and_damp
+from springgym.forces import accelerate_and_damp, act, actuate
 from springgym.forces.springs import longest_spring, pull_jacobian
 from springgym.integrators.envelope import Envelope, add, block, factorise, set_block, solve, subtract
 from springgym.integrators.record import ITERATIONS, Control
@@ -120,6 +122,35 @@ def solve_stage(
         for axis in range(3):
             store(v, (i, axis), select(largest > bound, np.nan, load(v, (i, axis))))
     move(x, x0, v, tau)
+
+
+def one_stage(share: float) -> Callable[..., None]:
+    """Return the method that takes implicit Euler's step for a ``share`` of h, 1 or ½.
+
+    For the rest of h it goes on along the derivative that it found.
+    """
+
+    @compiled
+    def integrate(
+        x: Rows, v: Rows, ledger: Ledger, workspace: np.ndarray, control: Control, steps: int, terms: Terms
+    ) -> None:
+        h = control.step
+        space, matrix = workspace
+        a, b, change, x0, v0 = space[0], space[1], space[2], space[3], space[4]
+        for n in range(steps + 1):
+            actuate(x, b, terms)
+            act(v, b, h if 0 < n < steps else 0.5 * h, ledger, terms)
+            if n < steps:
+                copy_rows(x, x0)
+                copy_rows(v, v0)
+                solve_stage((x0, v0), x, v, share * h, (matrix, a, change), control, terms)
+                record_losses(x, v, a, h, ledger, terms)
+                if share < 1.0:
+                    for i in range(x.shape[0]):
+                        set_row(x, i, row(x0, i) + h * row(v, i))
+                        set_row(v, i, 2.0 * row(v, i) - row(v0, i))
+
+    return integrate
 
 
 @compiled

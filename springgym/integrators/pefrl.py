@@ -2,14 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from springgym.core.compiling import compiled
-from springgym.core.kinds import Ledger, Number, Rows
-from springgym.forces import accelerate, actuate, drift
 from springgym.integrators.record import Integrator
-from springgym.integrators.splitting import kick_and_act
-from springgym.terms import Terms
+from springgym.integrators.splitting import splitting
 
 RECORD = Integrator(
     name="pefrl",
@@ -24,20 +18,7 @@ RECORD = Integrator(
 )
 
 XI, LAMBDA, CHI = 0.1786178958448091, -0.2123418310626054, -0.06626458266981849
-DRIFTS = (XI, CHI, 1 - 2 * (CHI + XI), CHI)
-KICKS = (0.5 - LAMBDA, LAMBDA, LAMBDA, 0.5 - LAMBDA)
 
-
-@compiled
-def integrate(
-    x: Rows, v: Rows, ledger: Ledger, workspace: np.ndarray, h: Number, steps: int, terms: Terms
-) -> None:
-    """Drifts ξ, χ, 1 − 2(χ + ξ), χ, ξ with kicks ½ − λ, λ, λ, ½ − λ between; neighbouring drifts are one."""
-    a, b, direction = workspace[0], workspace[1], workspace[2]
-    for n in range(4 * steps):
-        stage = n % 4
-        drift(x, v, h * (2 * XI if stage == 0 and n > 0 else DRIFTS[stage]))
-        accelerate(x, a, direction, terms)
-        actuate(x, b, terms)
-        kick_and_act(v, a, b, h * KICKS[stage], ledger, terms)
-    drift(x, v, h * XI)
+integrate = splitting(
+    drifts=(XI, CHI, 1 - 2 * (CHI + XI), CHI, XI), kicks=(0.5 - LAMBDA, LAMBDA, LAMBDA, 0.5 - LAMBDA)
+)

@@ -72,8 +72,7 @@ def integrate(
                     u = u + C[stage, j] / h * row(p[j], i)
                     w = w + C[stage, j] / h * row(q[j], i)
                 set_row(ahead, i, u)
-                set_row(q[stage], i, w)
-            weigh(q[stage], tau, terms.particles)
+                set_row(q[stage], i, tau * load(terms.particles.mass, i) * w)
             add_stiffness(x, v, ahead, q[stage], tau * tau, terms.particles, terms.springs, terms.dampers)
             solve(matrix, q[stage])
             for i in range(x.shape[0]):
@@ -83,13 +82,6 @@ def integrate(
                 add_row(x, i, M[j] * row(p[j], i))
                 add_row(v, i, M[j] * row(q[j], i))
         record_losses(x, v, a, 0.5 * h, ledger, terms)
-
-
-@compiled
-def weigh(u: Rows, factor: Number, particles: Particles) -> None:
-    """u ← factor × M u."""
-    for i in range(particles.mass.size):
-        set_row(u, i, factor * load(particles.mass, i) * row(u, i))
 
 
 @compiled

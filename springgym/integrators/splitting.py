@@ -1,11 +1,44 @@
-"""The kick that splitting methods share: forces and actuators act at once."""
+"""Splitting methods from the table of their coefficients: drifts, and kicks in which actuators act, too."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+import numpy as np
+
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Number, Rows
-from springgym.forces import act, kick
+from springgym.forces import accelerate, act, actuate, drift, kick
 from springgym.terms import Terms
+
+
+def splitting(drifts: tuple[float, ...], kicks: tuple[float, ...]) -> Callable[..., None]:
+    """Return the method that drifts and kicks in turn, for these shares of a step.
+
+    It begins and ends with what there is one more of; the last of a step and the first of the next are one.
+    """
+    stages, drifts_first = min(len(drifts), len(kicks)), len(drifts) > len(kicks)
+
+    @compiled
+    def integrate(
+        x: Rows, v: Rows, ledger: Ledger, workspace: np.ndarray, h: Number, steps: int, terms: Terms
+    ) -> None:
+        a, b, direction = workspace[0], workspace[1], workspace[2]
+        last = stages * steps
+        for n in range(last + 1):
+            stage = n % stages
+            times = 2.0 if stage == 0 and 0 < n < last else 1.0
+            if drifts_first:
+                drift(x, v, h * (times * drifts[stage]))
+            if n < last or not drifts_first:
+                accelerate(x, a, direction, terms)
+                actuate(x, b, terms)
+                share = kicks[stage] if drifts_first else times * kicks[stage]
+                kick_and_act(v, a, b, h * share, ledger, terms)
+            if n < last and not drifts_first:
+                drift(x, v, h * drifts[stage])
+
+    return integrate
 
 
 @compiled

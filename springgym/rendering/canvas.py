@@ -10,19 +10,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from springgym.extras import missing
 from springgym.rendering.camera import Camera
+from springgym.rendering.raster import paint_rods, paint_triangles
 
 Array = NDArray[np.float64]
 
 OVERSAMPLE = 3  # drawn this much larger, then averaged: smooth edges
-_BAR_STRIPES = ((1.0, 0.6), (0.82, 0.78), (0.6, 0.93), (0.36, 1.05), (0.14, 1.18))  # width, light
-_FLAT_STRIPE = ((1.0, 0.9),)
 _AMBIENT = np.array([0.63, 0.65, 0.69])  # cool light from all around, a little more from above
 _DIFFUSE = np.array([0.33, 0.31, 0.27])  # warm light from the lamp
+_SHEEN = 257  # normals to each side for which the light on round things is known
 _FAR = 16_000  # canvas pixels beyond which pygame's 16-bit polygons cannot go
 
 
 def import_pygame() -> Any:
-    """Import pygame, with its fonts and anti-aliased shapes.
+    """Import pygame, with its fonts and translucent shapes.
 
     Raises
     ------
@@ -45,15 +45,16 @@ def lamp(camera: Camera) -> Array:
     return light / np.linalg.norm(light)
 
 
-def shade(colors: ArrayLike, normals: Array, to_eye: Array, light: Array) -> NDArray[np.uint8]:
-    """Compute the light on unit vectors, all (..., 3): sky, Lambert, and a little gloss (Blinn-Phong)."""
+def light_on(normals: Array, to_eye: Array, light: Array) -> tuple[Array, Array]:
+    """Return what light makes of colours: factors (..., 3), by sky and lamp (Lambert), and gloss (..., 1).
+
+    The gloss (Blinn-Phong) is to be added. All arguments are unit vectors (..., 3).
+    """
     half = light + to_eye
     half = half / np.linalg.norm(half, axis=-1, keepdims=True)
     ambient = _AMBIENT * (1.0 + 0.10 * normals[..., 2:])
     diffuse = _DIFFUSE * np.maximum(normals @ light, 0.0)[..., None]
-    gloss = 30.0 * np.maximum((normals * half).sum(-1), 0.0)[..., None] ** 24
-    lit = np.asarray(colors) * (ambient + diffuse) + gloss
-    return np.clip(lit, 0, 255).astype(np.uint8)
+    return ambient + diffuse, 30.0 * np.maximum((normals * half).sum(-1), 0.0)[..., None] ** 24
 
 
 class Canvas:
@@ -75,9 +76,13 @@ class Canvas:
         distance = camera.distance
         self.extent = size[1] / camera.pixels_per_radian(size[1]) * distance  # picture's height at target, m
         self._surface = self.pygame.Surface(self.size, 0, 32)
-        self._layer = self.pygame.Surface(self.size, self.pygame.SRCALPHA, 32)
         self._picture = self.pygame.Surface(size, 0, 32)
-        self._balls: dict[tuple[Any, ...], Any] = {}
+        self._nearness, self._cover = np.zeros((2, *self.size[::-1]), np.float32).transpose(0, 2, 1)
+        grid = np.linspace(-1.0, 1.0, _SHEEN)
+        right, up = grid[:, None, None], grid[None, :, None]
+        axes = camera.axes()
+        normals = right * axes[0] + up * axes[1] - np.sqrt(np.maximum(1.0 - right**2 - up**2, 0.0)) * axes[2]
+        self._sheen = np.concatenate(light_on(normals, -axes[2], self.light), axis=-1)
         self.keep()
 
     def image(self, points: ArrayLike) -> tuple[Array, Array]:
@@ -104,6 +109,7 @@ class Canvas:
     def wipe(self) -> None:
         """Go back to the background."""
         self._surface.blit(self._background, self._touched, self._touched)
+        self._nearness[self._touched.left : self._touched.right] = 0.0
         self._touched = self.pygame.Rect(0, 0, 0, 0)
 
     def picture(self) -> Any:
@@ -137,101 +143,62 @@ class Canvas:
             self._touch(box.clip(self._surface.get_rect()))
             self.pygame.gfxdraw.filled_polygon(self._surface, corners, (*rgb, alpha))
 
-    def strokes(self, segments: Array, widths: ArrayLike, color: ArrayLike, alphas: Array) -> None:
-        """Draw translucent segments (n, 2, 2) with round joints, not darker where they overlap.
+    def triangles(self, corners: Array, colors: Array, alphas: Array, through: float = 0.0) -> None:
+        """Paint triangles (T, 3, 3) [m] of colours (T, 3) and opacities (T,), glass ones in this order.
 
-        ``widths`` are in pixels of the finished picture, ``alphas`` in 0..1; the last one wins.
+        Where something hides them, they have ``through`` of their opacity.
         """
-        draw = self.pygame.draw
-        half = np.broadcast_to(0.5 * OVERSAMPLE * np.asarray(widths), len(segments))
-        seen = np.isfinite(segments).all((1, 2)) & (alphas > 1 / 255)
-        if not seen.any():
-            return
-        segments, half, alphas = segments[seen], half[seen], alphas[seen]
-        margin = half.max() + 2
-        low = np.maximum(segments.min((0, 1)) - margin, 0)
-        high = np.minimum(segments.max((0, 1)) + margin, self.size)
+        pixels, depth = self.image(corners)
+        shown = np.isfinite(pixels).all((1, 2))
+        tables = (pixels[shown], 1.0 / depth[shown], colors[shown], np.outer(alphas[shown], (1.0, through)))
+        if self._reach(tables[0], 1.0):
+            paint_triangles(self.pygame.surfarray.pixels3d(self._surface), self._nearness, *tables)
+
+    def bars(
+        self, ends: Array, radius: ArrayLike, colors: ArrayLike, alphas: ArrayLike = 1.0, through: float = 0.0
+    ) -> None:
+        """Paint lit round bars, or balls, between points (n, 2, 3), radius in m; see `triangles`."""
+        size = np.broadcast_to(np.asarray(radius, float), len(ends))
+        half = size[:, None] * self.pixels_per_meter(self.image(ends)[1])
+        self._rods(ends, np.maximum(half, 0.5 * OVERSAMPLE), size, colors, alphas, through)
+
+    def strokes(
+        self, ends: Array, widths: ArrayLike, colors: ArrayLike, alphas: ArrayLike = 1.0, through: float = 0.0
+    ) -> None:
+        """Paint flat lines between points (n, 2, 3) [m], ``widths`` in pixels of the finished picture."""
+        half = np.broadcast_to(0.5 * OVERSAMPLE * np.asarray(widths), len(ends))
+        self._rods(ends, np.column_stack([half, half]), np.zeros(len(ends)), colors, alphas, through)
+
+    def _rods(
+        self, ends: Array, half: Array, radius: Array, colors: ArrayLike, alphas: ArrayLike, through: float
+    ) -> None:
+        pixels, depth = self.image(ends)
+        opacity = np.broadcast_to(np.asarray(alphas, float), len(ends))
+        shown = np.isfinite(pixels).all((1, 2)) & (half.max(axis=1, initial=0.0) < max(self.size))
+        shown &= (depth > 1.01 * radius[:, None]).all(axis=1) & (opacity > 1 / 255)
+        box = self._reach(pixels[shown], half[shown].max(initial=0.0))
+        if box:
+            self._cover[box] = 0.0
+            paint_rods(
+                self.pygame.surfarray.pixels3d(self._surface),
+                self._nearness,
+                self._cover,
+                pixels[shown],
+                1.0 / depth[shown],
+                half[shown],
+                radius[shown],
+                np.broadcast_to(np.asarray(colors, float), (len(ends), 3))[shown],
+                np.outer(opacity[shown], (1.0, through)),
+                self._sheen,
+            )
+
+    def _reach(self, pixels: Array, margin: float) -> tuple[slice, slice] | None:
+        """Note that pixels around some (n, k, 2) are painted; return which, None if there are none."""
+        if not len(pixels):
+            return None
+        low = np.floor(np.maximum(pixels.min((0, 1)) - margin, 0)).astype(int)
+        high = np.ceil(np.minimum(pixels.max((0, 1)) + margin, self.size)).astype(int)
         if (high <= low).any():
-            return
-        box = (*low.astype(int).tolist(), *(high - low).astype(int).tolist())
-        along = segments[:, 1] - segments[:, 0]
-        length = np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)[:, None]
-        side = along[:, ::-1] * [-1.0, 1.0] / length * half[:, None]
-        corners = np.stack(
-            [segments[:, 0] + side, segments[:, 1] + side, segments[:, 1] - side, segments[:, 0] - side],
-            axis=1,
-        )
-        tangent = along / length
-        bend = np.append((tangent[1:] * tangent[:-1]).sum(axis=1) < 0.98, True)
-        self._layer.fill((0, 0, 0, 0), box)
-        rgb = np.asarray(color, dtype=int).tolist()
-        for quad, stop, radius, rounded, alpha in zip(
-            np.rint(corners).astype(int).tolist(),
-            np.rint(segments[:, 1]).astype(int).tolist(),
-            half.tolist(),
-            bend.tolist(),
-            np.rint(255 * alphas).astype(int).tolist(),
-            strict=True,
-        ):
-            paint = (*rgb, alpha)
-            draw.polygon(self._layer, paint, quad)
-            if rounded:
-                draw.circle(self._layer, paint, stop, radius)
-        self.lay(self._layer, box[:2], box)
-
-    def line(self, ends: Array, width: float, color: ArrayLike) -> None:
-        """Draw a flat line between two pixels (2, 2), ``width`` canvas pixels wide."""
-        along = ends[1] - ends[0]
-        side = np.array([-along[1], along[0]]) * (0.5 * width / max(float(np.hypot(*along)), 1e-9))
-        self.polygon(np.concatenate([ends + side, (ends - side)[::-1]]), color)
-
-    def bar(
-        self, ends: Array, depth: Array, radius: float, color: ArrayLike, caps: bool = True, alpha: int = 255
-    ) -> None:
-        """Draw a round bar between pixels (2, 2) at depths (2,), radius in m: lit, or flat if translucent."""
-        half = np.maximum(radius * self.pixels_per_meter(depth), 0.5 * OVERSAMPLE)
-        along = ends[1] - ends[0]
-        length = float(np.hypot(*along))
-        right, up, _ = self.camera.axes()
-        glow = np.array([right @ self.light, -(up @ self.light)])
-        side = np.array([-along[1], along[0]]) / length if length > 1e-9 else glow
-        tilt = float(side @ glow)
-        rgb = np.asarray(color, dtype=float)
-        for share, bright in _BAR_STRIPES if alpha == 255 else _FLAT_STRIPE:
-            middle = ends + np.outer(half, side) * (0.75 * tilt * (1.0 - share))
-            edge = np.outer(half * share, side)
-            paint = np.clip(rgb * bright, 0, 255).astype(int).tolist()
-            if caps:
-                for center, r in zip(np.rint(middle).tolist(), half * share, strict=True):
-                    self._touch(self.pygame.draw.circle(self._surface, paint, center, float(r)))
-            self.polygon(np.concatenate([middle + edge, (middle - edge)[::-1]]), paint, alpha)
-
-    def ball(
-        self, center: Array, depth: float, radius: float, color: ArrayLike, opacity: float = 1.0
-    ) -> None:
-        """Draw a lit ball about a pixel, radius in m."""
-        pixels = radius * float(self.pixels_per_meter(depth))
-        if pixels > max(self.size):
-            return
-        sprite = self._ball_sprite(max(round(pixels), 1), tuple(np.asarray(color).tolist()), opacity)
-        corner = np.rint(center - 0.5 * sprite.get_width()).astype(int)
-        self.lay(sprite, corner.tolist())
-
-    def _ball_sprite(self, radius: int, color: tuple[int, ...], opacity: float) -> Any:
-        key = (radius, color, opacity)
-        if key not in self._balls:
-            grid = (np.arange(2 * radius + 2) - radius - 0.5) / radius
-            x, y = np.meshgrid(grid, -grid)
-            flat = np.hypot(x, y)
-            normal = np.stack([x, y, np.sqrt(np.maximum(1.0 - flat**2, 0.0))], axis=-1)
-            right, up, forward = self.camera.axes()
-            world = normal @ np.array([right, up, -forward])
-            rgb = shade(color, world, -forward, self.light)
-            edge = np.clip((1.0 - flat) * radius + 0.5, 0.0, 1.0)
-            alpha = (255 * edge * opacity).astype(np.uint8)
-            rgba = np.concatenate([rgb, alpha[..., None]], axis=-1)
-            image = self.pygame.image.frombuffer(rgba.tobytes(), rgba.shape[:2], "RGBA")
-            if len(self._balls) > 256:
-                self._balls.clear()
-            self._balls[key] = image.copy()
-        return self._balls[key]
+            return None
+        self._touch(self.pygame.Rect(low.tolist(), (high - low).tolist()))
+        return slice(low[0], high[0]), slice(low[1], high[1])

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from springgym.rendering.canvas import OVERSAMPLE, Array, Canvas
 from springgym.rendering.look import GREEN, Color, Look, Scenery
-from springgym.rendering.occlusion import Occluders
+from springgym.rendering.raster import paint_triangles
 from springgym.rendering.solids import circle, tangents
 from springgym.surfaces.surface import Surface
 
@@ -97,7 +97,7 @@ def _cover(colors: Array, cover: Array, slope: ArrayLike) -> Array:
 def _fading_paths(canvas: Canvas, paths: list[Array], fade: Callable[[Array], Array]) -> None:
     """Draw thin lines through the points (n, 3) of each path, as opaque as ``fade`` of their middles."""
     ends = np.concatenate([np.stack([path[:-1], path[1:]], axis=1) for path in paths])
-    canvas.strokes(canvas.image(ends)[0], 1.1, _GRID, fade(ends.mean(axis=1)))
+    canvas.strokes(ends, 1.1, _GRID, fade(ends.mean(axis=1)))
 
 
 def round_down(value: float) -> float:
@@ -141,12 +141,10 @@ def paint_disk(canvas: Canvas, center: ArrayLike, radius: float, color: Color, a
         canvas.polygon(pixels, color, alpha)
 
 
-def paint_ring(canvas: Canvas, center: ArrayLike, radius: float, occluders: Occluders) -> None:
+def paint_ring(canvas: Canvas, center: ArrayLike, radius: float) -> None:
     """Draw a horizontal target ring, where it is not hidden."""
     points = circle(center, radius, 144)
-    around = np.stack([points, np.roll(points, -1, axis=0)], axis=1)
-    shown = ~occluders.hide(around.mean(axis=1))
-    canvas.strokes(canvas.image(around)[0], 2.6, GREEN, 0.9 * shown)
+    canvas.strokes(np.stack([points, np.roll(points, -1, axis=0)], axis=1), 2.6, GREEN, 0.9)
 
 
 def paint_shadows(canvas: Canvas, look: Look, x: Array, scenery: Scenery) -> None:
@@ -173,29 +171,26 @@ def paint_shadows(canvas: Canvas, look: Look, x: Array, scenery: Scenery) -> Non
 
 def _paint_shadow(canvas: Canvas, look: Look, x: Array, cast: Callable[[Array], Array]) -> None:
     """Fill the cast outlines on a coarse mask, blur it, and lay it over the canvas."""
-    pygame = canvas.pygame
-    outlines = list(canvas.image(cast(x[np.asarray(look.triangles)]))[0])
-    for ends, radius in zip(x[np.asarray(look.bars)], np.asarray(look.bar_radius), strict=True):
-        side = np.cross(ends[1] - ends[0], canvas.light)
-        side *= radius / max(float(np.linalg.norm(side)), 1e-12)
-        outlines.append(canvas.image(cast(np.concatenate([ends + side, (ends - side)[::-1]])))[0])
-    for center, radius in zip(x, np.asarray(look.radii), strict=False):
-        if radius > 0.0:
-            outlines.append(canvas.image(cast(circle(center, radius, 16, canvas.light)))[0])
-    outlines = [pixels / (_MASK * OVERSAMPLE) for pixels in outlines if np.isfinite(pixels).all()]
-    if not outlines:
+    pygame, bars, radii = canvas.pygame, x[np.asarray(look.bars)], np.asarray(look.radii)
+    side = np.cross(bars[:, 1] - bars[:, 0], canvas.light)
+    side *= (np.asarray(look.bar_radius) / np.maximum(np.linalg.norm(side, axis=1), 1e-12))[:, None]
+    strips = np.stack([bars[:, 0] + side, bars[:, 1] + side, bars[:, 1] - side, bars[:, 0] - side], axis=1)
+    balls = np.flatnonzero(radii > 0.0)
+    rims = x[balls, None] + radii[balls, None, None] * circle((0, 0, 0), 1.0, 16, canvas.light)
+    faces = np.concatenate([x[np.asarray(look.triangles)], _fans(strips), _fans(rims)])
+    pixels = canvas.image(cast(faces))[0] / (_MASK * OVERSAMPLE)
+    pixels = pixels[np.isfinite(pixels).all((1, 2))]
+    if not len(pixels):
         return
-    points = np.concatenate(outlines)
-    low = np.maximum(points.min(axis=0) - _BLUR, 0).astype(int)
-    high = np.minimum(points.max(axis=0) + _BLUR + 1, np.array(canvas.picture_size) / _MASK).astype(int)
+    low = np.maximum(pixels.min((0, 1)) - _BLUR, 0).astype(int)
+    high = np.minimum(pixels.max((0, 1)) + _BLUR + 1, np.array(canvas.picture_size) / _MASK).astype(int)
     if (high <= low).any():
         return
     width, height = (high - low).tolist()
-    mask = pygame.Surface((width, height), 0, 8)
-    mask.set_palette([(k, k, k) for k in range(256)])
-    for pixels in outlines:
-        pygame.draw.polygon(mask, 255, np.floor(pixels - low).astype(int).tolist())
-    dark = np.pad(pygame.surfarray.array2d(mask).astype(np.float32), 1)
+    mask, count = np.zeros((width, height, 4), np.uint8), len(pixels)
+    flat = np.zeros((height, width), np.float32).T, pixels - low, np.ones((count, 3))
+    paint_triangles(mask[..., :3], *flat, np.full((count, 3), 255.0), np.ones((count, 2)))
+    dark = np.pad(mask[..., 0].astype(np.float32), 1)
     for _ in range(_BLUR - 1):  # binomial blur
         dark[1:-1] = 0.5 * dark[1:-1] + 0.25 * (dark[2:] + dark[:-2])
         dark[:, 1:-1] = 0.5 * dark[:, 1:-1] + 0.25 * (dark[:, 2:] + dark[:, :-2])
@@ -207,3 +202,9 @@ def _paint_shadow(canvas: Canvas, look: Look, x: Array, cast: Callable[[Array], 
     fine = pygame.transform.smoothscale(soft, (width * _MASK, height * _MASK))
     wide = pygame.transform.scale_by(fine, OVERSAMPLE)
     canvas.lay(wide, (low * _MASK * OVERSAMPLE).tolist())
+
+
+def _fans(outlines: Array) -> Array:
+    """Return the triangles (T, 3, 3) of convex outlines (n, k, 3)."""
+    corners = range(1, outlines.shape[1] - 1)
+    return np.concatenate([outlines[:, [0, k, k + 1]] for k in corners])

@@ -188,19 +188,6 @@ class Look:
         rows = [(*owner[a, b], owner[b, a][0]) for a, b in owner if a < b and (b, a) in owner]
         return np.array(rows, dtype=np.intp).reshape(-1, 3)
 
-    @cached_property
-    def solids(self) -> NDArray[np.intp]:
-        """Index of the separate surface that each triangle belongs to, (T,), from 0."""
-        triangles = np.asarray(self.triangles)
-        of_particle = np.arange(int(triangles.max(initial=-1)) + 1)
-        while len(triangles):
-            least = of_particle[triangles].min(axis=1)
-            before = of_particle.copy()
-            np.minimum.at(of_particle, triangles, least[:, None])
-            if (before == of_particle).all():
-                break
-        return np.unique(of_particle[triangles[:, 0]], return_inverse=True)[1]
-
 
 def together(looks: Sequence[Look], counts: Sequence[int], trace: int | None = None) -> Look:
     """Join the looks of several bodies, whose particles lie one body after another.
@@ -295,7 +282,7 @@ class Scenery:
 class Marks:
     """The marks that may change with every frame beside the body.
 
-    A body hides what lies behind it. Arrows show faintly through it, as the trace does.
+    A body hides what lies behind it. Arrows and balls show faintly through it, as the trace does.
 
     Parameters
     ----------

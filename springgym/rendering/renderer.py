@@ -12,8 +12,7 @@ from springgym.rendering.camera import Camera
 from springgym.rendering.canvas import Array, Canvas, import_pygame
 from springgym.rendering.ground import paint_background, paint_disk, paint_ring, paint_shadows
 from springgym.rendering.look import GREEN, INK, ORANGE, Color, Look, Marks, Scenery
-from springgym.rendering.occlusion import Occluders
-from springgym.rendering.solids import THROUGH, arrow, body, dashes, opacities, paint_all, rail, strain_colors
+from springgym.rendering.solids import THROUGH, arrow, body, dashes, rail, strain_colors
 
 CHORDS = 4
 """Straight pieces that the trace is drawn with from one moment to the next."""
@@ -148,7 +147,7 @@ class Renderer:
         return self._canvas
 
     def _paint(self, x: Array, marks: Marks, strain: Array | None) -> Any:
-        """Paint one picture, from back to front."""
+        """Paint one picture."""
         canvas = self._prepared_canvas()
         for disk in marks.disks:
             paint_disk(canvas, *disk)
@@ -156,32 +155,28 @@ class Renderer:
             paint_disk(canvas, center, radius, GREEN, 40)
             paint_disk(canvas, center, 0.5 * radius, GREEN, 50)
         paint_shadows(canvas, self.look, x, self.scenery)
-        paint_all(body(canvas, self.look, x, strain, marks.balls))
-
-        occluders = Occluders(np.asarray(self.camera.eye), self.look, x, opacities(self.look, strain))
+        body(canvas, self.look, x, strain, marks.balls)
         for center, radius in marks.rings:
-            paint_ring(canvas, center, radius, occluders)
-        over = [item for ends in marks.lines for item in rail(canvas, *ends, occluders)]
-        over += [item for mark in marks.arrows for item in arrow(canvas, mark, occluders)]
+            paint_ring(canvas, center, radius)
+        for ends in marks.lines:
+            rail(canvas, *ends)
+        for mark in marks.arrows:
+            arrow(canvas, mark)
         if self.scenery.vertical is not None:
-            over += dashes(canvas, *self.scenery.vertical, occluders)
-        paint_all(over)
-        self._paint_trace(canvas, occluders)
+            dashes(canvas, *self.scenery.vertical)
+        self._paint_trace(canvas)
         picture = canvas.picture()
         self._write(picture, marks, strain is not None)
         return picture
 
-    def _paint_trace(self, canvas: Canvas, occluders: Occluders) -> None:
+    def _paint_trace(self, canvas: Canvas) -> None:
         """Paint the trace, pale where it is hidden: much of a trace runs inside the body."""
         if len(self._trace) < 2:
             return
-        points = np.array(self._trace)
-        curve = _curve(points)
-        pixels, _ = canvas.image(curve)
-        young = np.linspace(0.0, 1.0, self.look.trace_length)[1 - len(points) :].repeat(CHORDS)
-        segments = np.stack([pixels[:-1], pixels[1:]], axis=1)
-        opacity = np.where(occluders.hide(0.5 * (curve[:-1] + curve[1:])), THROUGH, 1.0)
-        canvas.strokes(segments, 1.2 + 1.8 * young, ORANGE, 0.95 * young**1.2 * opacity)
+        curve = _curve(np.array(self._trace))
+        young = np.linspace(0.0, 1.0, self.look.trace_length)[1 - len(self._trace) :].repeat(CHORDS)
+        segments = np.stack([curve[:-1], curve[1:]], axis=1)
+        canvas.strokes(segments, 1.2 + 1.8 * young, ORANGE, 0.95 * young**1.2, THROUGH)
 
     def _write(self, picture: Any, marks: Marks, legend: bool) -> None:
         """Write text and legends on the finished picture."""

@@ -1,4 +1,4 @@
-"""The figure a person would want of a recording: one kind a scene file can ask for by name.
+"""The figure a person would want of a recording: one kind a scene file can ask for by name. Needs matplotlib.
 
 Each has a picture of the body, drawn as in films, beside graphs. A colour means the same in all of them:
 
@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import cycle
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -28,10 +28,13 @@ from springgym.scenes import film
 from springgym.scenes.graphs import graphs, scaled
 from springgym.scenes.recording import Recording, rigid_twin
 
-if TYPE_CHECKING:
+try:
+    import matplotlib
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.gridspec import SubplotSpec
+except ImportError as error:
+    raise ImportError(missing("a plot", "matplotlib", "plot")) from error
 
 TRACE, CENTRE, OTHER = "#e45e2c", "#343c4c", "#8b98a9"
 SPRINGS = "#d39b2a"
@@ -65,16 +68,9 @@ def draw(recording: Recording) -> Figure:
 
     Raises
     ------
-    ImportError
-        Without matplotlib.
     gymnasium.error.DependencyNotInstalled
         Without pygame, which draws the body.
     """
-    try:
-        import matplotlib
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise ImportError(missing("a plot", "matplotlib", "plot")) from error
     plan = recording.plan
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(11, 4.6 if plan.plot == "top" else 5.8), dpi=DPI, layout="constrained")

@@ -13,28 +13,8 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from springgym.bodies import (
-    Body,
-    ball,
-    box,
-    capsule,
-    cube,
-    disk,
-    ellipsoid,
-    from_mesh,
-    from_points,
-    gyroscope,
-    rolling_ball,
-    rope,
-    solid_box,
-    solid_hull,
-    solid_mesh,
-    solid_rope,
-    solid_top,
-    start,
-    top,
-    union,
-)
+from springgym import bodies as makers
+from springgym.bodies import Body, from_mesh, from_points, start, union
 from springgym.bodies.motion import InitialState
 from springgym.bodies.precession import heavy_top
 from springgym.checks import instance, shown, suggestion
@@ -305,28 +285,19 @@ def _net(
     floppy: bool = False,
 ) -> Body:
     """Read a body given particle by particle and spring by spring, see `Body`."""
-    return Body(
-        "net",
-        np.array(positions),
-        np.array(masses),
-        np.array(springs, int).reshape(-1, 2),
-        np.array(stiffness),
-        np.array(damping),
-        lengths=None if lengths is None else np.array(lengths),  # type: ignore[arg-type]
-        markers=markers,  # type: ignore[arg-type]
-        parts={} if parts is None else {name: tuple(particles) for name, particles in parts.items()},
-        floppy=floppy,
-    )
+    arrays: dict[str, Any] = {"positions": positions, "masses": masses, "springs": springs}
+    arrays |= {"stiffness": stiffness, "damping": damping, "lengths": lengths}
+    return Body("net", **arrays, markers=markers, parts=parts or {}, floppy=floppy)  # type: ignore[arg-type]
 
 
-KINDS: dict[str, Callable[..., Body]] = {
-    **{make.__name__: make for make in (top, gyroscope, cube, box, rope, ball, rolling_ball, ellipsoid)},
-    **{make.__name__: make for make in (disk, capsule, solid_top, solid_box, solid_hull, solid_rope)},
-    "points": from_points,
-    "mesh": from_mesh,
-    "net": _net,
-    "solid_mesh": solid_mesh,
-}
+MADE = (
+    "top gyroscope cube box rope ball rolling_ball ellipsoid disk capsule "
+    "solid_top solid_box solid_hull solid_rope solid_mesh"
+)
+"""Functions of `springgym.bodies` that scene files call by their names."""
+
+KINDS: dict[str, Callable[..., Body]] = {name: getattr(makers, name) for name in MADE.split()}
+KINDS |= {"points": from_points, "mesh": from_mesh, "net": _net}
 """Functions that make bodies, by their names in scene files; ``union`` is handled apart."""
 
 

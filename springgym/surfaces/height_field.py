@@ -107,6 +107,12 @@ def product(w: Any, c: Any) -> Any:
 
 
 @compiled
+def products(w: Any, rows: Any) -> Any:
+    """Return Σ w c of each of four rows c."""
+    return product(w, rows[0]), product(w, rows[1]), product(w, rows[2]), product(w, rows[3])
+
+
+@compiled
 def four(first: Number, own: HeightFields) -> Any:
     """Return four coefficients one after another."""
     c = own.coefficients
@@ -125,21 +131,9 @@ def ground(along_x: Any, along_y: Any, k: int, own: HeightFields) -> Any:
     column, across, slope_across, bend_across = along_y
     length = load(own.cells, (k, 1)) + 3.0
     first = load(own.first, k) + row_of * length + column
-    c0, c1 = four(first, own), four(first + length, own)
-    c2, c3 = four(first + 2.0 * length, own), four(first + 3.0 * length, own)
-    f = product(across, c0), product(across, c1), product(across, c2), product(across, c3)
-    y = (
-        product(slope_across, c0),
-        product(slope_across, c1),
-        product(slope_across, c2),
-        product(slope_across, c3),
-    )
-    yy = (
-        product(bend_across, c0),
-        product(bend_across, c1),
-        product(bend_across, c2),
-        product(bend_across, c3),
-    )
+    low = four(first, own), four(first + length, own)
+    rows = (*low, four(first + 2.0 * length, own), four(first + 3.0 * length, own))
+    f, y, yy = products(across, rows), products(slope_across, rows), products(bend_across, rows)
     return (
         product(value, f),
         product(slope, f),

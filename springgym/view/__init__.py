@@ -18,7 +18,7 @@ from contextlib import redirect_stdout
 from dataclasses import replace
 from os.path import isfile
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 from springgym.extras import missing
 from springgym.registration import nearest_id
@@ -29,9 +29,6 @@ from springgym.stability import automatic_step
 from springgym.view.knobs import knobs
 from springgym.view.motion import Motion, of_recording
 from springgym.view.page import FPS, STYLE, TICKS, Changes, Page, Subject, key
-
-if TYPE_CHECKING:
-    from viser import ViserServer
 
 PORT = 8080
 
@@ -210,12 +207,12 @@ def _check_saved(path: Path) -> None:
         raise ValueError(f"{path}: there is no folder {path.absolute().parent}")
 
 
-def _server(port: int) -> ViserServer:
+def _server(port: int) -> Any:
     """Start a server that pages of this machine alone reach."""
     return _served(port, None)[0]
 
 
-def _served(port: int, address: str | None) -> tuple[ViserServer, str]:
+def _served(port: int, address: str | None) -> tuple[Any, str]:
     """Start a server, and return where a browser finds it, see `springgym.view.origin_guard`."""
     try:
         import viser
@@ -232,6 +229,6 @@ def _served(port: int, address: str | None) -> tuple[ViserServer, str]:
     return guard.guard(server), guard.url
 
 
-def _end(server: ViserServer) -> None:
+def _end(server: Any) -> None:
     with redirect_stdout(io.StringIO()):
         server.stop()

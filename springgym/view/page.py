@@ -262,7 +262,6 @@ class Page:
         The shape changes right after connecting, when the panel takes its part of the window.
         """
         aspect = client.camera.aspect
-        self._place(client)
 
         def seen(camera: Any) -> None:
             nonlocal aspect
@@ -271,6 +270,7 @@ class Page:
                 self._due[f"camera {client.client_id}"] = partial(self._place, client)
 
         client.camera.on_update(seen)
+        self._place(client)  # only now: a shape that comes amid this is seen
 
     def _place(self, client: Any) -> None:
         """Place the camera of a client so that the motion is in the part of the picture beside the panel."""

@@ -65,14 +65,8 @@ class Stage:
         self._scene.add_light_hemisphere(
             "/light", sky_color=(255, 255, 255), ground_color=(210, 214, 224), intensity=SKYLIGHT
         )
-        self._shown = {
-            "springs": True,
-            "forces": True,
-            "rotation": True,
-            "contacts": True,
-            "trace": True,
-            "rigid twin": False,
-        }
+        self._shown = dict.fromkeys(("springs", "forces", "rotation", "contacts", "trace"), True)
+        self._shown["rigid twin"] = False
         self._follows = False
         self._motion: Motion | None = None
 

@@ -52,27 +52,20 @@ def test_values_arrive_with_their_types(load):
     ("old", "new", "line", "says"),
     [
         ("gamma: 1", "gama: 1", 8, "unknown key 'gama'; did you mean 'gamma'?"),
-        ("gamma: 1", "zzz: 1", 8, "unknown key 'zzz'; choose from: total_timesteps"),
         ("gamma: 1", "n_envs: 5", 8, "duplicate key 'n_envs'"),
         ("mass: 12", "mass: 12, mass: 1", 13, "duplicate key 'mass'"),
         ("learning_rate: 3e-4", "learning_rate: '3e-4'", 7, "learning_rate: expected a number"),
-        ("learning_rate: 3e-4", "learning_rate: .nan", 7, "learning_rate: expected a number of size"),
         ("n_envs: 4", "n_envs: 4.0", 3, "n_envs: expected a whole number, got 4.0"),
-        ("n_envs: 4", "n_envs: true", 3, "Task-v0.n_envs: expected a whole number, got True"),
         ("n_envs: 4", "n_envs: 0", 3, "n_envs: must lie between 1 and 1000000, got 0"),
-        ("n_envs: 4", "n_envs:", 3, "n_envs: expected a whole number, got None"),
-        ("[32, 16]", "[32, many]", 10, "net_arch.1: expected a whole number, got 'many'"),
-        ("[32, 16]", "64", 10, "net_arch: expected a list, got"),
         ("[32, 16]", "[32, 0]", 10, "net_arch: must lie between 1"),
         ("activation: relu", "activation: gelu", 11, "activation: expected one of tanh, relu"),
-        ("gamma: 1", "gamma: 1\n  normalize: 1", 9, "normalize: expected true or false"),
         ("  gamma: 1\n", "", 1, "Task-v0 lacks gamma"),
         ("batch_size: 16", "batch_size: 24", 5, "batch_size 24 must divide n_envs * n_steps = 32"),
         ("n_steps: 8", "n_steps: [8", 5, "not valid YAML"),
-        ("n_steps: 8", "{a: 1}: 8", 4, "a key must be a word"),
     ],
 )
 def test_error_names_file_line_and_key(load, tmp_path, old, new, line, says):
+    """All that is read strictly is in `tests.test_strict_yaml`."""
     assert GOOD.count(old) == 1
     with pytest.raises(config.ConfigError) as caught:
         load(GOOD.replace(old, new))

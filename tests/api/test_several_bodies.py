@@ -256,8 +256,6 @@ MOVED = Placed(TOP, TOP.positions + 5.0, pinned=(TIP,))
         (lambda: Scene(bodies=(Placed(TOP), Placed(cube(), name="a.b"))), ValueError, "without a dot"),
         (lambda: Scene(cube(), bodies=(Placed(TOP),)), ValueError, "body is given as well as bodies"),
         (lambda: Scene(TOP, bodies=(MOVED,)), ValueError, "body is given as well as bodies; .* with_"),
-        (lambda: Scene(TOP, TOP.positions, bodies=(MOVED,)), ValueError, "body is given as well as bodies"),
-        (lambda: Scene(TOP, MOVED.positions, bodies=(MOVED,)), ValueError, "body is given as well as bodies"),
         (lambda: Scene(TOP, pinned=(1,), bodies=(MOVED,)), ValueError, "body is given as well as bodies"),
         (lambda: Scene(bodies=(Placed(TOP),), pinned=(1,)), ValueError, "pinned is given as well as bodies"),
         (lambda: Scene(), TypeError, "body is None"),

@@ -33,23 +33,14 @@ def test_lengths_are_those_of_the_shape():
     ("changes", "message"),
     [
         ({"positions": []}, "it has 0 particles"),
-        (
-            {"positions": [[0, 0], [1, 0], [0, 1]]},
-            "body 'triangle': positions is [[0, 0], [1, 0], [0, 1]], of shape (3, 2)",
-        ),
         ({"positions": [[0, 0, 0], [1, 0, math.nan], [0, 1, 0]]}, "body 'triangle': positions[1, 2] is nan"),
         (
             {"positions": [[0, 0, 0], [0, 0, 0], [0, 1, 0]]},
             "spring 0 of body 'triangle' joins particles 0 and 1, which lie at the same place",
         ),
-        ({"masses": [1, 2]}, "body 'triangle': masses is [1, 2], of shape (2,)"),
         ({"masses": [1, 0, 3]}, "body 'triangle': masses[1] is 0"),
-        ({"masses": [1, 2, -3]}, "body 'triangle': masses[2] is -3"),
-        ({"masses": [math.nan, 2, 3]}, "body 'triangle': masses[0] is nan"),
         ({"stiffness": [1, 0, 1]}, "body 'triangle': stiffness[1] is 0"),
-        ({"stiffness": [1, 1, math.inf]}, "body 'triangle': stiffness[2] is inf"),
         ({"damping": [1, 1, -1]}, "body 'triangle': damping[2] is -1"),
-        ({"damping": math.nan}, "body 'triangle': damping is nan"),
         ({"lengths": [3, 0, 5]}, "body 'triangle': lengths[1] is 0"),
         (
             {"springs": [(0, 1), (1, 3), (2, 0)]},
@@ -59,8 +50,6 @@ def test_lengths_are_those_of_the_shape():
         ({"springs": [(0, 1), (1, 2), (1, 0)]}, "spring 2 of body 'triangle' joins particles 1 and 0, which"),
         ({"springs": [(0, 1)]}, "nothing joins particle 2 to particle 0"),
         ({"springs": [(0, 1), (1, 2)]}, "1 zero-energy mode)"),
-        ({"markers": (0, 1)}, "body 'triangle': markers is (0, 1), of shape (2,)"),
-        ({"markers": ()}, "body 'triangle': markers is (), of shape (0,)"),
         ({"markers": (0, 0, 1)}, "markers is (0, 0, 1); the first two must lie at different places"),
         ({"markers": (0, 1, 3)}, "body 'triangle': markers[2] is 3"),
         ({"parts": {"end": (5,)}}, "body 'triangle': parts['end'][0] is 5"),

@@ -67,8 +67,6 @@ def test_points_inside_are_left_out():
     [
         ([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)], 1.0, "the 4 points have no volume"),
         ([(0, 0, 0), (1, 1, 1), (2, 2, 2), (4, 4, 4)], 1.0, "the 4 points have no volume"),
-        ([(0, 0), (1, 1)], 1.0, r"points is .*, of shape \(2, 2\)"),
-        ([(0, 0, float("inf"))] * 4, 1.0, r"points\[0, 2\] is inf"),
         (TETRAHEDRON, (1.0, 2.0), "mass is"),
         (TETRAHEDRON, (1.0, 2.0, -1.0, 1.0), r"mass\[2\] is -1.0"),
     ],

@@ -225,19 +225,6 @@ def test_lattice_converges_to_the_solid():
     assert [s6, s8] == pytest.approx([1, 1], abs=0.006)
 
 
-@pytest.mark.parametrize("n", [2, 4, 8])
-def test_chain_converges_to_a_rod(n):
-    """Of n springs and Simpson's masses; even masses would give sin(π/2n)/(π/2n) with half at the ends."""
-    stiffness = np.full(n, float(n))
-    masses = np.full(n + 1, 1 / n)
-    masses[[0, -1]] /= 2
-    matrix = np.zeros((n + 1, n + 1))
-    for i, k in enumerate(stiffness):
-        matrix[i : i + 2, i : i + 2] += k * np.array([[1, -1], [-1, 1]])
-    found = math.sqrt(np.linalg.eigvalsh(matrix / np.sqrt(np.outer(masses, masses)))[1])
-    assert found / math.pi == pytest.approx(math.sin(math.pi / 2 / n) / (math.pi / 2 / n), rel=1e-9)
-
-
 # --- Hulls and meshes -------------------------------------------------------------------------------
 
 
@@ -444,16 +431,11 @@ def test_calibration_that_cannot_reach_ends_where_it_is_best():
     ("make", "message"),
     [
         (lambda: solid_top(0.03, 0.04, "cheese"), "material is 'cheese'; it must be one of steel"),
-        (lambda: solid_top(-0.03, 0.04, "steel"), r"radius is -0\.03; it must be a positive number"),
-        (lambda: solid_top(0.03, math.inf, "steel"), "height is inf; it must be a positive number"),
         (
             lambda: solid_top(0.03, 4.0, "steel"),
             r"radius is 0\.03 and height 4; neither must be more than 100",
         ),
         (lambda: solid_top(0.03, 0.04, "steel", ring=3), "ring is 3; it must be a whole number from 4 to 40"),
-        (lambda: solid_top(0.03, 0.04, "steel", softened=0), "softened is 0; it must be a number from 1e-12"),
-        (lambda: solid_box((1, 1), "steel"), r"sides is \(1, 1\), of shape \(2,\); it must be an array"),
-        (lambda: solid_box((1, 1, 1), "steel", cells=0), "cells is 0; it must be a whole number from 1"),
         (
             lambda: solid_box((1, 1, 1), "steel", cells=9),
             r"sides are \(1, 1, 1\) and cells 9; such a box has 1000 particles, and must have at most 400",
@@ -462,9 +444,7 @@ def test_calibration_that_cannot_reach_ends_where_it_is_best():
         (lambda: lattice((1, 1, 2), (2, 2, 2)), r"cells of 0.5 × 0.5 × 1 are too far from cubes"),
         (lambda: lattice((1, 1, 1), (1, 2, 2)), "at least two cells along each side, not 1"),
         (lambda: solid_hull([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)], "steel"), "have no volume"),
-        (lambda: solid_rope("steel", 0), "diameter is 0; it must be a positive number"),
         (lambda: solid_rope("steel", 0.01, beads=1), "beads is 1; it must be a whole number from 2"),
-        (lambda: softened(solid_rope("steel", 0.01), -1), "factor is -1; it must be a number from 1e-12"),
         (lambda: vibrations(solid_rope("steel", 0.01)), "is floppy: it does not vibrate about its shape"),
     ],
 )

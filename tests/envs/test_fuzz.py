@@ -11,9 +11,9 @@ import pytest
 
 from springgym.envs.episodes import Episodes
 from springgym.simulator import Simulator
-from tests import fuzz
-from tests.fuzz import Player, Round
 from tests.params import slow_but
+from tools import fuzz
+from tools.fuzz import Player, Round
 
 USUAL = Round("SpringTop-v0", {"observation": "frame", "dtype": "float64"}, 3, "SameStep", 1)
 

@@ -60,13 +60,19 @@ def assert_same(one: list[np.ndarray], other: list[np.ndarray]) -> None:
 )
 @pytest.mark.parametrize("cuts", [[1] * 8, [3, 0, 5], [7, 1]])
 def test_calls_cut_at_cycles_give_the_same_bits(every: int, height: float | None, cuts: list[int]) -> None:
-    whole, cut = (spun(every, height, copies=1) for _ in range(2))
-    whole.advance(8 * every)
+    whole = advanced_in_cuts(partial(spun, every, height, copies=1), every, cuts)
+    assert abs(seen(whole)[2]) > 0.01  # work
+    assert seen(whole)[3] > 1e-4  # and losses
+
+
+def advanced_in_cuts(make: Any, every: int, cuts: list[int]) -> Simulator:
+    """Return what was advanced in one call, which is to the bit what calls of so many cycles give."""
+    whole, cut = make(), make()
+    whole.advance(sum(cuts) * every)
     for cycles in cuts:
         cut.advance(cycles * every)
     assert_same(seen(cut), seen(whole))
-    assert abs(seen(whole)[2]) > 0.01  # work
-    assert seen(whole)[3] > 1e-4  # and losses
+    return whole
 
 
 @pytest.mark.parametrize("steps", [1, EVERY - 1, EVERY + 1, 3 * EVERY // 2])
@@ -137,12 +143,7 @@ def test_copies_in_first_and_second_cycles_are_as_alone(make: Any, cycles: int) 
 @pytest.mark.parametrize("cuts", [[1] * 66, [3, 19, 1, 0, 43]])
 @pytest.mark.slow
 def test_colliding_bodies_give_the_same_bits_in_calls_cut_at_cycles(cuts: list[int]) -> None:
-    whole, cut = struck(), struck()
-    whole.advance(66 * EVERY)
-    for cycles in cuts:
-        cut.advance(cycles * EVERY)
-    assert_same(seen(cut), seen(whole))
-    assert_struck(whole)
+    assert_struck(advanced_in_cuts(struck, EVERY, cuts))
 
 
 @pytest.mark.slow

@@ -2,15 +2,14 @@ import os
 import pickle
 import subprocess
 import sys
-from itertools import combinations
 
 import numpy as np
 import pytest
 from gymnasium.error import DependencyNotInstalled
 
 from springgym.bodies import box
-from springgym.rendering import Arrow, Camera, Look, Marks, Renderer, Scenery, solids, two_tone
-from springgym.rendering.canvas import Canvas, lamp
+from springgym.rendering import Arrow, Camera, Look, Marks, Renderer, Scenery, two_tone
+from springgym.rendering.canvas import lamp
 from springgym.surfaces import Bowl, Pipe, waves
 
 RED, GREEN, BLUE = (210, 30, 30), (30, 180, 60), (30, 60, 210)
@@ -131,17 +130,6 @@ def test_balls_and_bars_hide_each_other_by_distance():
         picture = draw(look, np.concatenate([bar, [(0, y, 0)]]))
         assert strongest(pixel(picture, (0, y, 0))) == seen
         assert strongest(pixel(picture, (-0.6, 0, 0))) == 0
-
-
-def test_a_ball_on_a_face_is_whole_though_its_middle_is_nearer():
-    """On its far end; below the face, the ball is hidden."""
-    above = Camera(eye=(0.0, -4.0, 3.0), target=(0.0, 0.0, 0.0), fov=FRONT.fov)
-    plate = np.array([(0, -1.2, 0), (0.8, 0.6, 0), (-0.8, 0.6, 0)])
-    look = Look(triangles=[(0, 1, 2)], triangle_colors=GREEN, radii=[0, 0, 0, 0.15], ball_colors=RED)
-    for height, seen in ((0.15, 0), (-0.15, 1)):
-        picture = draw(look, np.concatenate([plate, [(0, 0.2, height)]]), camera=above)
-        for across in (-0.1, 0.0, 0.1):
-            assert strongest(pixel(picture, (across, 0.2, height), above)) == seen
 
 
 def test_a_ball_on_one_of_several_bodies_is_whole():
@@ -495,30 +483,60 @@ def test_what_lies_on_a_large_face_is_seen_whole():
                 triangles=np.concatenate([triangles, triangles + 8]),
                 triangle_colors=np.repeat([RED, BLUE][::order], 12, axis=0),
             )
-            assert look.solids.tolist() == [0] * 12 + [1] * 12
             picture = draw(look, np.concatenate(at[::order]), camera=camera)
             low, high = np.array([0.0, -0.15, -0.12]), np.array([0.0, -0.15, 0.12])  # of its side
             seen = [strongest(pixel(picture, np.add(place, spot), camera)) for spot in (low, high)]
             assert seen == ([0, 0] if place[2] > 0 else [2, 2]), place
 
 
-def test_a_crowd_is_painted_from_the_back():
-    """Sixty-four cubes apart in a grid: what lies behind a face of another is painted before it."""
-    cube, triangles = 2 * box().positions, box().triangles
+def sights(camera, size, count):
+    """Unit vectors from the eye through the middles of some pixels, and these pixels."""
+    spots = np.random.default_rng(1).integers(0, size, (count, 2))
+    return camera.rays(size)[spots[:, 1], spots[:, 0]], spots
+
+
+def test_in_a_crowd_each_pixel_shows_what_is_nearest():
+    """Sixty-four cubes in a grid, in colours of their own: the one that a way from the eye meets first."""
+    cube, triangles, size = 0.8 * box().positions, box().triangles, (240, 240)
     places = np.stack(np.meshgrid(*[np.arange(4.0)] * 3), axis=-1).reshape(-1, 3)
     places = np.random.default_rng(1).permutation(places)
-    corners = np.concatenate([0.4 * cube[triangles] + place for place in places])
-    canvas = Canvas((240, 240), Camera(eye=(9.0, -7.0, 6.0), target=(1.5, 1.5, 1.5), fov=0.8))
-    eye, normal = np.asarray(canvas.camera.eye), solids.normals(corners)[0]
-    of = np.repeat(np.arange(len(places)), len(triangles))
-    painted = solids.depths(canvas, corners, normal, of).reshape(len(places), -1).mean(axis=1)
-    own = [np.flatnonzero(of == n) for n in range(len(places))]
-    points = [corners[mine].reshape(-1, 3) for mine in own]
-    pixels = canvas.image(corners)[0].reshape(len(places), -1, 2)
-    low, high = pixels.min(axis=1), pixels.max(axis=1)
-    parted = 0
-    for n, m in combinations(range(len(places)), 2):
-        if (low[n] <= high[m]).all() and (low[m] <= high[n]).all():
-            parted += 1
-            assert solids.is_behind(n, m, own, points, corners, normal, eye) == (painted[n] > painted[m])
-    assert parted > 300
+    colors = np.stack([63 * (np.arange(64) // n % 4) for n in (1, 4, 16)], axis=-1)
+    camera = Camera(eye=(9.0, -7.0, 6.0), target=(1.5, 1.5, 1.5), fov=0.8)
+    faces = np.concatenate([triangles + 8 * n for n in range(64)])
+    corners = np.concatenate(cube + places[:, None])
+    picture, grey = (
+        draw(Look(triangles=faces, triangle_colors=table), corners, camera=camera, size=size)
+        for table in (np.repeat(colors, 12, axis=0), (126, 126, 126))
+    )
+    ways, spots = sights(camera, size, 2000)
+    low, high = ((places[:, None] + sign * 0.4 - camera.eye) / ways for sign in (-1, 1))
+    enters, leaves = np.minimum(low, high).max(axis=2), np.maximum(low, high).min(axis=2)
+    found = np.where(enters < leaves - 0.05, enters, np.inf)  # not by a corner
+    sure = (found < np.inf).any(axis=0) & ((enters < leaves - 0.05) == (enters < leaves + 0.05)).all(axis=0)
+    assert sure.sum() > 150
+    nearest = colors[found.argmin(axis=0)]
+    (x, y), share = spots[sure].T, nearest[sure] / 126
+    edges = np.abs(picture[y, x] - share * grey[y, x]).max(axis=1) > 25  # an outline, or a smooth edge
+    assert edges.mean() < 0.1
+
+
+def test_bars_and_balls_are_where_they_are_seen():
+    """In perspective: pixels that look through less, or more, than their radius."""
+    camera, size = Camera(eye=(0.3, -2.0, 0.8), target=(0.0, 0.0, 0.0), fov=0.9), (240, 240)
+    start, stop, radius = (
+        np.array([(-0.7, -0.6, -0.3), (0.3, 0.3, 0.4)]),
+        np.array([(0.5, 0.6, 0.1)] * 2),
+        0.2,
+    )
+    stop[1] = start[1]  # a ball
+    look = Look(bars=[(0, 1)], bar_radius=radius, bar_colors=RED, radii=[0, 0, radius], ball_colors=RED)
+    places = np.stack([start[0], stop[0], start[1]])
+    shown = np.abs(draw(look, places, camera=camera, size=size) - empty(camera=camera, size=size)).max(axis=2)
+    ways, spots = sights(camera, size, 400)
+    along = camera.eye + np.linspace(1.0, 4.0, 300)[:, None, None] * ways
+    axis = start + np.linspace(0.0, 1.0, 100)[:, None, None] * (stop - start)
+    apart = np.array([np.linalg.norm(along[..., None, :] - at, axis=-1).min(axis=(0, 2)) for at in axis])
+    seen, least = shown[spots[:, 1], spots[:, 0]] > 20, apart.min(axis=0)
+    assert 40 < (least < 0.9 * radius).sum() < 200
+    assert seen[least < 0.9 * radius].all()
+    assert not seen[least > 1.1 * radius].any()

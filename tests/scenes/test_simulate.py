@@ -287,6 +287,7 @@ def test_unknown_options_are_refused(capsys):
 
 def test_missing_package_is_one_line(capsys, monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
+    monkeypatch.delitem(sys.modules, "springgym.scenes.plots")
     assert main([*SHORT, "--plot", str(tmp_path / "a.png")]) == 2
     assert missing("a plot", "matplotlib", "plot") in capsys.readouterr().err
 

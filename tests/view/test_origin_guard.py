@@ -69,7 +69,7 @@ def connected(server, origin=None, **settings):
     return connect(
         f"ws://127.0.0.1:{server.get_port()}",
         origin=origin or own(server),
-        subprotocols=[f"viser-v{viser.__version__}"],
+        subprotocols=[PROTOCOL],
         max_size=None,
         **settings,
     )
@@ -117,7 +117,7 @@ def test_a_page_of_another_origin_is_refused(server):
         assert refused.value.response.status_code == 403
         assert asked(server, Origin=origin)[0] == 403
     with pytest.raises(InvalidStatus):
-        connect(f"ws://127.0.0.1:{port}", subprotocols=[f"viser-v{viser.__version__}"]).close()
+        connect(f"ws://127.0.0.1:{port}", subprotocols=[PROTOCOL]).close()
     assert not server.get_clients()
 
 
@@ -126,13 +126,9 @@ def test_a_foreign_name_that_leads_here_is_refused(server):
         status, said = asked(server, Host=host)
         assert status == 403
         assert b"it must be this machine" in said
+        url = f"ws://{host or 'evil.example'}/"
         with pytest.raises(InvalidStatus), socket.create_connection(("127.0.0.1", server.get_port())) as s:
-            connect(
-                f"ws://{host or 'evil.example'}/",
-                sock=s,
-                origin=f"http://{host}",
-                subprotocols=[f"viser-v{viser.__version__}"],
-            ).close()
+            connect(url, sock=s, origin=f"http://{host}", subprotocols=[PROTOCOL]).close()
 
 
 def test_its_own_page_is_let_in_under_each_name_of_this_machine(server):

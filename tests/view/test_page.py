@@ -85,15 +85,19 @@ def camera_of(page, client):
     return seen.camera
 
 
-@pytest.mark.slow  # a message that is still being read may undo the placing, as nobody answers it here
 def test_the_camera_is_placed_anew_when_the_picture_changes_its_shape(page):
     """As the panel does that takes its part of it; otherwise it stays where who looks has put it."""
     with connected(page._server) as client, run(page):
         camera = camera_of(page, client)
+
+        def placed(width):
+            eye = page._stage.camera(page.motion, width / CAMERA["image_height"]).eye
+            until(lambda: np.allclose(camera.position, eye))
+
+        placed(CAMERA["image_width"])
         for width in (240, 600):
             send(client, {**CAMERA, "image_width": width})
-            eye = page._stage.camera(page.motion, width / CAMERA["image_height"]).eye
-            until(lambda eye=eye: np.allclose(camera.position, eye))
+            placed(width)
         send(client, {**CAMERA, "image_width": 600, "image_height": 301})
         until(lambda: camera.image_height == 301 and not page._due)
         np.testing.assert_array_equal(camera.position, CAMERA["position"])

@@ -1,7 +1,7 @@
 """Steps environments at random for as long as one likes, and checks every step.
 
-    python -m tests.fuzz --steps 1e8
-    python -m tests.fuzz --seed 4711 --rounds 1        # one round again, as its line says
+    python -m tools.fuzz --steps 1e8
+    python -m tools.fuzz --seed 4711 --rounds 1        # one round again, as its line says
 
 Each round draws, from its own seed, which is printed, how an environment is played (copies, threads, reset
 mode), and what is done with it: actions that are uniform, at the bounds, held, off and far beyond; resets of
@@ -164,7 +164,8 @@ def made(what: Round, copies: int | None) -> Any:
     if size > 0:
         actuators[f"{name}torque"] = 0.03 * weight * size
     batch = {} if copies is None else {"autoreset_mode": what.autoreset, "threads": what.threads}
-    return springgym.make_scene_env(
+    make: Any = springgym.make_scene_env
+    return make(
         scene,
         lambda m, s: 1 / (1 + np.square(m.centre).sum(axis=1)),
         actuators=actuators,
@@ -416,7 +417,7 @@ def fuzz(
 
 def main() -> int:
     assert __doc__
-    parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__.partition("\n")[0])
+    parser = argparse.ArgumentParser(prog="python -m tools.fuzz", description=__doc__.partition("\n")[0])
     parser.add_argument("--steps", type=float, default=1e5, help="environment steps, of all copies together")
     parser.add_argument("--rounds", type=float, default=np.inf, help="rounds at the most")
     parser.add_argument("--seed", type=int, help="of the first round; the clock's if not given")
