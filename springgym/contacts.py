@@ -7,29 +7,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from springgym.bodies.rotations import axes
-from springgym.collisions import as_met
-from springgym.contact.records import (
-    ENTRIES,
-    FAR,
-    FAST,
-    GAP,
-    IMPULSE,
-    MISSES,
-    ROWS,
-    TOUCHING,
-    Collisions,
-    Rolling,
-)
+from springgym.contact.records import ENTRIES, FAR, FAST, GAP, IMPULSE, MISSES, ROWS, TOUCHING, Collisions
 from springgym.core.blocks import numbers
 from springgym.core.compiling import kernel
 from springgym.core.kinds import Ragged
-from springgym.core.ragged import share
-from springgym.forces.memory import PHASE
-from springgym.rigid import Rigid
-from springgym.rigid.node import Company
-from springgym.rigid.rolling import FEATURES
-from springgym.rigid.surfaces import ARRAYS, NORMAL, PUSH, RUB
 from springgym.scene import Scene
 from springgym.surfaces import Surface, by_kind, scales
 from springgym.terms import Terms
@@ -100,7 +81,7 @@ class PairSums(NamedTuple):
 def pair_sums(collisions: Collisions, copies: int) -> PairSums:
     """Return the totals of each copy, summed over all pairs."""
     sums = np.empty((len(PairSums._fields), copies))
-    sum_pairs(numbers(collisions.totals), collisions.pairs.reach, sums)
+    sum_pairs(numbers(collisions.totals), collisions.pairs.reach[: collisions.pairs.among], sums)
     return PairSums(*sums)
 
 
@@ -131,62 +112,36 @@ def sum_pairs(totals: np.ndarray, reach: np.ndarray, sums: np.ndarray) -> None:
 
 
 class Here(NamedTuple):
-    """A block of copies whose last node was just computed again."""
+    """A block of copies that was just taken through a step."""
 
     block: int
-    x: np.ndarray
-    """positions of all blocks [m]"""
-    v: np.ndarray
-    """velocities of all blocks [m/s]"""
+    begin: tuple[np.ndarray, np.ndarray]
+    """positions [m] and velocities [m/s] where the step begins, (N, 3, width)"""
+    end: tuple[np.ndarray, np.ndarray]
+    """and where it ends"""
     workspace: Any
-    """what the node was computed in"""
+    """what the step was computed in"""
     terms: Any
     twin: tuple[Any, ...]
     """the rigid bodies, in rigid dynamics"""
     step: float
     """h [s]"""
 
-    @property
-    def places(self) -> np.ndarray:
-        """Return positions (N, 3, width) [m]."""
-        return numbers(self.x)[self.block]
 
-    @property
-    def span(self) -> np.ndarray:
-        """Return the time of the node (width,) [s]: h, or of a fresh copy half of it."""
-        phase = numbers(_values(self.terms.memory.marks))[self.block, PHASE]
-        return np.where(phase < 0.5, 0.5, 1.0) * self.step
-
-
-def clear(workspace: Any, rigid: bool) -> None:
-    """Set the workspace of rigid bodies to zero: a node writes only where bodies touch."""
-    if rigid:
-        numbers(workspace.surfaces if isinstance(workspace, Company) else workspace)[:] = 0.0
-
-
-def refusal(scene: Scene, terms: Terms) -> str:
+def refusal(scene: Scene, terms: Terms, nodes: bool) -> str:
     """Return the reason why the contacts of a scene cannot be reported; empty if they can."""
     if not scene.can_touch:
         return ""
-    if terms.memory is None:
+    if not nodes:
         return "contacts need a method with nodes: use verlet, and Contact in place of PaperContact"
-    if scene.surfaces and len(scene.bodies) > 1 and terms.collisions is None:
+    if len(scene.bodies) > 1 and terms.collisions is None:
         return "contacts of several bodies with surfaces need bodies that collide; give the scene collisions"
     return ""
 
 
 def of_block(scene: Scene, here: Here) -> Contacts:
     """Return the contacts of a block's copies, one after another in arrays (n,), with copies in ``there``."""
-    found = []
-    if len(scene.meetings):
-        found.append(_of_bodies(scene, here))
-    if scene.surfaces:
-        if here.twin:
-            found += [_of_rigid(scene, n, here) for n, of in enumerate(scene.bodies) if not of.body.rounds]
-        else:
-            found.append(_with_surfaces(scene, here))
-        found += [_of_rounds(scene, n, here) for n, of in enumerate(scene.bodies) if of.body.rounds]
-    return Contacts(*(np.concatenate(of) for of in zip(*found, strict=True)))
+    return _with_surfaces(scene, here) if here.terms.collisions is None else _of_rows(scene, here)
 
 
 def padded(found: list[Contacts], copies: int) -> Contacts:
@@ -213,43 +168,36 @@ def padded(found: list[Contacts], copies: int) -> Contacts:
     return Contacts(there, *arrays)
 
 
-def _of_bodies(scene: Scene, here: Here) -> Contacts:
-    """Return contacts between bodies, from the rows of a thread."""
-    work, met = here.workspace, scene.meetings
-    contacts = getattr(work, "exchange", work).contacts
-    rows = int(contacts.length[ROWS])
-    pair = contacts.pair[:rows].astype(int)
+def _of_rows(scene: Scene, here: Here) -> Contacts:
+    """Return the contacts that were solved together, from the rows of a thread."""
+    contacts, pairs = here.workspace.rows.contacts, here.terms.collisions.pairs
+    rows, width = int(contacts.length[ROWS]), here.begin[0].shape[-1]
+    pair, surface, feature = (of[:rows] for of in (contacts.pair, contacts.surface, contacts.feature))
     gap, push = (numbers(of)[:rows].astype(float) for of in (contacts.gap, contacts.impulse))
-    reach = met.reach[pair][:, None]
-    row, lane = np.nonzero((gap < 0.5 * FAR) & ((gap < reach) | (push != 0.0)))
-    pair, gap, push = pair[row], gap[row, lane], push[row, lane]
-    first, second = met.first[pair], met.second[pair]
-    width = here.places.shape[-1]
-    particle, weight = (
-        numbers(of)[: 4 * rows].reshape(rows, 4, width)[row, :, lane].astype(float)
-        for of in (contacts.particle, contacts.weight)
+    place, n, rub, slide = (
+        np.moveaxis(numbers(of)[:rows].astype(float), -1, 1)
+        for of in (contacts.place, contacts.normal, contacts.friction, contacts.taper)
     )
-    weight[np.arange(4) >= contacts.members[row][:, None]] = 0.0
-    particle = np.where(weight != 0.0, particle, 0.0).astype(int)
-    bodies = [placed.body for placed in scene.bodies]
-    seen = as_met(scene.shapes, bodies, scene.starts, np.moveaxis(here.places.astype(float), -1, 0))
-    places = seen[lane[:, None], particle]
-    ahead = particle[:, 0] < scene.starts[second]  # the first particle is of the first body
-    sign = np.where(ahead, 1.0, -1.0)[:, None]
-    normal, rub, slide = (
-        numbers(of)[:rows][row, :, lane].astype(float)
-        for of in (contacts.normal, contacts.friction, contacts.taper)
-    )
-    impulse = push[:, None] * normal + rub + slide
-    if contacts.solids is None:  # else rows are of the first body already
-        normal, impulse = sign * normal, sign * impulse
-    radius = np.array([shape.radius for shape in scene.shapes])
-    both = (np.abs(weight)[:, None] @ places)[:, 0]  # the sum of the points of both
-    point = 0.5 * (both + (radius[second] - radius[first])[:, None] * normal)
-    none = np.full(len(row), NONE)
-    copy = here.block * width + lane
-    force = impulse / here.span[lane][:, None]
-    return Contacts(copy, first, second, none, none, point, normal, gap, impulse, force)
+    order = [k for same in by_kind(scene.surfaces).values() for k in same]
+    radius = np.array([of.body.radius for of in scene.bodies])
+    below = np.flatnonzero(surface >= 0)
+    for k in below:
+        bare = 0.0 if feature[k] >= 0 else radius[pairs.first[pair[k]]]
+        gap[k] = scene.surfaces[order[surface[k]]].height(place[k]) - bare
+    row, lane = np.nonzero((gap < 0.5 * FAR) & ((gap < pairs.reach[pair][:, None]) | (push != 0.0)))
+    last = np.argsort((surface >= 0)[row] & (feature >= 0)[row], kind="stable")
+    row, lane = row[last], lane[last]
+    pair, surface, feature = pair[row], surface[row], feature[row]
+    impulse = (push[..., None] * n + rub + slide)[row, lane]
+    gap, n, place = gap[row, lane], n[row, lane], place[row, lane]
+    n = n / np.linalg.norm(n, axis=1, keepdims=True)
+    first, meets = pairs.first[pair], surface >= 0
+    bare = np.where(feature >= 0, 0.0, radius[first])
+    point = place - np.where(meets, 0.5 * gap + bare, 0.0)[:, None] * n
+    particle = np.where(meets & (feature < 0), numbers(contacts.particle)[4 * row, lane], NONE).astype(int)
+    surface = np.where(meets, np.array([*order, NONE])[surface], NONE)
+    second, copy = np.where(meets, NONE, pairs.second[pair]), here.block * width + lane
+    return Contacts(copy, first, second, surface, particle, point, n, gap, impulse, impulse / here.step)
 
 
 def _with_surfaces(scene: Scene, here: Here) -> Contacts:
@@ -275,119 +223,29 @@ def _with_surfaces(scene: Scene, here: Here) -> Contacts:
     order = np.lexsort((surface, particle, lane))
     none = np.full(len(surface), NONE)
     copy = here.block * len(x) + lane
-    force = impulse / here.span[lane][:, None]
+    force = impulse / here.step
     found = Contacts(copy, body, none, surface, particle, point, normal, gap, impulse, force)
     return Contacts(*(of[order] for of in found))
 
 
-def _of_rounds(scene: Scene, body: int, here: Here) -> Contacts:
-    """Return the contacts of a body's round features with surfaces, from the rows that the node solved."""
-    rolling, rounds = _rolling(body, here), share(here.terms.rounds, body)
-    order = np.array([n for same in by_kind(scene.surfaces).values() for n in same])
-    rows = len(rounds.first) * len(order)
-    point, n, size, push, friction = (
-        np.moveaxis(numbers(of)[:rows].astype(float), -1, 1)
-        for of in (rolling.point, rolling.normal, rolling.size, rolling.push, rolling.friction)
-    )
-    x = np.moveaxis(here.places.astype(float), -1, 0)[:, scene.slices[body]]
-    place, gap = np.zeros_like(point), np.zeros(point.shape[:2])
-    for r in range(rows):
-        feature, k = divmod(r, len(order))
-        for c in range(rounds.first[feature], rounds.behind[feature]):
-            weight = rounds.base[c] + (point[r] * rounds.slope[c]).sum(axis=-1)
-            place[r] += weight[:, None] * x[:, rounds.particle[c]]
-        gap[r] = scene.surfaces[order[k]].height(place[r])
-    _, reach = scales(scene.contact, scene.bodies[body].body)
-    near = (np.minimum(gap, size[..., 0]) < reach) | (push[..., 0] > 0.0)
-    lane, row = np.nonzero(near.T)
-    gap, normal = gap[row, lane], n[row, lane]
-    impulse = push[row, lane, :1] * normal + friction[row, lane]
-    normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
-    point = place[row, lane] - 0.5 * gap[:, None] * normal
-    none, first = np.full(len(row), NONE), np.full(len(row), body)
-    copy, surface = here.block * len(x) + lane, order[row % len(order)]
-    force = impulse / here.span[lane][:, None]
-    return Contacts(copy, first, none, surface, none, point, normal, gap, impulse, force)
-
-
-def _rolling(body: int, here: Here) -> Rolling:
-    """Return the rows of a body's round features at the node."""
-    if here.twin:
-        return Rolling(*_of_surfaces(body, here)[:FEATURES])
-
-    def own(rows: Any) -> Any:
-        return rows.values[rows.start[body] : rows.start[body + 1]] if isinstance(rows, Ragged) else rows
-
-    return Rolling(*map(own, here.workspace.rolling))
-
-
-def _of_surfaces(body: int, here: Here) -> np.ndarray:
-    """Return the arrays in which surfaces push a rigid body."""
-    work = here.workspace
-    found: np.ndarray = work.surfaces[body] if isinstance(work, Company) else work
-    return found
-
-
-def _of_rigid(scene: Scene, body: int, here: Here) -> Contacts:
-    """Return the contacts of a rigid body's particles with surfaces, from what the node found for each."""
-    placed, own = scene.bodies[body], scene.slices[body]
-    x = np.moveaxis(here.places.astype(float), -1, 0)[:, own]
-    _, reach = scales(scene.contact, placed.body)
-    space, attitude = numbers(_of_surfaces(body, here)).astype(float), _attitude(scene, body, x, here)
-    found = []
-    for k, n in enumerate(n for same in by_kind(scene.surfaces).values() for n in same):
-        push, rub, normal = (
-            np.moveaxis(space[ARRAYS * k + part, : x.shape[1]], -1, 0) for part in (PUSH, RUB, NORMAL)
-        )
-        gap = scene.surfaces[n].height(x.reshape(-1, 3)).reshape(x.shape[:2]) - placed.body.radius
-        lane, i = np.nonzero(((gap < reach) | (push[..., 0] > 0.0)) & scene.free[own])
-        given = push[lane, i, :1] * normal[lane, i] + rub[lane, i]
-        impulse = np.einsum("nij,nj->ni", attitude[lane], given)
-        at, gap = x[lane, i], gap[lane, i]
-        upwards = _gradient(scene.surfaces[n], at, np.full(len(i), DIFFERENCE * reach))
-        point = at - (0.5 * gap + placed.body.radius)[:, None] * upwards
-        none, first, surface = (np.full(len(i), value) for value in (NONE, body, n))
-        copy, force = here.block * len(x) + lane, impulse / here.span[lane][:, None]
-        particle = own.start + i
-        found.append(Contacts(copy, first, none, surface, particle, point, upwards, gap, impulse, force))
-    told = Contacts(*(np.concatenate(of) for of in zip(*found, strict=True)))
-    order = np.lexsort((told.surface, told.particle, told.there))
-    return Contacts(*(of[order] for of in told))
-
-
-def _attitude(scene: Scene, body: int, x: np.ndarray, here: Here) -> np.ndarray:
-    """Return the principal axes of a rigid body in its places (width, N, 3), as columns (width, 3, 3)."""
-    twin: Rigid = share(here.twin, body)[0]
-    if not twin.turns:
-        return np.broadcast_to(np.eye(3), (len(x), 3, 3))
-    triad = numbers(twin.triad)[here.block] if twin.triad.dtype.names else twin.triad[..., None]
-    triad = np.broadcast_to(triad, (3, 3, len(x))).astype(float)
-    world = np.stack([axes(places, scene.bodies[body].body.markers) for places in x])
-    return np.einsum("wij,jkw->wik", world, triad)
-
-
 def _ways(scene: Scene, here: Here) -> tuple[np.ndarray, ...]:
-    """Return the positions of particles half a step before the node, at it and half a step after it, and the
-    impulse of surfaces on them.
+    """Return the positions of particles where the step begins, at its node and where it ends, and the impulse
+    of surfaces on them.
 
     Each is (width, N, 3): positions in m, and impulses in N·s.
     """
-    terms, block, work = here.terms, here.block, here.workspace
-    mean, arrived = (numbers(_values(of))[block].astype(float) for of in (here.v, terms.memory.arrived))
-    after, x, out = 2.0 * mean - arrived, here.places.astype(float), 0.5 * here.step
-    if terms.collisions is None:
-        kicked, acceleration = (numbers(of)[: len(x)].astype(float) for of in (work.w, work.a))
-        if not any((terms.dampers, terms.wrench, terms.thrust, terms.drive)):
-            kicked = arrived + (here.span - out) * acceleration
-        change = after - (kicked + out * acceleration)
-        quiet = np.abs(change) < ROUNDING * (np.abs(after) + np.abs(arrived))
-        change = np.where(quiet, 0.0, change)
-    else:
-        change = sum(numbers(of.values).astype(float) for of in (work.exchange.change, work.exchange.rub))
+    terms, work, half = here.terms, here.workspace, 0.5 * here.step
+    (begin, before), (end, after) = (
+        (place.astype(float), speed.astype(float)) for place, speed in (here.begin, here.end)
+    )
+    kicked, acceleration = (numbers(of)[: len(begin)].astype(float) for of in (work.w, work.a))
+    if not any((terms.dampers, terms.wrench, terms.thrust, terms.drive)):
+        kicked = before + half * acceleration
+    change = after - (kicked + half * acceleration)
+    change = np.where(np.abs(change) < ROUNDING * (np.abs(after) + np.abs(before)), 0.0, change)
     mass = _values(terms.particles.mass)
-    mass = numbers(mass)[block] if mass.dtype.names else mass[:, None]
-    lead = here.span - out
-    ways = (x - lead * arrived, x, x + out * after, mass[:, None] * change)
+    mass = numbers(mass)[here.block] if mass.dtype.names else mass[:, None]
+    ways = (begin, begin + half * before, end, mass[:, None] * change)
     return tuple(np.moveaxis(of, -1, 0) for of in ways)
 
 

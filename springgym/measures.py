@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from springgym.contact.records import Collisions
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Nested, Number, Numbers, Rows, Vector
 from springgym.core.lanes import bodies_of, lane_of, load, maximum, of_body, sqrt, store
@@ -26,7 +27,6 @@ from springgym.core.vectors import (
 )
 from springgym.forces import potential_energy
 from springgym.forces.ledger import ENTRIES, WORK
-from springgym.forces.memory import stored_in_contact
 from springgym.integrators.record import Phase
 from springgym.terms import Terms
 
@@ -196,7 +196,7 @@ def measure_block(x: Rows, v: Rows, ledger: Ledger, out: Numbers, markers: Marke
         if particles.free[i]:
             kinetic = kinetic + 0.5 * load(mass, i) * dot(row(v, i), row(v, i))
     gravity, elastic, contact, strain = potential_energy(x, terms)
-    contact = contact + stored_in_contact(kinetic, terms.memory)
+    contact = plus_stored(contact, terms.body, terms.collisions)
     store(out, KINETIC, kinetic)
     store(out, GRAVITY, gravity)
     store(out, ELASTIC, elastic)
@@ -226,6 +226,14 @@ def measure_block(x: Rows, v: Rows, ledger: Ledger, out: Numbers, markers: Marke
         balance = balance - entered if entry == WORK else balance + entered
     store(out, ENERGY, energy)
     store(out, BALANCE, balance)
+
+
+@compiled
+def plus_stored(energy: Number, body: int, collisions: Collisions | None) -> Number:
+    """Add half of the energy [J] in the barriers between a body and others, if they collide."""
+    if collisions is not None:
+        energy = energy + load(collisions.stored, body)
+    return energy
 
 
 @compiled

@@ -2,33 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
 from springgym import rigid
-from springgym.bodies.elasticity import spring_forces
+from springgym.bodies.elasticity import elastic_energy, spring_forces
 from springgym.checks import HUGE, TINY
 from springgym.contact.cone import resistance_of
 from springgym.contact.lists import new_lists
+from springgym.contact.movers import new_turning
 from springgym.contact.overlap import Outlines, outlines
-from springgym.contact.pairs import SWEEPS, longest_edge, most_contacts, packed_shapes, parallel
-from springgym.contact.records import (
-    ENTRIES,
-    Collisions,
-    ContactRows,
-    Lists,
-    Pairs,
-    Resistance,
-    Rolling,
-    Solids,
-    Surfaces,
-)
+from springgym.contact.pairs import longest_edge, most_contacts, packed_shapes, parallel
+from springgym.contact.records import ENTRIES, Collisions, Pairs, Resistance, RowSpace, Surfaces
 from springgym.contact.round import packed_rounds
 from springgym.contact.rows import new_contacts
-from springgym.contact.spheres import new_spheres
 from springgym.contact.totals import empty_totals
 from springgym.contact.warm import new_warm_start
 from springgym.core.blocks import aligned_zeros, get_copies, numbers, set_copies
@@ -36,18 +26,26 @@ from springgym.core.kinds import Ragged
 from springgym.core.lanes import block_dtype
 from springgym.core.ragged import share, stacked
 from springgym.forces.cycle import cycle
-from springgym.forces.memory import STORED, memory
 from springgym.forces.springs import decay, interleaved
-from springgym.integrators.node import Exchange, Space
+from springgym.integrators.node import Space
 from springgym.integrators.record import Integrator, workspace
 from springgym.own_forces import OfBody, to_compiled
 from springgym.rigid.node import ROWS, Company
-from springgym.rigid.rolling import ROOM
-from springgym.rigid.surfaces import ARRAYS
 from springgym.scene import DriveActuator, Scene
 from springgym.surfaces import Contact, PaperContact, Surface, by_kind, coupled, loss_of, packed_kind, scales
 from springgym.surfaces.contact import RESISTANCES
-from springgym.terms import Dampers, Decay, Drive, PaperLaw, Particles, Springs, Terms, Thrust, Wrench
+from springgym.terms import (
+    Dampers,
+    Decay,
+    Drive,
+    LastNode,
+    PaperLaw,
+    Particles,
+    Springs,
+    Terms,
+    Thrust,
+    Wrench,
+)
 
 
 class Parameter(NamedTuple):
@@ -122,7 +120,7 @@ def pack(scene: Scene, twin: bool, options: Options) -> tuple[Terms, tuple[Any, 
     ValueError
         If a parameter cannot vary in this scene.
     """
-    shared = _shared(scene, options)._replace(collisions=_collisions(scene, options))
+    shared = _shared(scene, options)._replace(collisions=_collisions(scene, twin, options))
     parts = [
         _packed(part, scene, shared._replace(body=n), twin, options) for n, part in enumerate(scene.parts)
     ]
@@ -217,10 +215,9 @@ def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Optio
             radius=float(body.radius) if round_bodies else None,
         )
     actuators = _actuators(part, scene, options.blocks)
-    kept = None
-    if options.method.meets_surfaces and (part.surfaces or scene.meetings):
-        expects = dampers is not None and not twin
-        kept = memory(count, bool(actuators), expects, options.blocks)
+    last, nodes = None, has_nodes(scene, options.method)
+    if nodes and dampers is not None and not twin:
+        last = LastNode(options.blocks(count, 3), options.blocks(1))
     terms = shared._replace(
         particles=Particles(
             parameter({"masses"}, body.masses),
@@ -235,57 +232,77 @@ def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Optio
         ),
         dampers=dampers,
         surfaces=surfaces,
-        memory=kept,
-        cycle=cycle(options.every, options.blocks) if options.every > 1 else None,
+        last=last,
+        cycle=cycle(options.every, nodes, options.blocks) if options.every > 1 else None,
         rounds=packed_rounds(body) if part.surfaces and any(of.body.rounds for of in scene.bodies) else None,
         **actuators,
     )
     return Packed(part, order, terms, rigid_body)
 
 
-def _collisions(scene: Scene, options: Options) -> Collisions | None:
-    """Return the bodies of a scene that collide, with empty totals; None if none do."""
-    if not scene.meetings:
+def has_nodes(scene: Scene, method: Integrator) -> bool:
+    """Return whether a method's steps go through nodes, as bodies of a scene may touch something."""
+    return method.meets_surfaces and scene.can_touch
+
+
+def solves_rows(scene: Scene, method: Integrator, twin: bool) -> bool:
+    """Return whether contacts are solved together: of bodies that collide, that roll, or that are rigid."""
+    rolls = any(placed.body.rounds for placed in scene.bodies)
+    return has_nodes(scene, method) and bool(scene.meetings or twin or rolls)
+
+
+def _collisions(scene: Scene, twin: bool, options: Options) -> Collisions | None:
+    """Return the contacts of a scene that are solved together, with empty totals; None if none are."""
+    if not solves_rows(scene, options.method, twin):
         return None
     pairs = pack_pairs(scene, options)
-    totals, totals_before = (options.blocks(len(scene.meetings) * ENTRIES) for _ in range(2))
-    changing = aligned_zeros((len(totals), 1 + len(scene.meetings)), block_dtype(np.int64, 1))
+    count = len(pairs.reach)
+    totals, stored, fresh = map(options.blocks, (count * ENTRIES, len(scene.bodies), 1))
+    changing = aligned_zeros((len(totals), 1 + count), block_dtype(np.int64, 1))
     warm = new_warm_start(pairs, len(scene.bodies), options.blocks)
-    collisions = Collisions(pairs, totals, totals_before, changing, warm)
+    collisions = Collisions(pairs, totals, stored, fresh, changing, warm)
     empty_totals(collisions, slice(None))
     return collisions
 
 
 def _as_the_scene_says(scene: Scene) -> np.ndarray:
-    """Mask (pairs,) of the pairs that collide by the scene's contact, and vary with it."""
-    return scene.meetings.by(scene.contact)
+    """Mask (pairs,) of `Pairs` that meet by the scene's contact, and vary with it."""
+    among = scene.meetings.by(scene.contact)
+    return np.concatenate([among, np.ones(len(scene.bodies) if scene.surfaces else 0, bool)])
 
 
 def pack_pairs(scene: Scene, options: Options) -> Pairs:
-    """Return the pairs of a scene's bodies that collide."""
-    met = scene.meetings
-    frictions = met.of_contacts("friction")
-    restitutions = met.of_contacts("restitution")
+    """Return the pairs of a scene's bodies that collide, and then of each body and the surfaces."""
+    met, count = scene.meetings, len(scene.bodies) if scene.surfaces else 0
+    bodies = [placed.body for placed in scene.bodies]
+    c, reach = np.array([scales(scene.contact, body) for body in bodies[:count]]).reshape(-1, 2).T
+
+    def of_all(name: str) -> np.ndarray:
+        below = getattr(scene.contact, name) if count else 0.0
+        return np.concatenate([met.of_contacts(name), np.full(count, below)])
+
+    frictions, restitutions = of_all("friction"), of_all("restitution")
     varying = options.varying if _as_the_scene_says(scene).any() else frozenset()
     rubs = frictions.any() or "friction" in varying
     loses = bool((restitutions < 1).any()) or "restitution" in varying
-    each = zip(scene.bodies, scene.shapes, strict=True)
-    longest = [longest_edge(placed.body, shape) for placed, shape in each]
+    longest = [longest_edge(body, shape) for body, shape in zip(bodies, scene.shapes, strict=True)]
+    resisted = np.concatenate([scene.resisted, [bool(body.rounds) for body in bodies[:count]]]).astype(bool)
+    strength = np.concatenate([met.strength, c])
     return Pairs(
-        first=np.array(met.first),
-        second=np.array(met.second),
-        reach=np.array(met.reach),
-        least_reach=float(np.min(met.reach)),
+        among=len(met),
+        first=np.concatenate([met.first, np.arange(count)]),
+        second=np.concatenate([met.second, np.full(count, -1)]),
+        reach=np.concatenate([met.reach, reach]),
+        least_reach=float(np.min(met.reach)) if len(met) else 1.0,
         parallel=parallel(met, longest),
-        strength=np.array(met.strength),
+        strength=options.parameter({"strength"} & varying if count else (), strength),
         friction=options.parameter({"friction"} & varying, frictions) if rubs else None,
-        resistance=resistance_of(
-            *(np.where(scene.resisted, met.of_contacts(name), 0.0) for name in RESISTANCES)
-        ),
+        resistance=resistance_of(*(np.where(resisted, of_all(name), 0.0) for name in RESISTANCES)),
         loss=options.parameter({"restitution"} & varying, loss_of(restitutions)) if loses else None,
-        shapes=packed_shapes(scene.shapes, scene.starts[:-1].tolist()),
-        most=most_contacts(met, scene.shapes)[0],
-        sweeps=SWEEPS,
+        radius=np.array([shape.radius for shape in scene.shapes]),
+        single=np.array([len(body.masses) == 1 for body in bodies]),
+        shapes=packed_shapes(scene.shapes, scene.starts[:-1].tolist()) if len(met) else None,
+        most=most_contacts(met, scene.shapes)[0] if len(met) else 0,
     )
 
 
@@ -299,109 +316,86 @@ def workspaces(
 ) -> list[Any]:
     """Return the workspace of each thread, elements of ``dtype``, for springs or the rigid ``twin``."""
     pairs = None if collisions is None else collisions.pairs
-    if twin and pairs is not None:
-        return [solids_workspace(scene, pairs, dtype) for _ in range(threads)]
-    if not twin and method.meets_surfaces and (scene.surfaces or pairs is not None):
+    if not twin and has_nodes(scene, method):
         return [node_workspace(scene, pairs, dtype) for _ in range(threads)]
+    if twin and pairs is not None:
+        return [rigid_workspace(scene, pairs, dtype) for _ in range(threads)]
     return [workspace(method, scene, dtype) for _ in range(threads)]
 
 
-def search_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> tuple[Lists, ContactRows]:
-    """Return the workspace in which a thread finds contacts, and the list of those that it finds."""
-    most = most_contacts(scene.meetings, scene.shapes)[1]
-    resisted = np.zeros(len(scene.bodies), bool)
+def row_space(scene: Scene, pairs: Pairs, twin: bool, dtype: DTypeLike) -> RowSpace:
+    """Return the workspace in which a thread solves contacts."""
+    bodies, count = [placed.body for placed in scene.bodies], len(scene.positions)
+    among = most_contacts(scene.meetings, scene.shapes)[1] if pairs.among else 0
+    features = (len(of.rounds) or len(of.masses) for of in bodies)
+    round_ones = [bool(body.rounds) for body in bodies]
+    turns = np.array(round_ones) | twin
     for of in (pairs.first, pairs.second):
-        resisted[of[scene.resisted]] = True
-    spheres = new_spheres(scene.starts, scene.shapes, resisted, dtype)
-    contacts = new_contacts(pairs, most, dtype)._replace(spheres=spheres)
-    return new_lists(pairs, len(scene.positions), dtype), contacts
+        turns[of[: pairs.among][scene.resisted]] = True
+    first = 2 * np.arange(len(bodies)) if twin else scene.starts[:-1]
+    balls = np.array([of.turns and pairs.among > 0 for of in scene.shapes])
+    pivots = np.array([placed.pivot for placed in scene.bodies])
+    turning = new_turning(turns, balls, first, pivots, dtype)
+    below = sum(features) * len(scene.surfaces)
+
+    def rows() -> np.ndarray:
+        return aligned_zeros((max(2 * len(bodies), count), 3), dtype)
+
+    return RowSpace(
+        velocity=rows(),
+        free=rows(),
+        before=rows(),
+        places=rows(),
+        speeds=rows(),
+        active=np.zeros(len(bodies), bool),
+        lists=new_lists(pairs, count, dtype) if pairs.among else None,
+        contacts=new_contacts(pairs, among, below, len(bodies), turning, dtype),
+    )
 
 
 def node_workspace(scene: Scene, pairs: Pairs | None, dtype: DTypeLike) -> Space:
     """Return the workspace of a thread for nodes of bodies of springs.
 
-    Bodies that collide, by ``pairs``, have rows of their own; others pass nodes one by one, and share them.
+    Bodies whose contacts are solved together, by ``pairs``, have arrays of their own; others pass nodes one
+    by one, and share them.
     """
     bodies = [placed.body for placed in scene.bodies]
     counts = {
         "particles": [len(body.masses) for body in bodies],
         "springs": [len(body.springs) for body in bodies],
-        "features": [max(len(body.masses), len(body.rounds) * len(scene.surfaces)) for body in bodies],
     }
 
     def rows(*shape: int, of: str = "particles", kind: DTypeLike = dtype) -> Any:
         ends = np.cumsum([0, *counts[of]])
-        if pairs is None:
+        if pairs is None or len(bodies) == 1:
             return aligned_zeros((max(counts[of]), *shape), kind)
         return Ragged(aligned_zeros((int(ends[-1]), *shape), kind), ends)
 
-    rolls = scene.surfaces and any(body.rounds for body in bodies)
-    exchange = None
-    if pairs is not None:
-        lists, contacts = search_workspace(scene, pairs, dtype)
-        exchange = Exchange(
-            in_contact=rows(),
-            touched=rows(kind=bool),
-            free=rows(3),
-            velocity=rows(3),
-            known=rows(3),
-            by_bodies=rows(3),
-            change=rows(3),
-            rub=rows(3),
-            force=rows(3),
-            shift=rows(3),
-            any_busy=np.zeros(len(bodies), bool),
-            lists=lists,
-            contacts=contacts,
-        )
     return Space(
         a=rows(3),
         b=rows(3),
         w=rows(3),
         direction=rows(3, of="springs"),
-        given=rows(3),
         pushes=aligned_zeros((len(scene.surfaces), 3), dtype),
-        rolling=Rolling(*(rows(3, of="features") for _ in Rolling._fields)) if rolls else None,
         busy=rows(kind=bool),
-        exchange=exchange,
+        rows=None if pairs is None else row_space(scene, pairs, False, dtype),
     )
 
 
-def solids_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> Company:
-    """Return the workspace of a thread for rigid bodies that collide."""
-    bodies = [placed.body for placed in scene.bodies]
-    count, arrays = len(bodies), ARRAYS * len(scene.surfaces)
-    lists, contacts = search_workspace(scene, pairs, dtype)
-    most = max(len(body.masses) for body in bodies)
-    if scene.surfaces and any(body.rounds for body in bodies):
-        arrays, most = max(arrays, ROOM), max(most, *(len(of.rounds) * len(scene.surfaces) for of in bodies))
+def rigid_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> Company:
+    """Return the workspace of a thread for rigid bodies that may touch something."""
+    count, particles = len(scene.bodies), len(scene.positions)
 
     def lanes(*shape: int) -> np.ndarray:
         return aligned_zeros(shape, dtype)
 
-    solids = Solids(
-        start=np.array([0, *(own.stop for own in scene.slices)]),
-        balls=np.array([len(body.masses) == 1 for body in bodies]),
-        lightness=lanes(count),
-        turn=lanes(2 * count, 3),
-        point=lanes(count, 3),
-        arm=lanes(2 * len(contacts.pair), 3),
-        turns=lanes(2),
-    )
     return Company(
         bodies=lanes(count, ROWS, 3),
-        loads=lanes(count, max(most, 2), 3),  # force and torque, of a body of one particle, too
-        surfaces=lanes(count, arrays, most, 3),
-        pushed=np.zeros(count, bool),
-        before=lanes(2 * count, 3),
-        free=lanes(2 * count, 3),
-        velocity=lanes(2 * count, 3),
-        by_surfaces=lanes(2 * count, 3),
-        by_bodies=lanes(2 * count, 3),
-        shift=lanes(2 * count, 3),
-        changed=lanes(1),
-        lists=lists,
-        contacts=contacts._replace(solids=solids),
+        loads=lanes(count, 2, 3),
+        begin=lanes(particles, 3),
+        end=lanes(particles, 3),
+        idle=lanes(particles, 3),
+        rows=row_space(scene, pairs, True, dtype),
     )
 
 
@@ -490,8 +484,9 @@ def values(packed: Packed, name: str, index: np.ndarray) -> np.ndarray:
 
 
 def reset_flags(terms: Terms) -> list[np.ndarray]:
-    """Arrays of the flags that are zero in copies just reset, whose positions and velocities alone count."""
-    kept: list[np.ndarray | Ragged] = [term.marks for term in (terms.memory, terms.cycle) if term is not None]
+    """Return the arrays that are zero in copies just reset, whose positions and velocities alone count."""
+    kept: list[np.ndarray | Ragged] = [] if terms.cycle is None else [terms.cycle.marks]
+    kept += [] if terms.last is None else list(terms.last)
     found = [of.values if isinstance(of, Ragged) else of for of in kept]
     if terms.collisions is not None and terms.collisions.warm is not None:
         found.append(terms.collisions.warm.pair)
@@ -504,40 +499,47 @@ def renew(terms: Terms, index: np.ndarray) -> None:
         set_copies(array, index, 0.0)
 
 
-def squared_kicks(packed: Packed, x: np.ndarray) -> np.ndarray:
-    """Return Σ m |a|² [N²/kg] of a body in its copies (k, N, 3), from accelerations by springs and gravity.
+def shadow_difference(packed: Packed, x: np.ndarray, v: np.ndarray, step: float, nodes: bool) -> np.ndarray:
+    """Return by how much the energy that steps h [s] conserve exceeds that of a body in copies (k, N, 3) [J].
 
-    Where the body meets something, by gravity alone: there contact holds the springs' share of the energy
-    that follows from it, see `springgym.integrators.node.read_amid`.
+    Steps that kick, drift and kick conserve H − (h²/8) Σ m |a|². Steps that drift to a node, amid springs V,
+    conserve H + V(x) − (V(x − h v/2) + V(x + h v/2))/2, but for what contact does. Both are exact for small
+    vibrations.
     """
     index = np.arange(len(x))
     masses, stiffness, lengths = (values(packed, name, index) for name in ("masses", "stiffness", "lengths"))
+    springs, terms = packed.scene.body.springs, packed.terms
+    if nodes:
+        places = x, x - step / 2 * v, x + step / 2 * v
+        here, before, after = (elastic_energy(springs, stiffness, lengths, place) for place in places)
+        return here - (before + after) / 2
     gravity = np.zeros((len(x), 3))
-    if packed.terms.gravity is not None:
-        gravity[:] = (
-            get_copies(packed.terms.gravity, index) if varies(packed, "gravity") else packed.terms.gravity
-        )
-    pull = spring_forces(packed.scene.body.springs, stiffness, lengths, x)
-    if packed.terms.memory is not None:
-        meets = get_copies(packed.terms.memory.marks, index)[:, STORED] != 0.0
-        pull[meets] = 0.0
+    if terms.gravity is not None:
+        gravity[:] = get_copies(terms.gravity, index) if varies(packed, "gravity") else terms.gravity
+    pull = spring_forces(springs, stiffness, lengths, x)
     acceleration = (pull / masses[..., None] + gravity[:, None]) * packed.scene.free[:, None]
-    return np.asarray((masses[..., None] * acceleration**2).sum(axis=(1, 2)))
+    return np.asarray(-(step**2) / 8 * (masses[..., None] * acceleration**2).sum(axis=(1, 2)))
 
 
 def vary_pairs(
-    collisions: Collisions | None, scene: Scene, index: np.ndarray, given: Mapping[str, np.ndarray]
+    collisions: Collisions | None, scene: Scene, index: np.ndarray, given: Sequence[Mapping[str, np.ndarray]]
 ) -> None:
-    """Set how bodies that meet as the scene's contact says do so in some copies (k,), from values (k,)."""
+    """Set how what meets as the scene's contact says does so in some copies (k,).
+
+    That is by the values (k,) ``given`` for each body.
+    """
     contact = scene.contact
     if collisions is None or not isinstance(contact, Contact) or not _as_the_scene_says(scene).any():
         return
-    of = _as_the_scene_says(scene)
-    for name, array in (("friction", collisions.pairs.friction), ("restitution", collisions.pairs.loss)):
-        if name in given and array is not None:
-            value = loss_of(given[name]) if name == "restitution" else given[name]
-            rows = get_copies(array, index)
-            rows[:, of] = value[:, None]
+    of, pairs = _as_the_scene_says(scene), collisions.pairs
+    arrays = {"friction": pairs.friction, "restitution": pairs.loss, "strength": pairs.strength}
+    for name, array in arrays.items():
+        if name in given[0] and array is not None and array.dtype.names:
+            rows, value = get_copies(array, index), given[0][name][:, None]
+            if name == "strength":
+                rows[:, pairs.among :] = np.stack([own[name] for own in given], axis=1)
+            else:
+                rows[:, of] = loss_of(value) if name == "restitution" else value
             set_copies(array, index, rows)
 
 

@@ -47,7 +47,7 @@ from springgym.forces.ledger import ENTRIES
 from springgym.guard import Guard, guarded
 from springgym.identity import check_same, check_sealed, sealed
 from springgym.integrators.clock import Clock
-from springgym.integrators.node import LOOK, START
+from springgym.integrators.node import START
 from springgym.integrators.record import COUNTS, Control, Phase
 from springgym.measures import Markers, Measures, Reading, Readout
 from springgym.packing import PARAMETERS, Options, Packed, pack
@@ -78,7 +78,7 @@ NEIGHBOURS = 6
 FEWEST = 64
 """Least steps of one compiled call, whatever they cost: a call begins and ends with half a step."""
 
-OF_A_STEP = ("terms.dampers.half", "terms.dampers.whole", "terms.memory", "terms.cycle")
+OF_A_STEP = ("terms.dampers.half", "terms.dampers.whole", "terms.last", "terms.cycle")
 """Arrays of `Simulator._changing` that describe the current or the last step."""
 
 GOES_FORWARD = ("integrator", "step", "damping_every", "tolerance")
@@ -151,8 +151,8 @@ class Simulator:
         Largest |L/L₀ − 1| of a spring. A copy beyond it has diverged. The default is `STRAIN_LIMIT`. If you
         give a limit, you intend strains up to it, and no `PrecisionWarning` appears.
     unresolved
-        What `advance` does if bodies meet in a way that a step cannot resolve: "raise" an error, or "count"
-        it, so that `pairs` and `unresolved` report it.
+        What `advance` does if bodies that collide or roll meet each other, or a surface, in a way that a step
+        cannot resolve: "raise" an error, or "count" it, so that `pairs` and `unresolved` report it.
     damping_every
         Number of steps in a cycle of dampers and wrench, see `springgym.forces.cycle`: 1, or an even number
         of at most `springgym.stability.LONGEST_CYCLE`. `advance` then takes whole cycles. It must be 1 where
@@ -254,6 +254,11 @@ class Simulator:
         self._settle(self._all)
         self._find_touching(self._all)
 
+    @property
+    def _nodes(self) -> bool:
+        """Return whether steps go through nodes, see `springgym.integrators.node`."""
+        return packing.has_nodes(self.scene, self.integrator)
+
     @classmethod
     def paper(cls, scene: Scene, **options: Any) -> Self:
         """Make a simulator with the paper's method: RK4 with h = 5e-4 s and, on surfaces, the paper's
@@ -287,7 +292,7 @@ class Simulator:
             self._kind.advance_kernel(
                 self.integrator.name,
                 read,
-                self._terms.memory is not None,
+                self._nodes,
                 self._terms.collisions is not None,
                 self._terms.cycle is not None,
             )
@@ -501,7 +506,7 @@ class Simulator:
 
     def _find_touching(self, index: np.ndarray) -> None:
         """Find which bodies of fresh copies touch, and the energy in the barriers between them."""
-        if self._terms.collisions is not None:
+        if self.scene.meetings:
             for first, last in self._block_ranges(index):
                 self._run(0, first, last, START, settles=False, reads=False)
 
@@ -551,8 +556,7 @@ class Simulator:
         ]
         for packed, own, of in zip(self._packed, given, follows, strict=True):
             packing.vary(packed, index, self.damping_every * self.step, own, of)
-        packing.vary_pairs(self._terms.collisions, self.scene, index, given[0])
-        self._find_touching(index)
+        packing.vary_pairs(self._terms.collisions, self.scene, index, given)
 
     @guarded
     def actuate(self, **values: Any) -> None:
@@ -709,7 +713,6 @@ class Simulator:
         _set(own.values(), (theirs[name] for name in own))
         self._recall()
         packing.renew(self._terms, self._all)
-        self._find_touching(self._all)
 
     @cached_property
     def _changing(self) -> dict[str, np.ndarray]:
@@ -807,8 +810,8 @@ class Simulator:
         told = PairReadings(*(of[copy] for of in totals.read_pairs(collisions, self.copies)))
         resolved = totals.resolved_speeds(collisions, self.step)
         n = int(np.argmax((told.fastest > resolved) | (told.misses > 0) | (told.overflow > 0)))
-        met = self.scene.meetings[n]
-        names = " and ".join(repr(self.scene.bodies[body].name) for body in met[:2])
+        first, second = (repr(self.scene.bodies[of[n]].name) for of in collisions.pairs[1:3])
+        met = f"bodies {first} and {second}" if n < collisions.pairs.among else f"body {first} and a surface"
         how = [
             (told.fastest[n] > resolved[n], f"at {told.fastest[n]:.4g} m/s"),
             (told.misses[n] > 0, f"{told.misses[n]:.0f} times detected only when they (almost) overlapped"),
@@ -819,11 +822,11 @@ class Simulator:
         ]
         finer = self.step * min(1.0, resolved[n] / max(told.fastest[n], TINY))
         return (
-            f"bodies {names} of copy {copy} met before t = {self.time[copy]:g} s "
+            f"{met} of copy {copy} met before t = {self.time[copy]:g} s "
             f"{' and '.join(what for wrong, what in how if wrong)}: a step of {self.step:g} s cannot resolve "
             f"that. It resolves contacts of up to {resolved[n]:.4g} m/s, which move by {RESOLVED:g} of their "
-            f"reach of {met.reach:g} m. Take a step of less than {finer:.2g} s, a larger reach or stiffer "
-            'contact, or say unresolved="count" to go on'
+            f"reach of {collisions.pairs.reach[n]:g} m. Take a step of less than {finer:.2g} s, a larger "
+            'reach or stiffer contact, or say unresolved="count" to go on'
         )
 
     def _check_distance(self, positions: np.ndarray) -> None:
@@ -866,7 +869,7 @@ class Simulator:
         )
         collisions = self._terms.collisions
         if steps > 0 and collisions is not None:
-            if reads:
+            if reads and self.scene.meetings:
                 self._count_overlaps(collisions, thread, first, last)
             self._find_unresolved(collisions, first, last)
 
@@ -875,8 +878,8 @@ class Simulator:
         start = first * self.width
         copies = slice(start, min(last * self.width, self.copies))
         shown = self._shown[copies]
-        place, pairs = self.readout.positions[copies], collisions.pairs
-        found = tell_shown(place, pairs.first, pairs.second, self._outlines, self._boxes[thread], shown)
+        place, met = self.readout.positions[copies], self.scene.meetings
+        found = tell_shown(place, met.first, met.second, self._outlines, self._boxes[thread], shown)
         if found:
             totals.count_shown(collisions, start, shown)
 
@@ -915,12 +918,13 @@ class Simulator:
 
     @guarded
     def shadow_energy(self) -> np.ndarray:
-        """Compute the energy (copies,) [J] that steps of velocity Verlet conserve: H − (h²/8) Σ m |a|².
+        """Compute the energy (copies,) [J] that steps of velocity Verlet conserve, H − (h²/8) Σ m |a|².
 
         H is the `energy` of `Measures`, and a is a particle's acceleration by springs and gravity. A
         vibration conserves this energy to rounding, while H oscillates: for a vibration at ω, it is off by up
-        to (ω h)²/4 of its energy. Dampers, contact and friction take from both what the ledger says. During
-        contact, H already includes the share of the springs.
+        to (ω h)²/4 of its energy. Where bodies can touch something, steps conserve H + V − V̄ instead, with
+        the energy V of the springs and its mean V̄ at the nodes before and after, x ∓ h v/2. Dampers, contact
+        and friction take from both what the ledger says.
 
         Raises
         ------
@@ -934,11 +938,10 @@ class Simulator:
         if self._terms.own is not None:
             raise ValueError("the shadow energy is not known with forces of your own")
         self.read()
-        x, slices = self.readout.positions, self.scene.slices
-        squares = [
-            packing.squared_kicks(packed, x[:, own]) for packed, own in zip(self._packed, slices, strict=True)
-        ]
-        return np.asarray(self.readout.rows[:, measures.ENERGY] - self.step**2 / 8 * sum(squares))
+        x, v, energy = self.readout.positions, self.readout.velocities, self.readout.rows[:, measures.ENERGY]
+        for packed, own in zip(self._packed, self.scene.slices, strict=True):
+            energy = energy + packing.shadow_difference(packed, x[:, own], v[:, own], self.step, self._nodes)
+        return energy
 
     @guarded
     def pairs(self, *, forget: bool = False) -> PairReadings:
@@ -958,7 +961,7 @@ class Simulator:
             If ``forget`` is not a bool.
         """
         checks.flag("forget", forget)
-        found = totals.read_pairs(self._terms.collisions, self.copies)
+        found = totals.read_pairs(self._terms.collisions, self.copies, len(self.scene.meetings))
         if forget and self._terms.collisions is not None:
             totals.forget_pairs(self._terms.collisions)
             self._find_unresolved(self._terms.collisions, 0, len(self._x))
@@ -973,17 +976,15 @@ class Simulator:
         ValueError
             If the scene has no bodies that collide.
         """
-        if self._terms.collisions is None:
+        if self._terms.collisions is None or not self.scene.meetings:
             raise ValueError("the scene has no bodies that collide, and so no pairs")
         return contacts.pair_sums(self._terms.collisions, self.copies)
 
     @guarded
     def contacts(self) -> Contacts:
-        """Return the contacts at the node where the state is read, with their impulses.
+        """Return the contacts of the step that begins at the present state, with their impulses.
 
-        The call computes that node again in all copies, which takes about as long as a step. It changes
-        nothing. Copies that have taken no step since they were placed show the second half of a node, see
-        `Contacts`.
+        The call takes this step in all copies, and then restores the state.
 
         Raises
         ------
@@ -991,20 +992,22 @@ class Simulator:
             If the method has no nodes, see `springgym.integrators`; or if the scene has surfaces and several
             bodies that do not collide.
         """
-        if reason := contacts.refusal(self.scene, self._terms):
+        if reason := contacts.refusal(self.scene, self._terms, self._nodes):
             raise ValueError(reason)
-        blocks = [array for array in self._changing.values() if array.dtype.names]
-        before, found = [array.copy() for array in blocks], []
+        arrays, found = list(self._changing.values()), []
+        before = [array.copy() for array in arrays]
+        x, v = (numbers(array).copy() for array in (self._x, self._v))
         try:
             for block in range(self._x.shape[0]) if self.scene.can_touch else ():
-                contacts.clear(self._workspace[0], self._kind.rigid)
-                self._run(0, block, block + 1, LOOK, settles=False, reads=False)
+                self._run(0, block, block + 1, 1, settles=True, reads=False)
+                begin, end = (x[block], v[block]), (numbers(self._x)[block], numbers(self._v)[block])
                 here = contacts.Here(
-                    block, self._x, self._v, self._workspace[0], self._terms, self._twin, self.step
+                    block, begin, end, self._workspace[0], self._terms, self._twin, self.step
                 )
                 found.append(contacts.of_block(self.scene, here))
         finally:
-            _set(blocks, before)
+            _set(arrays, before)
+            self._recall()
         return contacts.padded(found, self.copies)
 
     @guarded

@@ -114,23 +114,19 @@ class Cycle(NamedTuple):
 
     every: int
     """steps of a cycle, even"""
+    second: int
+    """the steps after which dampers act in the second of two cycles"""
     marks: np.ndarray
     """(1,) the steps taken since the first of two cycles began; at the end of a call 0 or ``every``"""
 
 
-class Memory(NamedTuple):
-    """The state of the last node, which is kept because the next call makes that node anew."""
+class LastNode(NamedTuple):
+    """What dampers know of the last node, where contact acts: see `springgym.integrators.node`."""
 
-    arrived: np.ndarray
-    """(N, 3) velocity with which the node was reached [m/s]"""
-    place: np.ndarray
-    """(N, 3) where the node is [m], if it was lifted to be read"""
-    pushed: np.ndarray | None
-    """(N, 3) what the actuators gave there [m/s²]; None without any"""
-    given: np.ndarray | None
-    """(N, 3) half of what contact was expected to give there [m/s]; None without dampers"""
-    marks: np.ndarray
-    """(`MARKS`,)"""
+    given: np.ndarray
+    """(N, 3) half of the change of velocity by contact [m/s], which is expected of the next node"""
+    sweep: np.ndarray
+    """(1,) 0 if the next sweep of dampers comes before the actuators, 1 if after them"""
 
 
 class PaperLaw(NamedTuple):
@@ -162,8 +158,8 @@ class Terms(NamedTuple):
     """β of the surfaces [1], (1,)"""
     paper_law: PaperLaw | None = None
     """contact as the paper has it"""
-    memory: Memory | None = None
-    """what is kept of the last node, where there are surfaces or bodies that collide"""
+    last: LastNode | None = None
+    """what is kept of the last node, where there are dampers, and surfaces or bodies that collide"""
     cycle: Cycle | None = None
     """what acts once in several steps; None if all acts at each"""
     collisions: Collisions | None = None

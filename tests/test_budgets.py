@@ -12,13 +12,13 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 
-CODE_LINES = {"springgym": 28_314, "agents": 4_440, "tests": 24_114}
+CODE_LINES = {"springgym": 26_122, "agents": 4_440, "tests": 23_330}
 """Most lines that hold a token which is neither a comment nor part of a docstring, by folder."""
 
 CIRCLES = 0
 """Most circles of imports among the files of springgym and agents."""
 
-LONG_SIGNATURES = 24
+LONG_SIGNATURES = 22
 """Most functions of springgym and agents with eight or more parameters."""
 
 BLANK = {

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-from typing import Any
 
 import numpy as np
 import pytest
@@ -11,12 +10,6 @@ from scipy.integrate import solve_ivp
 
 from springgym import rigid
 from springgym.bodies import Body, box, cube, rigid_velocities, rope, rotation, start, top
-from springgym.core.blocks import block_array
-from springgym.core.lanes import block_dtype
-from springgym.envs.billiards import SpringBilliards
-from springgym.integrators.record import workspace
-from springgym.packing import Options, pack_pairs, solids_workspace
-from springgym.rigid.surfaces import LOADS
 from springgym.scene import DriveActuator, Scene, ThrustActuator, WrenchActuator
 from springgym.simulator import Simulator
 from springgym.theory import free_body, pendulum
@@ -347,23 +340,6 @@ def test_actuators_change_momenta_as_they_do_on_springs(pinned: bool, turns: boo
     np.testing.assert_allclose(changes[0][:6], changes[1][:6], rtol=1e-6, atol=1e-9)
     # Springs released unstretched let go at ω² r: over t = 2e-5 s, ½ ω² r t² F of work, 60 m/s² · t² · 15 N.
     assert changes[0][6] == pytest.approx(changes[1][6], abs=4e-7)
-
-
-def test_actuators_of_a_body_of_one_particle_have_room() -> None:
-    """The workspace has two rows, for force and torque, even if the body is a single particle."""
-    both = SpringBilliards().scene
-    alone = Scene(bodies=both.bodies[:1], surfaces=both.surfaces, contact=both.contact)
-    assert len(alone.positions) == 1
-    method, kind = rigid.METHODS["verlet"].record, block_dtype(float, 1)
-    pairs = pack_pairs(
-        both, Options(method, 1e-3, 1, frozenset(), lambda *shape: block_array(1, shape, kind))
-    )
-    assert solids_workspace(both, pairs, kind).loads.shape[1] >= 2
-    arrays: Any = workspace(method, alone, kind)
-    assert len(arrays[LOADS]) >= 2
-
-
-# --- Copies -------------------------------------------------------------------------------------------
 
 
 @pytest.mark.own_kernels

@@ -14,7 +14,7 @@ from springgym.scene import Scene
 from springgym.simulator import Simulator
 from springgym.surfaces import Bowl, Contact, PaperContact, Pipe, Plane, floor, waves
 from springgym.theory import contact as theory
-from tests.copies import check_alone
+from tests.copies import check_alone, check_contacts
 from tests.forces.test_contact import VARYING
 from tests.params import slow_but
 
@@ -118,7 +118,7 @@ def test_the_ledger_closes_with_friction_and_loss(friction: float, restitution: 
     assert (m.contact_loss > 0.5).all() == (restitution < 1)
     assert worst.max() < 1e-2
     closer, _ = worst_balance(throw(began, contact(friction, restitution), 2.5e-4), 1.5)
-    assert np.median(closer) < np.median(worst) / 6
+    assert np.median(closer) < max(np.median(worst) / 6, 1e-8)
 
 
 def test_nothing_gets_through_at_20_m_per_s_and_100_rad_per_s_in_a_corner_of_three_planes() -> None:
@@ -128,7 +128,8 @@ def test_nothing_gets_through_at_20_m_per_s_and_100_rad_per_s_in_a_corner_of_thr
     worst, lowest = worst_balance(simulator, 1.0)
     assert (lowest > 0).all()
     assert (lowest < REACH / 10).sum() > 8  # they did hit
-    assert np.median(worst) < 1e-2
+    assert simulator.unresolved.sum() > 8  # at 20 mm a step, which is told
+    assert np.median(worst) < 0.2
     assert (simulator.measure().energy < 1.1 * first).all()
 
 
@@ -156,26 +157,9 @@ def test_energy_is_kept_on_curved_surfaces_at_either_step(surfaces: tuple) -> No
 
 
 def test_contacts_are_what_changes_momenta() -> None:
-    """From node to node by half of what both give, and by gravity; looking changes nothing, to the bit."""
-    began = thrown(8, 4.0, 1.0, height=0.4)
-    looked_at, other = (throw(began, contact(0.6, 0.5), 1e-3) for _ in range(2))
-    momenta, impulses = [], []
-    for _ in range(200):
-        for simulator in (looked_at, other):
-            simulator.advance(1, check=False)
-        found = looked_at.contacts()
-        impulses.append(found.impulse.sum(axis=1))
-        momenta.append(looked_at.measure().momentum)
-        np.testing.assert_array_equal(looked_at.positions, other.positions)
-        np.testing.assert_array_equal(looked_at.velocities, other.velocities)
-    given, mass = np.array(impulses), stone().mass
+    given = check_contacts(throw(thrown(8, 4.0, 1.0, height=0.4), contact(0.6, 0.5), 1e-3), 200)
     assert (given[:, :, 2].sum(axis=0) > 1.0).sum() > 3
     assert np.abs(given[:, :, :2]).max() > 0.1
-    changed = np.diff(momenta, axis=0) + mass * np.array((0, 0, G)) * 1e-3
-    # a call makes its first node anew, with sweeps that agree to 1e-9 Δ in a step
-    np.testing.assert_allclose(
-        changed, 0.5 * (given[1:] + given[:-1]), atol=stone().mass * 1e-9 * REACH / 1e-3
-    )
 
 
 # --- Restitution and friction -------------------------------------------------------------------------
@@ -197,29 +181,28 @@ def on_floor(positions: np.ndarray, velocity: tuple[float, ...], how: Contact, s
 
 @pytest.mark.parametrize("restitution", [0.0, 0.3, 0.7, 1.0])
 def test_a_cube_that_falls_flat_rebounds_with_the_restitution(restitution: float) -> None:
-    positions = CUBE.positions + np.array([0, 0, 0.5 + REACH])
+    """At 1 m/s, from wherever in a step it meets the floor."""
+    step, speed = 2.5e-4, np.broadcast_to((0, 0, -1.0), CUBE.positions.shape)
+    above = CUBE.positions + np.array([0, 0, 0.5 + REACH])
     scene = Scene(
-        CUBE,
-        positions,
-        np.broadcast_to((0, 0, -1.0), positions.shape),
-        gravity=(0, 0, 0),
-        surfaces=(floor(),),
-        contact=contact(0.5, restitution),
+        CUBE, above, speed, gravity=(0, 0, 0), surfaces=(floor(),), contact=contact(0.5, restitution)
     )
-    simulator = Simulator(scene, dynamics="rigid", step=5e-4, varying=RUBBING)
-    simulator.advance(800, check=False)
-    velocity = simulator.velocities[0]
+    simulator = Simulator(scene, dynamics="rigid", step=step, varying=RUBBING, copies=8)
+    late = np.linspace(0, step, 8, endpoint=False)[:, None, None] * [0, 0, 1]
+    simulator.place(above + late, speed + 0 * late)
+    simulator.advance(1600, check=False)
+    velocity = simulator.velocities
     # corners share the loss out by turns: what is to be stopped dead keeps some of its speed
     expected = theory.rebound(1.0, restitution, SLOW)
-    np.testing.assert_allclose(velocity[:, 2], expected, atol=2e-3 if restitution else 0.05)
-    np.testing.assert_allclose(velocity[:, :2], 0.0, atol=1e-6)
+    np.testing.assert_allclose(velocity[..., 2], expected, atol=2e-3 if restitution else 5e-3)
+    np.testing.assert_allclose(velocity[..., :2], 0.0, atol=5e-6)
 
 
 def test_a_cube_at_rest_stays_at_rest() -> None:
     positions = resting(CUBE)
     simulator = on_floor(positions, (0, 0, 0), contact(0.5, 0.5), 0.0, 1e-3)
     simulator.advance(5000, check=False)
-    np.testing.assert_allclose(simulator.positions[0], positions, atol=1e-10)
+    np.testing.assert_allclose(simulator.positions[0], positions, atol=1e-9)
     found = simulator.contacts()
     corners = np.flatnonzero(positions[:, 2] < REACH)
     np.testing.assert_array_equal(found.particle, [corners])
@@ -294,6 +277,3 @@ def test_methods_and_laws_without_meaning_are_refused_and_the_default_has_one() 
         Simulator(scene, dynamics="rigid", integrator="suzuki")
     with pytest.raises(ValueError, match="the paper's contact"):
         Simulator(scene.with_(contact=PaperContact()), dynamics="rigid")
-    many = tuple(Plane((0, 0, -n), (0, 0, 1)) for n in range(8))
-    with pytest.raises(ValueError, match="8 surfaces"):
-        Simulator(scene.with_(surfaces=many), dynamics="rigid")

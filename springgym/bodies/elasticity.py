@@ -24,6 +24,14 @@ def spring_forces(
     return _added(springs, tension, along, x)
 
 
+def elastic_energy(
+    springs: np.ndarray, stiffness: np.ndarray, lengths: np.ndarray, x: np.ndarray
+) -> np.ndarray:
+    """Return the energy (k,) [J] of springs on copies at ``x``, with stiffness and lengths (k, S)."""
+    tension = _pulls(springs, stiffness, lengths, x)[2]
+    return np.asarray((tension**2 / stiffness).sum(axis=-1) / 2)
+
+
 def _pulls(
     springs: np.ndarray, stiffness: np.ndarray, lengths: np.ndarray, x: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -3,11 +3,10 @@
 Friction is an impulse j across the normal that stops what slips, or as much of it as the cone allows,
 |j| ≤ μ J, with the push J.
 
-Where a round feature meets a surface (`springgym.contact.round`), or what is round another body
-(`springgym.contact.turning`), a couple q may resist its turning, too: by
-up to ρ J what turns it about tangents, by up to τ J what turns it about the normal. ρ and τ are lengths: what
-yields carries its load by ρ ahead of its middle, and a patch of radius a, under an even pressure, takes the
-moment (2/3) μ a J to turn about its normal.
+Where what is round meets a surface or another body, a couple q may resist its turning, too: by up to ρ J
+what turns it about tangents, by up to τ J what turns it about the normal. ρ and τ are lengths: what yields
+carries its load by ρ ahead of its middle, and a patch of radius a, under an even pressure, takes the moment
+(2/3) μ a J to turn about its normal.
 """
 
 from __future__ import annotations

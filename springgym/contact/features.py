@@ -1,8 +1,8 @@
 """Find where the features of two bodies meet: vertex and face, vertex and rod, ball and ball, edge and edge.
 
-A contact has up to four particles with weights w (sum 0; + on one body, − on the other), a unit normal n,
-a signed distance d and a share Φ of the strength, such that Σ w x = d n (less radii) and u = n · Σ w v =
-ḋ.
+A contact has up to four particles with weights w (sum 0; + on the first body, − on the second), a unit normal
+n from the second to the first, a signed distance d and a share Φ of the strength, such that Σ w x = d n (less
+radii) and u = n · Σ w v = ḋ.
 
 Vertex and face. Of the triangles of a closed surface the nearest counts, by the key |D|² − 1e-6 h², with
 D from the nearest point and h the height over its plane: of triangles that share this point the second
@@ -152,7 +152,7 @@ def clear(k: int, pair: int, members: int, particles: Quad, opens: Mask, contact
     for n in range(4):
         store(contacts.particle, 4 * k + n, filled(opens, particles[n]))
         store(contacts.weight, 4 * k + n, 0.0)
-    set_row(contacts.normal, k, vec(0.0, 0.0, 0.0))
+    set_row(contacts.normal, k, vec(0.0, 0.0, 1.0))
     store(contacts.gap, k, FAR)
     store(contacts.share, k, 0.0)
 
@@ -218,13 +218,19 @@ def vertex_faces(count: int, first: int, m: int, near: Near, seen: Search) -> in
         if any_lane(touching):
             n = choose(touching, unit(row_each(lists.normal, face)), n)
         d = select(side_of < 0.0, -d, d)
-        one = 1.0 + 0.0 * d
+        one = side_of_vertex(m, near, lists) + 0.0 * d
         a, b, c = corners(face, lists)
         particles = (i, a, b, c)
-        weights = (one, second + third - 1.0, -second, -third)
-        met = Touch(particles, weights, n, d - near.radius, select(won, one, 0.0))
+        weights = (one, one * (second + third - 1.0), -one * second, -one * third)
+        met = Touch(particles, weights, one * n, d - near.radius, select(won, 1.0 + 0.0 * d, 0.0))
         count = add_contact(count, first, 4, met, near, seen)
     return count
+
+
+@compiled
+def side_of_vertex(m: int, near: Near, lists: Lists) -> float:
+    """Return 1 if the vertex in row ``m`` is of the first body, and −1 if it is of the second."""
+    return 1.0 if m < lists.ends[near.pair, 0, 1] else -1.0
 
 
 @compiled
@@ -265,9 +271,9 @@ def vertex_rods(
             along = (1.0 - t) * row_each(w, a) + t * row_each(w, b)
             through = d - near.lead * dot(n, row_each(w, i) - along) < 0.0
             n, d = choose(through, -1.0 * n, n), select(through, -d, d)
-            one = 1.0 + 0.0 * d
-            weights = (one, t - 1.0, -t, 0.0 * d)
-            met = Touch((i, a, b, i), weights, n, d - near.radius, select(won, one, 0.0))
+            one = side_of_vertex(m, near, lists) + 0.0 * d
+            weights = (one, one * (t - 1.0), -one * t, 0.0 * d)
+            met = Touch((i, a, b, i), weights, one * n, d - near.radius, select(won, 1.0 + 0.0 * d, 0.0))
             count = add_contact(count, first, 3, met, near, seen)
     return count
 

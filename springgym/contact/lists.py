@@ -21,9 +21,9 @@ node; and candidates for each row, or all are."""
 def new_lists(pairs: Pairs, particles: int, dtype: DTypeLike) -> Lists:
     """Return empty lists of the features of ``particles`` in all, on elements of ``dtype``."""
     shapes = pairs.shapes
-    bodies, count = len(shapes.radius), len(pairs.first)
+    bodies, count = len(shapes.radius), pairs.among
     features = np.diff(shapes.start, axis=1)
-    of_pairs = features[:, pairs.first] + features[:, pairs.second]
+    of_pairs = features[:, pairs.first[:count]] + features[:, pairs.second[:count]]
     # lists of all pairs, unless that is absurd; at least those of any one
     most = np.maximum(of_pairs.max(axis=1), np.minimum(of_pairs.sum(axis=1), LISTED * features.sum(axis=1)))
     vertices, triangles, edges = (int(n) + 1 for n in most)

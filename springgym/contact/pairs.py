@@ -19,10 +19,6 @@ PARALLEL = 2.0
 MOST_PARALLEL = 0.2
 
 
-SWEEPS = 2
-"""Sweeps, there and back, in which the impulses of contacts are found."""
-
-
 def packed_shapes(shapes: Sequence[Shape], first: Sequence[int]) -> Shapes:
     """Return the features of all bodies, whose particles begin at ``first`` among those of the scene."""
     kinds = [

@@ -14,15 +14,7 @@ from __future__ import annotations
 from springgym.contact.cone import within_cone
 from springgym.contact.law import Span, meet
 from springgym.contact.records import Given, Surfaces
-from springgym.contact.surfaces import (
-    coefficient,
-    count,
-    facing,
-    height,
-    lowest,
-    standing,
-    strength_and_reach,
-)
+from springgym.contact.surfaces import coefficient, count, facing, lowest, strength_and_reach
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Numbers, Vector
 from springgym.core.lanes import any_lane, epsilon, load, maximum, minimum, select, sqrt
@@ -38,9 +30,6 @@ AGREED = 1e-9
 ALMOST = 1.1
 """Share of Δ below which a surface is near: where a way ends out of it, the next begins out of Δ, whatever is
 rounded."""
-
-LIFTS = 4
-"""Newton's steps that lift a node: of ground that is bent, as much as Δ, they leave 1e-9 of it."""
 
 
 @compiled
@@ -135,22 +124,3 @@ def impulses(
         if not any_lane(active > 0.5):
             break
     return Given(given, rub, force)
-
-
-@compiled
-def lifted(place: Vector, first: Vector, last: Vector, terms: Terms) -> Vector:
-    """Return how far a node is lifted [m] to be read: to half of the lower of the heights around it, or of Δ.
-
-    Where a step is too coarse for an impact, the node is behind the surface though no way begins or ends
-    there. From a curved one it is lifted by Newton's method.
-    """
-    lift, surfaces = 0.0 * place, terms.surfaces
-    for k in range(count(surfaces.kinds)):
-        lowest_end = minimum(height(k, first, surfaces), height(k, last, surfaces))
-        for _ in range(1 if surfaces.coupled is None else LIFTS):
-            n, square, here = standing(k, place + lift, surfaces)
-            short = maximum(0.5 * minimum(lowest_end, surfaces.reach) - here, 0.0)
-            if not any_lane(short > 0.0):
-                break
-            lift = plus_scaled(lift, short / square, n)
-    return lift

@@ -79,34 +79,6 @@ class Rounds(NamedTuple):
     """(3 features, 3) rows of A [m²]"""
 
 
-class Rolling(NamedTuple):
-    """Workspace in which round features roll: of particles (N, 3), and of rows (rows, 3).
-
-    There is a row for each feature and surface.
-    """
-
-    velocity: Rows
-    """velocities after the node, with the impulses found so far [m/s]"""
-    change: Rows
-    """change of velocity by pushes [m/s]; this and the next two as `springgym.contact.records.Given`"""
-    rub: Rows
-    """change of velocity by friction [m/s]"""
-    force: Rows
-    """Σ J n [m/s]"""
-    point: Rows
-    """ξ − ξc of the support point [m]"""
-    normal: Rows
-    """n, of the surface"""
-    size: Rows
-    """the gap where the step begins, d + s where it was not missed [m], W n² [1/kg]"""
-    push: Rows
-    """J L [N·s], and J"""
-    friction: Rows
-    """j [N·s]"""
-    couple: Rows
-    """q [N·m·s], if the scene has rolling or torsional resistance"""
-
-
 class Shapes(NamedTuple):
     """The features of all bodies, one body after another, by the numbers of the scene's particles."""
 
@@ -128,12 +100,17 @@ class Shapes(NamedTuple):
 
 
 class Pairs(NamedTuple):
-    """The pairs of bodies that may meet; each array has shape (pairs,)."""
+    """The pairs of bodies that may meet, and then each body with the surfaces, if there are any.
 
+    Each array has shape (pairs,), if nothing else is said.
+    """
+
+    among: int
+    """how many pairs are of two bodies"""
     first: np.ndarray
     """the index of the first body of each pair"""
     second: np.ndarray
-    """the index of the second body of each pair"""
+    """the index of the second body of each pair; −1 for surfaces"""
     reach: np.ndarray
     """the reach Δ, the gap below which contact repels both bodies [m]"""
     least_reach: float
@@ -148,11 +125,14 @@ class Pairs(NamedTuple):
     """the coefficients of rolling and torsional resistance of all pairs; None if all are zero"""
     loss: np.ndarray | None
     """β of restitution [1]; None if no pair loses any energy by it"""
-    shapes: Shapes
+    radius: np.ndarray
+    """(bodies,) [m] of balls and rods, by which others meet a body"""
+    single: np.ndarray
+    """(bodies,) whether a body is a single particle"""
+    shapes: Shapes | None
+    """the features of all bodies; None if bodies do not collide"""
     most: int
-    """how many contacts a copy can have"""
-    sweeps: int
-    """in how many sweeps impulses are found"""
+    """how many contacts of bodies a copy can have"""
 
 
 NONE = -1.0
@@ -311,56 +291,24 @@ Ends: TypeAlias = tuple[Vector, Vector, Vector, Vector]
 """A vector of each of the four ends of two edges."""
 
 
-class Solids(NamedTuple):
-    """Rigid bodies as contacts see them at a node, where an array has v [m/s] and L [kg·m²/s] of each in two
-    rows."""
+class Turning(NamedTuple):
+    """The bodies that contacts turn as one, see `springgym.contact.movers`."""
 
-    start: np.ndarray
-    """(bodies + 1,) where the particles of each begin among all, and the end"""
+    turns: np.ndarray
+    """(bodies,) whether a body is one of them"""
     balls: np.ndarray
-    """(bodies,) whether a body is a single particle"""
+    """(bodies,) whether others see its first particle at its centre of mass"""
+    first: np.ndarray
+    """(bodies,) the row of its velocity, before that of its angular momentum"""
+    pivot: np.ndarray
+    """(bodies,) its particle that is pinned; −1 if none or all are"""
     lightness: np.ndarray
     """(bodies,) 1/M [1/kg]; 0 of what is pinned"""
-    turn: np.ndarray
-    """(2 bodies, 3) I⁻¹ about the body's point: xx, yy, zz; xy, xz, yz [1/(kg·m²)]"""
     point: np.ndarray
-    """(bodies, 3) [m]"""
-    arm: np.ndarray
-    """(2 contacts, 3) from the points of both bodies to where they are pushed [m]"""
-    turns: np.ndarray
-    """(2,) `GOING`, `CHANGE`"""
-
-
-class Spheres(NamedTuple):
-    """The spheres and capsules among bodies that collide, and all particles as contacts see them."""
-
-    start: np.ndarray
-    """(bodies + 1,) where the particles of each body begin among all, and the end"""
-    radius: np.ndarray
-    """(bodies,) [m]; 0 of what is no sphere"""
-    skin: np.ndarray
-    """(bodies,) the radius of spheres and capsules [m]; 0 of others"""
-    thick: np.ndarray
-    """(bodies,) the radius of all that is round, ropes and balls that do not turn among them [m]; else 0"""
-    x: Rows
-    """(N, 3) positions of the particles at the node [m]; in the first row of a sphere, its centre of mass"""
-    before: Rows
-    """(N, 3) velocities of the particles before the node [m/s]; in the first two rows of a sphere, v and ω"""
-    inverse_mass: Numbers
-    """(N,) inverse masses [1/kg]; in the first row of a sphere, 1/M"""
-    turns: np.ndarray
-    """(bodies,) whether contacts turn a body as a whole: spheres, capsules, and what resists their turning"""
-    mass: Numbers
-    """(N,) masses of the particles of bodies that turn [kg]"""
-    centre: Rows
-    """(bodies, 3) centres of mass of bodies that turn [m]"""
-    turn: Rows
-    """(2 bodies, 3) the inverse inertia I⁻¹ of each body that turns, in two rows: xx, yy, zz, and xy, xz, yz
-    [1/(kg·m²)]; 0 if it is pinned"""
-    kept: Rows
-    """(N, 3) velocities of the particles of spheres, saved while their rows hold v and ω [m/s]"""
-    began: Rows
-    """(2 bodies, 3) v [m/s] and ω [rad/s] of each sphere that follow from the kept velocities"""
+    """(2 bodies, 3) where its point is at the node [m], of all bodies, and where at the end of the step"""
+    turn: np.ndarray
+    """(4 bodies, 3) I⁻¹ about the point at the node, in two rows: xx, yy, zz, and xy, xz, yz [1/(kg·m²)];
+    behind all, those at the end of the step"""
 
 
 class ContactRows(NamedTuple):
@@ -369,25 +317,51 @@ class ContactRows(NamedTuple):
     length: np.ndarray
     """(2,) how many pairs have contacts, `MET`, and how many rows of contacts there are, `ROWS`"""
     met: np.ndarray
-    """(pairs,) list of the pairs that have contacts, in ascending order"""
+    """(pairs,) list of the pairs of bodies that have contacts, in ascending order"""
     left_out: np.ndarray
     """(pairs,) how many contacts there was no space for, at this node"""
     have: np.ndarray
     """(2,) how many contacts each copy has: in all, and of the pair that is looked at"""
     pair: np.ndarray
-    """(rows,) the pair of bodies that meet in this contact, the same in all copies"""
+    """(rows,) the pair that meets in this contact, the same in all copies"""
+    body: np.ndarray
+    """(2 rows,) its first and its second body; −1 for a surface"""
+    surface: np.ndarray
+    """(rows,) the surface; −1 between bodies"""
+    feature: np.ndarray
+    """(rows,) the round feature that meets a surface; −1 of a particle"""
     members: np.ndarray
     """(rows,) the number of particles of the contact, the same in all copies"""
+    loose: np.ndarray
+    """(rows,) the number of those that move by themselves; or, if any does, of all"""
+    only: np.ndarray
+    """(rows,) the particle that meets a surface and moves by itself, the same in all copies; else −1"""
+    touching: np.ndarray
+    """(rows,) the particle that meets a surface, whatever moves it; else −1"""
+    late: np.ndarray
+    """(rows,) 1 if slip is that of the points which touch at the end of the step, else 0"""
+    tilts: np.ndarray
+    """(rows,) 1 if the torque of friction has to be cancelled, see `springgym.contact.friction`, else 0"""
     particle: np.ndarray
-    """(4 rows,) the indices of these particles"""
+    """(4 rows,) the indices of the particles"""
     weight: np.ndarray
-    """(4 rows,) the weights w of these particles in the way from one body to the other; they sum to 0"""
+    """(4 rows,) the weights w of those that move by themselves: > 0 of the first body; all sum to 0"""
     normal: np.ndarray
-    """(rows, 3) the normal n, from the second body to the first"""
+    """(rows, 3) the normal n, from the second side to the first; at a surface the gradient of its height"""
     gap: np.ndarray
-    """(rows,) the gap d between both bodies [m]; `FAR` in copies without this contact"""
+    """(rows,) the gap d at the node, to which h u/2 adds the way to the end of the step [m]; `FAR` in copies
+    without this contact"""
+    start: np.ndarray
+    """(rows,) the gap h₀ where the step begins [m]"""
+    shift: np.ndarray
+    """(rows,) by how much a gap that was missed is taken as larger [m]"""
     share: np.ndarray
     """(rows,) the factor Φ, 0 to 1, by which the strength c is multiplied where edges meet"""
+    place: np.ndarray
+    """(rows, 3) where the contact is [m]"""
+    arm: np.ndarray
+    """(4 rows, 3) from the points of both bodies, if they turn, to where they are pushed at the node, and to
+    what touches at the end of the step [m]"""
     approach: np.ndarray
     """(rows,) the speed u₀ along the normal before the node [m/s]"""
     gain: np.ndarray
@@ -397,21 +371,27 @@ class ContactRows(NamedTuple):
     impulse: np.ndarray
     """(rows,) the impulse J along the normal [N·s]"""
     friction: np.ndarray
-    """(rows, 3) the impulse of friction [N·s]"""
+    """(rows, 3) the impulse of friction on the first body [N·s]"""
     couple: np.ndarray
-    """(rows, 3) the angular impulse of the couple on the first body of the pair [N·m·s]"""
+    """(rows, 3) the angular impulse of the couple on the first body [N·m·s]"""
     taper: np.ndarray
-    """(rows, 3) the impulse of the gradient of Φ [N·s]"""
+    """(rows, 3) the impulse of the gradient of Φ on the first body [N·s]"""
     tilt: np.ndarray
     """(2 rows, 3) G and H; of a rod, G and the direction along it: see `springgym.contact.friction`"""
+    height: np.ndarray
+    """(rows,) how far apart the points are at which both sides get their friction [m]"""
+    crossed: np.ndarray
+    """(rows,) more than 0 where two edges meet"""
     grips: np.ndarray
     """(rows,) 1 where friction acts, else 0"""
     losses: np.ndarray
-    """(pairs, 3) energy that a pair lost at this node: see `add_loss` [J]"""
-    solids: Solids | None
-    """the rigid bodies that contacts move; None where particles move by themselves"""
-    spheres: Spheres | None = None
-    """the spheres that turn, among bodies of springs; None if there are none"""
+    """(bodies, 3) energy that each body lost at this node: to restitution, and to friction [J]; 0"""
+    going: np.ndarray
+    """(1,) 1 while the impulses of a copy are to change, else 0"""
+    change: np.ndarray
+    """(1,) the largest change of a contact's way in a sweep, over its Δ [1]"""
+    turning: Turning | None
+    """the bodies that turn as one; None if none do"""
 
 
 class Problem(NamedTuple):
@@ -419,12 +399,10 @@ class Problem(NamedTuple):
 
     span: Span
     """the time of the node"""
-    rows: int
-    """how many rows of contacts there are"""
     x: Rows
-    """(N, 3) positions of all particles at the node [m]"""
+    """(N, 3) positions of all particles at the node, as others see them [m]"""
     before: Rows
-    """(N, 3) velocities before it [m/s]; of rigid bodies, as `springgym.contact.records.Solids` has them"""
+    """velocities before it [m/s], see `springgym.contact.movers`"""
     inverse_mass: Numbers
     """(N,) the inverse masses of the particles [1/kg]"""
     pairs: Pairs
@@ -433,6 +411,29 @@ class Problem(NamedTuple):
     """the contacts, and where their impulses are written"""
     totals: Numbers
     """the totals of each pair, see `springgym.contact.totals`"""
+
+
+class RowSpace(NamedTuple):
+    """The arrays in which a thread computes what contacts give; rows (N, 3) are of all particles.
+
+    Of a body that turns as one, the first two rows are its velocity [m/s] and angular momentum [kg·m²/s].
+    """
+
+    velocity: Rows
+    """velocities after the node, with the impulses of contact found so far [m/s]"""
+    free: Rows
+    """and without any"""
+    before: Rows
+    """velocities before the node [m/s]"""
+    places: Rows
+    """positions at the node as others see them: the first particle of a ball is at its centre [m]"""
+    speeds: Rows
+    """and velocities before it [m/s]"""
+    active: np.ndarray
+    """(bodies,) whether a body has contacts in any copy"""
+    lists: Lists | None
+    """the features that are near each other; None if bodies do not collide"""
+    contacts: ContactRows
 
 
 class Search(NamedTuple):
@@ -480,10 +481,11 @@ class Collisions(NamedTuple):
     pairs: Pairs
     totals: np.ndarray
     """(pairs × `ENTRIES`,)"""
-    totals_before: np.ndarray
-    """(pairs × `ENTRIES`,) before the last node"""
+    stored: np.ndarray
+    """(bodies,) half of the energy in the barriers of each body's pairs [J]"""
+    fresh: np.ndarray
+    """(1,) 1 where it is not told yet which bodies touch, as the copy was just placed"""
     changing: np.ndarray
-    """(1 + pairs,) list: how many pairs, and which, ascending, touch, or have totals that are not those from
-    before the last node; the totals of all others stay as they are"""
+    """(1 + pairs,) list: how many pairs, and which, ascending, may touch or have energy in their barriers"""
     warm: WarmStart | None = None
     """the impulses of the last node; None if contacts start from nothing"""

@@ -1,8 +1,9 @@
-"""List the contacts of a node, one list for all kinds of features, and state what their impulses solve.
+"""Rows of contacts: one for each contact of two bodies, or of a body and a surface, at a node.
 
-A row holds a contact of each copy, its own: row r the r-th of each. A copy that has less than others has a
-gap of `FAR` there, and the particles of another. So the list is as long as the longest of a copy, and what a
-copy has, and in which order, does not depend on the others.
+A row of two bodies holds a contact of each copy, its own: row r the r-th of each. A copy that has less than
+others has a gap of `FAR` there, and the particles of another. So the list is as long as the longest of a
+copy, and what a copy has, and in which order, does not depend on the others. A row of a surface is of the
+same particle, or the same round feature, in all copies.
 """
 
 from __future__ import annotations
@@ -10,54 +11,139 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import DTypeLike
 
-from springgym.contact.records import ContactRows, Pairs
+from springgym.contact.friction import crosses
+from springgym.contact.movers import turns_as_one
+from springgym.contact.records import ContactRows, Pairs, Problem, Turning
 from springgym.core.blocks import aligned_zeros
 from springgym.core.compiling import compiled
-from springgym.core.kinds import Number
-from springgym.core.lanes import load, store
+from springgym.core.kinds import Vector
+from springgym.core.lanes import load, maximum, select, store
+from springgym.core.vectors import choose, dot, plus_scaled, row, row_each, set_row
 
 
-def new_contacts(pairs: Pairs, rows: int, dtype: DTypeLike) -> ContactRows:
-    """Return an empty list of contacts, on elements of ``dtype``; ``rows`` is the most a block can have.
+def new_contacts(
+    pairs: Pairs, among: int, surfaces: int, bodies: int, turning: Turning | None, dtype: DTypeLike
+) -> ContactRows:
+    """Return an empty list of contacts, on elements of ``dtype``.
 
-    They move particles by themselves, until the list is given ``solids``.
+    A block has at most as many contacts ``among`` bodies, and with ``surfaces``.
     """
     width = np.dtype(dtype)["lanes"].shape[0]
-    rows = min(rows, pairs.most * width) + 1
-    rubbing = 1 if pairs.friction is None else rows
-    turning = 1 if pairs.resistance is None else rows
-    count = len(pairs.first)
+    rows = min(among, pairs.most * width) + surfaces + 1
+    count, resisted = len(pairs.reach), 1 if pairs.resistance is None else rows
+    arms = 1 if turning is None else rows
 
     def lanes(*shape: int) -> np.ndarray:
         return aligned_zeros(shape, dtype)
 
+    def whole(*shape: int) -> np.ndarray:
+        return np.zeros(shape, np.int64)
+
     return ContactRows(
-        met=np.zeros(count, np.int64),
+        length=whole(2),
+        met=whole(count),
         have=lanes(2),
         left_out=lanes(count),
-        pair=np.zeros(rows, np.int32),
-        members=np.zeros(rows, np.int32),
+        pair=whole(rows),
+        body=whole(2 * rows),
+        surface=whole(rows),
+        feature=whole(rows),
+        members=whole(rows),
+        loose=whole(rows),
+        only=whole(rows),
+        touching=whole(rows),
+        late=whole(rows),
+        tilts=whole(rows),
         particle=lanes(4 * rows),
         weight=lanes(4 * rows),
         normal=lanes(rows, 3),
         gap=lanes(rows),
+        start=lanes(rows),
+        shift=lanes(rows),
         share=lanes(rows),
+        place=lanes(rows, 3),
+        arm=lanes(4 * arms, 3),
         approach=lanes(rows),
         gain=lanes(4 * rows),
         inverse_mass=lanes(rows),
         impulse=lanes(rows),
         friction=lanes(rows, 3),
-        couple=lanes(turning, 3),
+        couple=lanes(resisted, 3),
         taper=lanes(rows, 3),
-        tilt=lanes(2 * rubbing, 3),
-        grips=lanes(rubbing),
-        losses=lanes(count, 3),
-        length=np.zeros(2, np.int64),
-        solids=None,
+        tilt=lanes(2 * rows, 3),
+        height=lanes(rows),
+        crossed=lanes(rows),
+        grips=lanes(rows),
+        losses=lanes(bodies, 3),
+        going=lanes(1),
+        change=lanes(1),
+        turning=turning,
     )
 
 
 @compiled
-def add_loss(contacts: ContactRows, pair: int, kind: int, energy: Number) -> None:
-    """Add to what a pair lost at this node: 0 to restitution, 1 to friction, 2 out of its barriers [J]."""
-    store(contacts.losses, (pair, kind), load(contacts.losses, (pair, kind)) + energy)
+def describe(k: int, problem: Problem) -> None:
+    """Find where contact k of two bodies acts on them."""
+    contacts, pairs = problem.contacts, problem.pairs
+    p, n, nothing = contacts.pair[k], row(contacts.normal, k), 0.0 * row(contacts.normal, k)
+    a, b = pairs.first[p], pairs.second[p]
+    contacts.body[2 * k], contacts.body[2 * k + 1] = a, b
+    contacts.surface[k], contacts.only[k], contacts.late[k] = -1, -1, 0
+    contacts.loose[k], contacts.tilts[k] = contacts.members[k], 1
+    one, other = nothing, nothing
+    for m in range(contacts.members[k]):
+        weight = load(contacts.weight, 4 * k + m)
+        place = row_each(problem.x, load(contacts.particle, 4 * k + m))
+        one = plus_scaled(one, maximum(weight, 0.0), place)
+        other = plus_scaled(other, maximum(-1.0 * weight, 0.0), place)
+    both = load(contacts.weight, 4 * k) * load(contacts.weight, 4 * k + 1)
+    store(contacts.crossed, k, both)
+    store(contacts.height, k, dot(one - other, n))
+    first, second = plus_scaled(one, -pairs.radius[a], n), plus_scaled(other, pairs.radius[b], n)
+    set_row(contacts.place, k, 0.5 * (first + second))
+    set_arms(k, (one, other), (first, second), problem, contacts.turning)
+
+
+@compiled
+def set_arms(
+    k: int,
+    axes: tuple[Vector, Vector],
+    skins: tuple[Vector, Vector],
+    problem: Problem,
+    turning: Turning | None,
+) -> None:
+    """Find where contact k is given to the bodies that turn, of the points of both sides.
+
+    Two of them get it halfway between both; a body that turns alone at its own skin, from where the other has
+    a face that friction can tilt, or else at the other's point. A body of a single particle gets it there.
+    """
+    if turning is not None:
+        contacts, pairs = problem.contacts, problem.pairs
+        a, b = contacts.body[2 * k], contacts.body[2 * k + 1]
+        first, second = turns_as_one(a, turning), turns_as_one(b, turning)
+        if first or second:
+            place = 0.5 * (skins[0] + skins[1])
+            contacts.tilts[k] = 0
+            if first and second:
+                contacts.loose[k] = 0
+                if pairs.single[a]:
+                    place = axes[0]
+                elif pairs.single[b]:
+                    place = axes[1]
+            else:
+                own, theirs = (skins[0], axes[1]) if first else (skins[1], axes[0])
+                place = theirs
+                if contacts.members[k] == 4:
+                    contacts.tilts[k] = 1
+                    crossed = crosses(k, contacts)
+                    place = choose(crossed, theirs, own)
+                    left = load(contacts.height, k) - pairs.radius[a if first else b]
+                    store(contacts.height, k, select(crossed, 0.0, left))
+                for m in range(contacts.members[k]):
+                    weight = load(contacts.weight, 4 * k + m)
+                    sign = 1.0 if first else -1.0  # of the weights of what turns
+                    store(contacts.weight, 4 * k + m, select(sign * weight > 0.0, 0.0 * weight, weight))
+            if first:
+                set_row(contacts.arm, 4 * k, place - row(turning.point, a))
+            if second:
+                set_row(contacts.arm, 4 * k + 1, place - row(turning.point, b))

@@ -44,14 +44,11 @@ from springgym.contact.records import (
     FAR,
     MET,
     NONE,
-    ROWS,
     WATCHED,
-    Collisions,
     ContactRows,
     Lists,
     Near,
     Pairs,
-    Problem,
     Search,
     Shapes,
 )
@@ -119,31 +116,10 @@ def outside(low: Vector, high: Vector, body: int, lists: Lists) -> Number:
 
 
 @compiled
-def find_contacts(
-    x: Rows,
-    w: Rows,
-    before: Rows,
-    inverse_mass: Rows,
-    span: Span,
-    collisions: Collisions,
-    found_in: tuple[Lists, ContactRows],
-) -> Problem:
-    """Find the contacts of all bodies at a node, and return the `Problem` that their impulses solve.
-
-    The particles are at ``x`` (N, 3) and reach the node with velocities ``w`` (N, 3); ``before`` are those
-    that contacts change: the same, or the motion of rigid bodies. ``found_in`` are the lists of candidates
-    and the rows of contacts.
-    """
-    lists, contacts = found_in
-    rows = find(x, w, span, collisions.pairs, lists, contacts)
-    return Problem(span, rows, x, before, inverse_mass, collisions.pairs, contacts, collisions.totals)
-
-
-@compiled
 def find(x: Rows, w: Rows, span: Span, pairs: Pairs, lists: Lists, contacts: ContactRows) -> int:
-    """List the contacts of all pairs, and return how many rows that makes.
+    """List the contacts of all pairs of bodies, and return how many rows that makes.
 
-    ``w`` (N, 3) are the velocities before the node, and ``span`` is its time.
+    Particles are at ``x`` (N, 3) and reach the node with velocities ``w`` (N, 3); ``span`` is its time.
     """
     shapes, seen = pairs.shapes, Search(x, w, pairs, lists, contacts)
     measure_moved(x, w, span, pairs, lists)
@@ -172,7 +148,6 @@ def find(x: Rows, w: Rows, span: Span, pairs: Pairs, lists: Lists, contacts: Con
             if count > before or any_lane(load(contacts.left_out, p) > 0.0):
                 contacts.met[contacts.length[MET]] = p
                 contacts.length[MET] += 1
-    contacts.length[ROWS] = count
     return count
 
 
@@ -209,7 +184,7 @@ def watch(x: Rows, w: Rows, span: Span, pairs: Pairs, lists: Lists) -> None:
         store(lists.margin, body, minimum(maximum(ROOMY * longest, PATIENT * 2.0 * half), 0.5 * FAR))
         ahead = maximum(half - 0.5 * FARTHEST * pairs.least_reach, 0.0)  # as in `measure_moved`
         store(lists.ahead, body, ahead)
-    for p in range(pairs.first.size):
+    for p in range(pairs.among):
         a, b = pairs.first[p], pairs.second[p]
         gap = outside(row(lists.low, a), row(lists.high, a), b, lists)
         margin = load(lists.margin, a) + load(lists.margin, b)
@@ -578,7 +553,8 @@ def edge_is_near(m: int, n: int, wide: Number, lists: Lists) -> bool:
 @compiled
 def compare(count: int, near: Near, seen: Search, triangles: Indices, edges: Indices) -> int:
     """List the contacts of a pair behind ``count`` others."""
-    lists, shapes, p, contacts = seen.lists, seen.pairs.shapes, near.pair, seen.contacts
+    lists, p, contacts = seen.lists, near.pair, seen.contacts
+    shapes: Shapes = seen.pairs.shapes  # type: ignore[assignment]
     ends, rods, balls = lists.ends, shapes.rods, shapes.balls
     begin(contacts)
     first = count

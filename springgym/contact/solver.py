@@ -1,17 +1,23 @@
-"""The impulses of bodies that collide, at the node of a step, where all impulses act at once.
+"""The impulses of contacts at the node of a step, where all impulses act at once.
 
-Particles fly straight for half a step, receive the impulses of springs, gravity, dampers, contact and
-friction, and fly straight for the other half. As x₁ = x₀ + (h/2)(v₀ + v₁), the angular momentum changes
-by exactly Σ (x₀ + h v₀/2) × p for the impulses p: those of a contact lie along D between the points of D,
-at the positions of the node, so that they keep momentum and angular momentum to round-off, whatever their
-size.
+A row k is a contact of two bodies, or of a body and a surface: a gap d with the normal n, from the second
+side to the first, and what moves it (`springgym.contact.movers`). Its impulse J n changes the gap's rate
+u = n · (v₁ − v₂) by W J, and follows from the gaps where the step begins, h₀, and where all else would end
+it, a = h₀ + h (u₀ + u)/2 (`springgym.contact.law`). Friction is an impulse j across n that stops what slips,
+as far as Coulomb's cone allows (`springgym.contact.cone`), and a couple q may resist what turns. Each follows
+from all others: they are found one after another, in sweeps there and back (Gauss and Seidel's), from those
+of the last node (`springgym.contact.warm`).
 
-Each contact's impulse J follows from the gaps h₀ = d − (h/2) u₀ and a = h₀ + h (u₀ + u)/2, with u the
-speed along its normal after all other impulses (`springgym.contact.law`). Sweeps, there and back, find all
-(Gauss and Seidel's); among many bodies they start from what the last node gave (`springgym.contact.warm`).
+All impulses of a contact act at the positions of the node, along the line between its points or at one point,
+so that they keep momentum and angular momentum to rounding, whatever their size; each changes the kinetic
+energy by its product with the mean velocity, before and after the node.
 
-The strength of an edge's contact depends on where it is met: the force of this energy's gradient acts,
-too. Its size is q = h Ū/(1 + h² Ū G/2), G = Σ |∇ᵢΦ|²/mᵢ, so bounded that a step cannot gain more of it
+Where a round feature rolls on a surface, what sticks is the point that touches at the end of the step: slip
+is measured there, with the arm and the inertia that the body has by then. Else friction that sticks is of
+first order in h: a disk precesses 1.6 % too slowly.
+
+The strength of an edge's contact depends on where it is met: the force of this energy's gradient acts, too.
+Its impulse is q ∇Φ, q = h Ū/(1 + h² Ū G/2), G = Σ |∇ᵢΦ|²/mᵢ, so bounded that a step cannot gain more of it
 than there is.
 """
 
@@ -19,9 +25,21 @@ from __future__ import annotations
 
 import numpy as np
 
+from springgym.contact.cone import part_resisted, within_cone
 from springgym.contact.features import TAPER, smooth
-from springgym.contact.friction import lay_out
+from springgym.contact.friction import inverse_mass_along, lay_out, push_across, slip_of
 from springgym.contact.law import barrier_energy, meet
+from springgym.contact.movers import (
+    inverse_mass_of,
+    push,
+    push_turning,
+    slip_by_couple,
+    spin_between,
+    spun_by,
+    turned,
+    turns_as_one,
+    velocity_between,
+)
 from springgym.contact.records import (
     CONTACT,
     ENERGY,
@@ -29,32 +47,27 @@ from springgym.contact.records import (
     FAR,
     FAST,
     FASTEST,
+    FRICTION,
     GAP,
     IMPULSE,
+    LEAST,
     MET,
     MISSES,
     OVERFLOW,
+    PASSES,
+    ROWS,
     TOUCHING,
     ContactRows,
     Ends,
     Problem,
-    Solids,
-)
-from springgym.contact.rows import add_loss
-from springgym.contact.solids import (
-    among_going,
-    between,
-    gradient_impulse,
-    push_body,
-    push_both,
-    push_ends_of_both,
-    set_arms,
+    Resistance,
+    Shapes,
+    Turning,
 )
 from springgym.contact.totals import add_to, entry_of
-from springgym.contact.turning import begin_couple
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
-from springgym.core.lanes import any_lane, load, load_each, maximum, minimum, select, sqrt, store, store_each
+from springgym.core.lanes import any_lane, load, load_each, maximum, minimum, select, sqrt, store
 from springgym.core.vectors import (
     TINY,
     choose,
@@ -72,155 +85,288 @@ LOW = 0.02
 """What begins a step nearer than this share of Δ was missed before. It is taken as this near: what sweeps
 leave over brings contacts nearer than they were solved for, and their energy has no bound."""
 
+ROLLED, TAKEN = 1e-5, 0.2
+"""Shares of Δ of what rolls. What begins a step nearer than the first was missed: its point of contact went
+so far over the skin in a step, as that of a coin that falls flat, that it is behind the surface. It is taken
+as this far, so that it is pushed out gently, and not within a step."""
+
 QUICK = 0.2
 """Share of Δ that a contact may move by in a step, to be computed well."""
 
-LIFTS = 8
-"""Turns in which contacts are lifted, one after another, where a node is read."""
 
-
-# --- Impulses along normals ---------------------------------------------------------------------------
+# --- What rows follow from ----------------------------------------------------------------------------
 
 
 @compiled
-def prepare(problem: Problem, touched: Numbers) -> None:
-    """Find the speeds that contacts come with, and how much an impulse changes them.
+def prepare(k: int, free: Rows, problem: Problem) -> None:
+    """Find how contact k is reached, and how much an impulse changes that.
 
-    Of particles that move by themselves, ``touched`` is set to 1 where they are in a contact.
+    ``free`` are the velocities after the node, but for contact. Before this is called, the gap of a surface
+    is that where all else would end the step.
+    """
+    span, contacts = problem.span, problem.contacts
+    n = row(contacts.normal, k)
+    store(contacts.inverse_mass, k, weigh(k, problem))
+    u0 = dot(n, velocity_between(problem.before, k, 0, problem))
+    store(contacts.approach, k, u0)
+    store(contacts.impulse, k, 0.0)
+    set_row(contacts.friction, k, vec(0.0, 0.0, 0.0))
+    set_row(contacts.taper, k, vec(0.0, 0.0, 0.0))
+    clear_couple(k, contacts, problem.pairs.resistance)
+    d, low = load(contacts.gap, k), LOW * reach_of(k, problem)
+    if contacts.surface[k] >= 0:
+        store(contacts.gap, k, d - span.out * dot(n, velocity_between(free, k, 0, problem)))
+        before = load(contacts.start, k)
+    else:
+        before = d - span.lead * u0
+    missed = before < low
+    add_to(problem.totals, contacts.pair[k], MISSES, select(missed, 1.0 + 0.0 * u0, 0.0))
+    if contacts.late[k] == 1:
+        taken = select(before < ROLLED * reach_of(k, problem), TAKEN * reach_of(k, problem), before)
+    else:
+        taken = maximum(before, low)
+    store(contacts.start, k, taken)
+    store(contacts.shift, k, taken - before)
+    store(contacts.gap, k, load(contacts.gap, k) + (taken - before))
+
+
+@compiled
+def clear_couple(k: int, contacts: ContactRows, resistance: Resistance | None) -> None:
+    """Set the couple of contact k to zero, if any turning is resisted."""
+    if resistance is not None:
+        set_row(contacts.couple, k, vec(0.0, 0.0, 0.0))
+
+
+@compiled
+def weigh(k: int, problem: Problem) -> Number:
+    """Return W of contact k [1/kg]; how it moves particles is stored."""
+    contacts = problem.contacts
+    n = row(contacts.normal, k)
+    total = inverse_mass_of(n, n, k, problem, contacts.turning)
+    only = contacts.only[k]
+    if only >= 0:
+        gain = load(problem.inverse_mass, only)
+        store(contacts.gain, 4 * k, gain)
+        return gain * dot(n, n)
+    for m in range(contacts.loose[k]):
+        weight = load(contacts.weight, 4 * k + m)
+        gain = weight * load_each(problem.inverse_mass, load(contacts.particle, 4 * k + m))
+        store(contacts.gain, 4 * k + m, gain)
+        total = total + weight * gain
+    lay_out(k, problem)
+    return total
+
+
+# --- Sweeps -------------------------------------------------------------------------------------------
+
+
+@compiled
+def solve(v: Rows, sweeps: int, enough: float, problem: Problem) -> None:
+    """Find all impulses, and change the velocities ``v`` by them.
+
+    Sweeps end in copies where one changes no gap by more than ``enough`` Δ.
     """
     contacts = problem.contacts
-    for n in range(contacts.length[MET]):
-        set_row(contacts.losses, contacts.met[n], vec(0.0, 0.0, 0.0))
-    for k in range(problem.rows):
-        store(contacts.inverse_mass, k, weigh(k, problem, touched, contacts.solids))
-        u = speed(problem.before, k, problem, contacts.solids)
-        store(contacts.approach, k, u)
-        store(contacts.impulse, k, 0.0)
-        set_row(contacts.friction, k, vec(0.0, 0.0, 0.0))
-        set_row(contacts.taper, k, vec(0.0, 0.0, 0.0))
-        begin_couple(k, contacts, problem.pairs.resistance)
-        p = contacts.pair[k]
-        missed = load(contacts.gap, k) - problem.span.lead * u < LOW * problem.pairs.reach[p]
-        add_to(problem.totals, p, MISSES, select(missed, 1.0 + 0.0 * u, 0.0))
+    for turn in range(sweeps):
+        store(contacts.change, 0, 0.0)
+        for m in range(problem.contacts.length[ROWS]):
+            k = contacts.length[ROWS] - 1 - m if turn % 2 == 1 else m
+            solve_row(v, k, problem)
+        if turn == 0:
+            taper(v, problem, problem.pairs.shapes)
+        else:
+            going = select(load(contacts.change, 0) > enough, load(contacts.going, 0), 0.0)
+            store(contacts.going, 0, going)
+            if not any_lane(going > 0.5):
+                break
 
 
 @compiled
-def weigh(k: int, problem: Problem, touched: Numbers, solids: Solids | None) -> Number:
-    """Return W of contact k [1/kg]; how it moves what it touches is stored."""
-    if solids is not None:
-        return set_arms(k, problem, solids)
-    if touched is not None:
-        contacts = problem.contacts
-        inverse, there = 0.0 * load(contacts.gap, k), load(contacts.gap, k) < 0.5 * FAR
-        for j in range(contacts.members[k]):
-            weight = load(contacts.weight, 4 * k + j)
-            i = load(contacts.particle, 4 * k + j)
-            gain = weight * load_each(problem.inverse_mass, i)
-            store_each(touched, i, select(there, 1.0 + 0.0 * weight, load_each(touched, i)))
-            store(contacts.gain, 4 * k + j, gain)
-            inverse = inverse + weight * gain
-        lay_out(k, problem, problem.pairs.friction, contacts.spheres)
-        return inverse
-    raise LookupError("neither rigid bodies nor particles that move by themselves")
+def solve_row(v: Rows, k: int, problem: Problem) -> None:
+    """Find the impulses of contact k from all others' as they are by now."""
+    span, contacts = problem.span, problem.contacts
+    reach, inverse, old = reach_of(k, problem), load(contacts.inverse_mass, k), load(contacts.impulse, k)
+    n, start = row(contacts.normal, k), load(contacts.start, k)
+    u = dot(n, velocity_between(v, k, 0, problem)) - inverse * old
+    free = load(contacts.gap, k) + span.out * u
+    going = select(inverse > 0.0, load(contacts.going, 0), 0.0)
+    meets = select(going > 0.5, minimum(start, free), FAR) < reach
+    if any_lane(select(meets, 1.0, going * old) > 0.0):  # what was given may have to be taken back
+        c, beta = strength_of(k, problem) * inverse, beta_of(k, inverse, problem, problem.pairs.loss)
+        change, _ = meet(start, free, span, c, reach, beta, meets)
+        new = select(meets, change / (inverse + TINY), 0.0)
+        new = select(going > 0.5, new, old)
+        store(contacts.impulse, k, new)
+        push(v, k, (new - old) * n, problem)
+        moved = span.whole * inverse * maximum(new - old, old - new) / reach
+        store(contacts.change, 0, maximum(load(contacts.change, 0), moved))
+        rub(v, k, going > 0.5, problem, problem.pairs.friction)
 
 
 @compiled
-def speed(v: Rows, k: int, problem: Problem, solids: Solids | None) -> Number:
-    """Return u of contact k [m/s]."""
-    contacts = problem.contacts
-    if solids is not None:
-        return dot(row(contacts.normal, k), between(v, k, problem, solids))
-    u = 0.0 * row(contacts.normal, k)
-    for j in range(contacts.members[k]):
-        u = plus_scaled(u, load(contacts.weight, 4 * k + j), row_each(v, load(contacts.particle, 4 * k + j)))
-    return dot(row(contacts.normal, k), u)
+def reach_of(k: int, problem: Problem) -> float:
+    """Return Δ of contact k [m]."""
+    return problem.pairs.reach[problem.contacts.pair[k]]
 
 
 @compiled
-def push_one(v: Rows, i: Number, s: Number, u: Vector, on: Mask) -> None:
-    """Add s u to the velocity of each copy's own particle, in some lanes; the others are left to the bit."""
-    before = row_each(v, i)
-    set_row_each(v, i, choose(on, plus_scaled(before, s, u), before))
+def strength_of(k: int, problem: Problem) -> Number:
+    """Return c Φ of contact k [N·m²]."""
+    return load(problem.pairs.strength, problem.contacts.pair[k]) * load(problem.contacts.share, k)
 
 
 @compiled
-def push_apart(v: Rows, k: int, impulse: Vector, on: Mask, problem: Problem, solids: Solids | None) -> None:
-    """Give contact k an impulse along its normal, in some lanes."""
-    if solids is not None:
-        push_both(v, k, impulse, on, problem, solids)
-    else:
-        push_members(v, k, impulse, on, problem.contacts)
-
-
-@compiled
-def push_members(v: Rows, k: int, impulse: Vector, on: Mask, contacts: ContactRows) -> None:
-    """Give the particles of contact k an impulse by their weights, in some lanes."""
-    for j in range(contacts.members[k]):
-        i = load(contacts.particle, 4 * k + j)
-        push_one(v, i, load(contacts.gain, 4 * k + j), impulse, on)
-
-
-@compiled
-def sweep(v: Rows, backward: bool, problem: Problem) -> None:
-    """Solve one contact after another for its impulse, given all others' as they are by now."""
-    span, pairs, contacts = problem.span, problem.pairs, problem.contacts
-    for m in range(problem.rows):
-        k = problem.rows - 1 - m if backward else m
-        p = contacts.pair[k]
-        reach, inverse, old = pairs.reach[p], load(contacts.inverse_mass, k), load(contacts.impulse, k)
-        u0, d = load(contacts.approach, k), load(contacts.gap, k)
-        u = speed(v, k, problem, contacts.solids) - inverse * old
-        start = maximum(d - span.lead * u0, LOW * reach)
-        free = start + span.lead * u0 + span.out * u
-        meets = select(inverse > 0.0, minimum(start, free), FAR) < reach
-        if any_lane(select(meets, 1.0, old) > 0.0):  # what the first sweep gave may have to be taken back
-            c = load(pairs.strength, p) * load(contacts.share, k) * inverse
-            change, _ = meet(start, free, span, c, reach, loss_of(pairs.loss, p, inverse), meets)
-            on = among_going(d < 0.5 * FAR, contacts.solids)
-            new = select(on, select(meets, change / (inverse + TINY), 0.0), old)
-            store(contacts.impulse, k, new)
-            push_apart(v, k, (new - old) * row(contacts.normal, k), on, problem, contacts.solids)
-
-
-@compiled
-def loss_of(loss: Numbers, pair: int, like: Number) -> Number:
-    """Return β of a pair: 0 if none loses anything."""
+def beta_of(k: int, like: Number, problem: Problem, loss: Numbers | None) -> Number:
+    """Return β of contact k: 0 if none loses anything."""
     beta = 0.0 * like
     if loss is not None:
-        beta = beta + load(loss, pair)
+        beta = beta + load(loss, problem.contacts.pair[k])
     return beta
 
 
 @compiled
-def ends(v: Rows, k: int, reach: Number, problem: Problem) -> tuple[Number, Number]:
+def ends(v: Rows, k: int, problem: Problem) -> tuple[Number, Number]:
     """Return the gaps of contact k when the step begins and when it ends [m]."""
-    span, contacts = problem.span, problem.contacts
-    d = load(contacts.gap, k)
-    first = maximum(d - span.lead * load(contacts.approach, k), LOW * reach)
-    return first, maximum(d + span.out * speed(v, k, problem, contacts.solids), LOW * reach)
+    contacts = problem.contacts
+    u = dot(row(contacts.normal, k), velocity_between(v, k, 0, problem))
+    last = load(contacts.gap, k) + problem.span.out * u
+    return load(contacts.start, k), maximum(last, LOW * reach_of(k, problem))
+
+
+# --- Friction -----------------------------------------------------------------------------------------
+
+
+@compiled
+def rub(v: Rows, k: int, going: Mask, problem: Problem, mu: Numbers | None) -> None:
+    """Let friction, and a couple if there is one, stop what slips and turns in contact k."""
+    if mu is not None:
+        contacts = problem.contacts
+        n = row(contacts.normal, k)
+        pressed = sqrt(dot(n, n)) * load(contacts.grips, k) * load(contacts.impulse, k)
+        limit, given = load(mu, contacts.pair[k]) * pressed, row(contacts.friction, k)
+        acts = select(going, maximum(limit, dot(given, given)), 0.0) > 0.0
+        if any_lane(acts):
+            resists = resisted(k, contacts, problem.pairs.resistance)
+            if resists:
+                begin_to_hold(v, k, limit, acts, problem, problem.pairs.resistance)
+            for _ in range(PASSES if resists else 1):
+                if resists:
+                    stop_turning(v, k, pressed, acts, problem, problem.pairs.resistance)
+                stop_slip(v, k, limit, acts, problem)
+
+
+@compiled
+def stop_slip(v: Rows, k: int, limit: Number, acts: Mask, problem: Problem) -> None:
+    """Let friction stop what slips in contact k, or give as much as the push there allows."""
+    contacts = problem.contacts
+    given, slip = row(contacts.friction, k), slip_of(v, k, contacts.late[k], problem)
+    along = 1.0 / (sqrt(dot(slip, slip)) + TINY) * slip
+    inverse = inverse_mass_along(along, k, problem)
+    change = within_cone(given - 1.0 / (inverse + TINY) * slip, limit) - given
+    change = choose(acts, change, 0.0 * change)
+    set_row(contacts.friction, k, given + change)
+    push_across(v, k, change, problem)
+    moved = problem.span.whole * inverse * sqrt(dot(change, change)) / reach_of(k, problem)
+    store(contacts.change, 0, maximum(load(contacts.change, 0), moved))
+
+
+@compiled
+def resisted(k: int, contacts: ContactRows, resistance: Resistance | None) -> bool:
+    """Return whether the turning of contact k is resisted."""
+    if resistance is None:
+        return False
+    p = contacts.pair[k]
+    turns = turns_as_one(contacts.body[2 * k], contacts.turning)
+    turns = turns or turns_as_one(contacts.body[2 * k + 1], contacts.turning)
+    return turns and resistance.rolling[p] + resistance.torsional[p] > 0.0
+
+
+@compiled
+def begin_to_hold(
+    v: Rows, k: int, limit: Number, acts: Mask, problem: Problem, resistance: Resistance | None
+) -> None:
+    """Begin the friction of contact k with what would stop its slip if a couple stopped its rolling.
+
+    Beside that couple, an impulse of 1 along s changes the slip by K and by what the couple that stops the
+    rolling by s changes it.
+    """
+    if resistance is not None:
+        contacts, turning = problem.contacts, problem.contacts.turning
+        given, couple = row(contacts.friction, k), row(contacts.couple, k)
+        fresh = select(acts, dot(given, given) + dot(couple, couple), 1.0) <= 0.0
+        if any_lane(fresh):
+            slip = slip_of(v, k, contacts.late[k], problem)
+            slip = without_rolling(slip, spin_between(v, k, problem, turning), k, problem)
+            along = 1.0 / (sqrt(dot(slip, slip)) + TINY) * slip
+            whole = inverse_mass_along(along, k, problem)
+            by_rolling = without_rolling(0.0 * along, spun_by(along, True, k, problem, turning), k, problem)
+            inverse = maximum(whole + dot(along, by_rolling), LEAST * whole)
+            j = within_cone(-1.0 / (inverse + TINY) * slip, limit)
+            j = choose(fresh, j, 0.0 * j)
+            push_across(v, k, j, problem)
+            set_row(contacts.friction, k, given + j)
+
+
+@compiled
+def without_rolling(slip: Vector, rate: Vector, k: int, problem: Problem) -> Vector:
+    """Return a slip at contact k if a couple stopped all rolling at an angular velocity ``rate``."""
+    n = row(problem.contacts.normal, k)
+    square = dot(n, n)
+    rolls = rate - dot(rate, n) / square * n
+    slip = slip + slip_by_couple(couple_against(rolls, k, problem), k, problem, problem.contacts.turning)
+    return slip - dot(slip, n) / square * n
+
+
+@compiled
+def couple_against(rate: Vector, k: int, problem: Problem) -> Vector:
+    """Return the couple that stops an angular velocity along its own direction."""
+    direction = 1.0 / (sqrt(dot(rate, rate)) + TINY) * rate
+    gives = dot(direction, spun_by(direction, False, k, problem, problem.contacts.turning)) + TINY
+    return -1.0 / gives * rate
+
+
+@compiled
+def stop_turning(
+    v: Rows, k: int, pressed: Number, acts: Mask, problem: Problem, resistance: Resistance | None
+) -> None:
+    """Apply the couples that stop rolling and then spinning in contact k, as far as its push allows."""
+    if resistance is not None:
+        contacts, turning = problem.contacts, problem.contacts.turning
+        n = row(contacts.normal, k)
+        n = 1.0 / sqrt(dot(n, n)) * n
+        for part in range(2):
+            old = row(contacts.couple, k)
+            rate, held, limit = part_resisted(
+                part, spin_between(v, k, problem, turning), old, n, pressed, resistance, contacts.pair[k]
+            )
+            change = within_cone(held + couple_against(rate, k, problem), limit) - held
+            change = choose(acts, change, 0.0 * change)
+            set_row(contacts.couple, k, old + change)
+            push_turning(v, k, 0.0 * change, change, problem, turning)
+            slip = slip_by_couple(change, k, problem, turning)
+            moved = problem.span.whole * sqrt(dot(slip, slip)) / reach_of(k, problem)
+            store(contacts.change, 0, maximum(load(contacts.change, 0), moved))
 
 
 # --- Where edges meet ---------------------------------------------------------------------------------
 
 
 @compiled
-def taper(v: Rows, problem: Problem, edges: np.ndarray | None) -> None:
+def taper(v: Rows, problem: Problem, shapes: Shapes | None) -> None:
     """Let the force of the gradient of Φ act, where edges meet."""
-    if edges is not None:
-        pairs, contacts = problem.pairs, problem.contacts
-        for k in range(problem.rows):
+    if shapes is not None:
+        contacts = problem.contacts
+        for k in range(problem.contacts.length[ROWS]):
             share = load(contacts.share, k)
             partly = select(share < 1.0, share, 0.0) > 0.0
             if contacts.members[k] == 4 and any_lane(partly):
-                p = contacts.pair[k]
-                reach = pairs.reach[p]
-                first, last = ends(v, k, reach, problem)
-                c = load(pairs.strength, p) + 0.0 * share
+                reach = reach_of(k, problem)
+                first, last = ends(v, k, problem)
+                c = strength_of(k, problem) / select(partly, share, 1.0)
                 mean = 0.5 * (barrier_energy(first, c, reach) + barrier_energy(last, c, reach))
                 on = select(partly, mean, 0.0) > 0.0
                 if any_lane(on):
-                    pushes = gradient_of_share(k, on, problem)
-                    push_ends(v, k, pushes, mean, on, problem, contacts.solids)
+                    push_ends(v, k, gradient_of_share(k, on, problem), mean, on, problem)
 
 
 @compiled
@@ -229,8 +375,7 @@ def gradient_of_share(k: int, on: Mask, problem: Problem) -> Ends:
 
     With D = r + s a − t b, D·a = D·b = 0 says how s and t change as the four points move; lengths stay.
     """
-    pairs, contacts, x = problem.pairs, problem.contacts, problem.x
-    p = contacts.pair[k]
+    contacts, x, parallel = problem.contacts, problem.x, problem.pairs.parallel[problem.contacts.pair[k]]
     i, j = load(contacts.particle, 4 * k), load(contacts.particle, 4 * k + 1)
     m, n = load(contacts.particle, 4 * k + 2), load(contacts.particle, 4 * k + 3)
     here, there = row_each(x, i), row_each(x, m)
@@ -240,8 +385,8 @@ def gradient_of_share(k: int, on: Mask, problem: Problem) -> Ends:
     inverse = 1.0 / square
     aa, ab, bb, ar, br = dot(a, a), dot(a, b), dot(b, b), dot(a, r), dot(b, r)
     s, t = (ab * br - bb * ar) * inverse, (aa * br - ab * ar) * inverse
-    scale = 1.0 / (TAPER * pairs.reach[p])
-    la, lb, sine = sqrt(aa) * scale, sqrt(bb) * scale, 1.0 / pairs.parallel[p]
+    scale = 1.0 / (TAPER * reach_of(k, problem))
+    la, lb, sine = sqrt(aa) * scale, sqrt(bb) * scale, 1.0 / parallel
     s0, s1, t0, t1 = smooth(s * la), smooth((1.0 - s) * la), smooth(t * lb), smooth((1.0 - t) * lb)
     both = 1.0 / (aa * bb + TINY)
     angle = square * both * sine
@@ -263,31 +408,58 @@ def gradient_of_share(k: int, on: Mask, problem: Problem) -> Ends:
 
 
 @compiled
-def push_ends(
-    v: Rows, k: int, pushes: Ends, mean: Number, on: Mask, problem: Problem, solids: Solids | None
-) -> None:
-    """Give the ends of the edges of contact k, or the rigid bodies that they are of, −q times ``pushes``.
+def push_ends(v: Rows, k: int, pushes: Ends, mean: Number, on: Mask, problem: Problem) -> None:
+    """Give the ends of the edges of contact k −q times ``pushes``; ``mean`` is the energy Ū per Φ [J]."""
+    contacts, span, turning = problem.contacts, problem.span, problem.contacts.turning
+    g0, g1, g2, g3 = pushes
+    size = moved_by(0, k, g0, g1, problem, turning) + moved_by(1, k, g2, g3, problem, turning)
+    q = (-1.0 * span.whole) * mean / (1.0 + (span.out * span.whole) * mean * size)
+    q = select(on, q, 0.0)
+    set_row(contacts.taper, k, q * choose(on, g0 + g1, 0.0 * g0))
+    nothing = 0.0 * g0
+    push_edge(v, 0, k, choose(on, q * g0, nothing), choose(on, q * g1, nothing), problem, turning)
+    push_edge(v, 1, k, choose(on, q * g2, nothing), choose(on, q * g3, nothing), problem, turning)
+    moved = span.whole * sqrt(q * q * select(on, size, 0.0) * load(contacts.inverse_mass, k))
+    store(contacts.change, 0, maximum(load(contacts.change, 0), moved / reach_of(k, problem)))
 
-    ``mean`` is the energy Ū per Φ [J].
-    """
-    contacts = problem.contacts
-    nothing = 0.0 * pushes[0]
-    if solids is not None:
-        push = push_ends_of_both(v, k, pushes, mean, on, problem, solids)
-        set_row(contacts.taper, k, choose(on, push, nothing))
+
+@compiled
+def moment_of(side: int, k: int, first: Vector, second: Vector, problem: Problem, turning: Turning) -> Vector:
+    """Return the moment of two impulses at the ends of one side's edge, about its body's point."""
+    particle, point = problem.contacts.particle, row(turning.point, problem.contacts.body[2 * k + side])
+    i, j = load(particle, 4 * k + 2 * side), load(particle, 4 * k + 2 * side + 1)
+    return cross(row_each(problem.x, i) - point, first) + cross(row_each(problem.x, j) - point, second)
+
+
+@compiled
+def moved_by(
+    side: int, k: int, first: Vector, second: Vector, problem: Problem, turning: Turning | None
+) -> Number:
+    """Return twice the kinetic energy that two impulses at the ends of an edge give a side at rest."""
+    contacts, body = problem.contacts, problem.contacts.body[2 * k + side]
+    if turning is not None and turns_as_one(body, turning):
+        both, moment = first + second, moment_of(side, k, first, second, problem, turning)
+        return load(turning.lightness, body) * dot(both, both) + dot(moment, turned(body, 0, moment, turning))
+    i, j = load(contacts.particle, 4 * k + 2 * side), load(contacts.particle, 4 * k + 2 * side + 1)
+    one, other = load_each(problem.inverse_mass, i), load_each(problem.inverse_mass, j)
+    return one * dot(first, first) + other * dot(second, second)
+
+
+@compiled
+def push_edge(
+    v: Rows, side: int, k: int, first: Vector, second: Vector, problem: Problem, turning: Turning | None
+) -> None:
+    """Give the ends of one side's edge two impulses."""
+    contacts, body = problem.contacts, problem.contacts.body[2 * k + side]
+    if turning is not None and turns_as_one(body, turning):
+        n = turning.first[body]
+        set_row(v, n, plus_scaled(row(v, n), load(turning.lightness, body), first + second))
+        set_row(v, n + 1, row(v, n + 1) + moment_of(side, k, first, second, problem, turning))
     else:
-        g0, g1, g2, g3 = pushes
-        i, j = load(contacts.particle, 4 * k), load(contacts.particle, 4 * k + 1)
-        m, n = load(contacts.particle, 4 * k + 2), load(contacts.particle, 4 * k + 3)
-        mi, mj = load_each(problem.inverse_mass, i), load_each(problem.inverse_mass, j)
-        mm, mn = load_each(problem.inverse_mass, m), load_each(problem.inverse_mass, n)
-        size = mi * dot(g0, g0) + mj * dot(g1, g1) + mm * dot(g2, g2) + mn * dot(g3, g3)
-        q = gradient_impulse(problem.span, mean, size)
-        set_row(contacts.taper, k, choose(on, q * (g0 + g1), nothing))
-        push_one(v, i, q * mi, g0, on)
-        push_one(v, j, q * mj, g1, on)
-        push_one(v, m, q * mm, g2, on)
-        push_one(v, n, q * mn, g3, on)
+        for end in range(2):
+            i = load(contacts.particle, 4 * k + 2 * side + end)
+            given = first if end == 0 else second
+            set_row_each(v, i, plus_scaled(row_each(v, i), load_each(problem.inverse_mass, i), given))
 
 
 @compiled
@@ -297,53 +469,85 @@ def steepness(y: Number) -> Number:
     return 6.0 * y * (1.0 - y)
 
 
-# --- What is told of pairs ----------------------------------------------------------------------------
+# --- What is told -------------------------------------------------------------------------------------
 
 
 @compiled
 def add_totals(v: Rows, problem: Problem, changing: np.ndarray) -> None:
-    """Add what the contacts did at this node to the totals, and find what pairs lost."""
-    pairs, contacts, totals = problem.pairs, problem.contacts, problem.totals
+    """Add what the contacts did at this node to the totals, and find what bodies lost."""
+    contacts, totals, span = problem.contacts, problem.totals, problem.span
     clear_current(True, totals, changing)
     for n in range(contacts.length[MET]):
-        p = contacts.met[n]
-        add_to(totals, p, OVERFLOW, load(contacts.left_out, p))
-    for k in range(problem.rows):
-        p = contacts.pair[k]
-        push, reach, d = load(contacts.impulse, k), pairs.reach[p], load(contacts.gap, k)
-        u0 = load(contacts.approach, k)
-        first, last = ends(v, k, reach, problem)
-        c = load(pairs.strength, p) * load(contacts.share, k)
+        add_to(totals, contacts.met[n], OVERFLOW, load(contacts.left_out, contacts.met[n]))
+    for k in range(problem.contacts.length[ROWS]):
+        p, impulse, n = contacts.pair[k], load(contacts.impulse, k), row(contacts.normal, k)
+        u0, reach, c = load(contacts.approach, k), reach_of(k, problem), strength_of(k, problem)
+        u1 = dot(n, velocity_between(v, k, 0, problem))
+        first, last = ends(v, k, problem)
+        there, touches = load(contacts.gap, k) < 0.5 * FAR, impulse > 0.0
         before, after = barrier_energy(first, c, reach), barrier_energy(last, c, reach)
-        there, touches = d < 0.5 * FAR, push > 0.0
-        set_touching(touches, p, totals)
+        add_to(totals, p, IMPULSE, impulse)
         set_least_gap(select(there, last, FAR), p, totals)
-        add_to(totals, p, IMPULSE, push)
-        add_to(totals, p, ENERGY, select(there, 0.5 * (before + after), 0.0))
-        given = select(there, before - after, 0.0)
-        lost = lost_by(v, k, given, problem, pairs.loss)
-        add_to(totals, p, CONTACT, lost)
-        add_loss(contacts, p, 0, lost)
-        add_loss(contacts, p, 2, given)
+        if contacts.surface[k] < 0:
+            set_touching(touches, p, totals)
+            add_to(totals, p, ENERGY, select(there, after, 0.0))
+        # without loss they differ by what sweeps leave over, which is an error, and is not entered
+        lossy = select(there, beta_of(k, impulse, problem, problem.pairs.loss), 0.0) > 0.0
+        lost = select(lossy, before - after - 0.5 * impulse * (u0 + u1), 0.0)
+        rubbed = lost_to_friction(v, k, problem, problem.pairs.friction)
+        add_loss(k, CONTACT, lost, problem)
+        add_loss(k, FRICTION, rubbed, problem)
         fast = select(touches, maximum(u0, -u0), 0.0)
         at = p * ENTRIES + FASTEST
         store(totals, at, maximum(load(totals, at), fast))
-        quick = fast * problem.span.whole > QUICK * reach
-        add_to(totals, p, FAST, select(quick, 1.0 + 0.0 * push, 0.0))
+        add_to(totals, p, FAST, select(fast * span.whole > QUICK * reach, 1.0 + 0.0 * impulse, 0.0))
+
+
+@compiled
+def lost_to_friction(v: Rows, k: int, problem: Problem, mu: Numbers | None) -> Number:
+    """Return the energy that friction and couple of contact k took [J]: less their mean rates of work."""
+    lost = 0.0 * load(problem.contacts.gap, k)
+    if mu is not None:
+        given = row(problem.contacts.friction, k)
+        if any_lane(dot(given, given) > 0.0):
+            slip = slip_of(v, k, 0, problem) + slip_of(problem.before, k, 0, problem)
+            lost = lost - 0.5 * dot(given, slip)
+        lost = lost + lost_to_couple(v, k, problem, problem.pairs.resistance)
+    return lost
+
+
+@compiled
+def lost_to_couple(v: Rows, k: int, problem: Problem, resistance: Resistance | None) -> Number:
+    """Return the energy that the couple of contact k took from the turning [J]."""
+    lost = 0.0 * load(problem.contacts.gap, k)
+    if resistance is not None:
+        turning = problem.contacts.turning
+        rate = spin_between(v, k, problem, turning) + spin_between(problem.before, k, problem, turning)
+        lost = -0.5 * dot(row(problem.contacts.couple, k), rate)
+    return lost
+
+
+@compiled
+def add_loss(k: int, entry: int, energy: Number, problem: Problem) -> None:
+    """Add to what a pair lost, and half of it, or all at a surface, to what each body did [J]."""
+    contacts = problem.contacts
+    add_to(problem.totals, contacts.pair[k], entry, energy)
+    among = contacts.surface[k] < 0
+    for side in range(2 if among else 1):
+        at = (contacts.body[2 * k + side], entry - CONTACT)
+        store(contacts.losses, at, load(contacts.losses, at) + (0.5 if among else 1.0) * energy)
 
 
 @compiled
 def start_totals(fresh: Mask, problem: Problem, changing: np.ndarray) -> None:
     """Set the totals of ``fresh`` copies to what their contacts are before any step."""
-    pairs, contacts, totals = problem.pairs, problem.contacts, problem.totals
+    contacts, totals = problem.contacts, problem.totals
     clear_current(fresh, totals, changing)
-    for k in range(problem.rows):
-        p = contacts.pair[k]
-        d, reach = load(contacts.gap, k), pairs.reach[p]
+    for k in range(problem.contacts.length[ROWS]):
+        p, d, reach = contacts.pair[k], load(contacts.gap, k), reach_of(k, problem)
         gap = maximum(d, LOW * reach)
         there = select(d < 0.5 * FAR, select(fresh, 1.0 + 0.0 * d, 0.0), 0.0) > 0.5
-        energy = barrier_energy(gap, load(pairs.strength, p) * load(contacts.share, k), reach)
-        energy = select(there, energy, 0.0)
+        energy = select(there, barrier_energy(gap, strength_of(k, problem), reach), 0.0)
         set_touching(energy > 0.0, p, totals)
         set_least_gap(select(there, gap, FAR), p, totals)
         add_to(totals, p, ENERGY, energy)
@@ -371,67 +575,3 @@ def set_least_gap(gap: Number, pair: int, totals: Numbers) -> None:
     """Keep the least gap of a pair [m]."""
     n = pair * ENTRIES + GAP
     store(totals, n, minimum(load(totals, n), gap))
-
-
-@compiled
-def lost_by(v: Rows, k: int, given: Number, problem: Problem, loss: Numbers) -> Number:
-    """Return the energy [J] that contact k lost: what the barrier gave, less the work of the impulse.
-
-    Without loss they differ by what sweeps leave over, which is an error, and is not entered.
-    """
-    lost = 0.0 * given
-    if loss is not None:
-        span, contacts = problem.span, problem.contacts
-        after = speed(v, k, problem, contacts.solids)
-        rate = (span.lead * load(contacts.approach, k) + span.out * after) / span.whole
-        lossy = load(loss, contacts.pair[k]) + lost > 0.0
-        lost = select(lossy, given - load(contacts.impulse, k) * rate, 0.0)
-    return lost
-
-
-# --- Where a node is read -----------------------------------------------------------------------------
-
-
-@compiled
-def lift_apart(shift: Rows, v: Rows, problem: Problem) -> None:
-    """Find how far to shift what is read [m], so that bodies are not shown in each other.
-
-    A node lies amid two ways. Where these are long, a contact may be closed there that is open at both ends
-    of the step: it is shown with half of the lower of both gaps, or of Δ. ``shift`` (N, 3) is 0 at first; of
-    rigid bodies it has two rows for each, of which the first is used.
-    """
-    contacts = problem.contacts
-    for _ in range(LIFTS):
-        again = False
-        for k in range(problem.rows):
-            reach = problem.pairs.reach[contacts.pair[k]]
-            first, last = ends(v, k, reach, problem)
-            here = load(contacts.gap, k) + speed(shift, k, problem, contacts.solids)
-            short = 0.5 * minimum(minimum(first, last), reach) - here
-            on = select(load(contacts.inverse_mass, k) > 0.0, short, 0.0) > 0.0
-            if any_lane(on):
-                shift_apart(shift, k, short, on, problem, contacts.solids)
-                again = True
-        if not again:
-            break
-
-
-@compiled
-def shift_apart(
-    shift: Rows, k: int, short: Number, on: Mask, problem: Problem, solids: Solids | None
-) -> None:
-    """Shift what contact k touches by ``short`` [m] in all along its normal, in some lanes: the heavier less.
-
-    What turns as one is not turned.
-    """
-    pairs, contacts = problem.pairs, problem.contacts
-    n = row(contacts.normal, k)
-    if solids is not None:
-        a, b = pairs.first[contacts.pair[k]], pairs.second[contacts.pair[k]]
-        both = load(solids.lightness, a) + load(solids.lightness, b)
-        size = select(both > 0.0, short / (both + TINY), 0.0)
-        push_body(shift, a, size, n, 0.0 * n, on, solids)
-        push_body(shift, b, -1.0 * size, n, 0.0 * n, on, solids)
-    else:
-        inverse = load(contacts.inverse_mass, k)
-        push_members(shift, k, short / (inverse + TINY) * n, on, contacts)

@@ -1,7 +1,4 @@
-"""Keep totals of each pair of bodies that collide, over the nodes since they were emptied.
-
-The next call makes the last node anew, so that the totals from before it are kept, too.
-"""
+"""Keep totals of each pair of bodies that collide, over the nodes since they were emptied."""
 
 from __future__ import annotations
 
@@ -10,14 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from springgym.contact.records import (
-    CONTACT,
     ENERGY,
     ENTRIES,
     FAR,
     FASTEST,
-    FRICTION,
     GAP,
-    IMPULSE,
     MET,
     MISSES,
     OVERFLOW,
@@ -38,13 +32,13 @@ class PairReadings(NamedTuple):
     """Totals of pairs, (copies, pairs), in the order of `Scene.meetings`."""
 
     touching: np.ndarray
-    """whether anything pushes at the node where the state is read"""
+    """whether anything pushed at the last node"""
     impulse: np.ndarray
-    """the sum of all impulses along normals, up to this node and half of what it gives [N·s]"""
+    """the sum of all impulses along normals [N·s]"""
     least_gap: np.ndarray
     """the least distance that any contact had [m]; infinite if none was near"""
     energy: np.ndarray
-    """in the barriers between them, the mean before and after the node [J]"""
+    """in the barriers between them [J]"""
     contact_loss: np.ndarray
     """what was lost to restitution [J]"""
     friction_loss: np.ndarray
@@ -72,9 +66,17 @@ def set_entry(changing: np.ndarray, n: int, value: int) -> None:
 
 
 @compiled
-def list_changing(contacts: ContactRows, changing: np.ndarray) -> None:
-    """Add the pairs that have contacts to those whose totals change."""
-    count, at = entry_of(changing, 0), 1
+def list_changing(contacts: ContactRows, totals: Numbers, changing: np.ndarray) -> None:
+    """List the pairs that have contacts, or touched at the last node."""
+    count = 0
+    for n in range(1, entry_of(changing, 0) + 1):
+        p = entry_of(changing, n)
+        touching, energy = load(totals, p * ENTRIES + TOUCHING), load(totals, p * ENTRIES + ENERGY)
+        # be it no number
+        if any_lane(select(energy <= 0.0, touching, 1.0 + 0.0 * touching) > 0.5):
+            count += 1
+            set_entry(changing, count, p)
+    at = 1
     for n in range(contacts.length[MET]):
         p = contacts.met[n]
         while at <= count and entry_of(changing, at) < p:
@@ -94,55 +96,14 @@ def add_to(totals: Numbers, pair: int, entry: int, value: Number) -> None:
     store(totals, n, load(totals, n) + value)
 
 
-@compiled
-def resume_totals(phase: Number, collisions: Collisions | None) -> None:
-    """Put the totals, if bodies collide, back to what they were before the last node, but of fresh copies."""
-    if collisions is not None:
-        for m in range(1, entry_of(collisions.changing, 0) + 1):
-            first = entry_of(collisions.changing, m) * ENTRIES
-            for n in range(first, first + ENTRIES):
-                total, before = load(collisions.totals, n), load(collisions.totals_before, n)
-                store(collisions.totals, n, select(phase < 0.5, total, before))
-
-
-@compiled
-def remember_totals(collisions: Collisions | None) -> None:
-    """Remember the totals, if bodies collide, before the last node; those of pairs that are apart stay."""
-    if collisions is not None:
-        kept, totals = 0, collisions.totals
-        for m in range(1, entry_of(collisions.changing, 0) + 1):
-            p = entry_of(collisions.changing, m)
-            first = p * ENTRIES
-            for n in range(first, first + ENTRIES):
-                store(collisions.totals_before, n, load(totals, n))
-            touching, energy = load(totals, first + TOUCHING), load(totals, first + ENERGY)
-            # be it no number
-            if any_lane(select(energy <= 0.0, touching, 1.0 + 0.0 * touching) > 0.5):
-                kept += 1
-                set_entry(collisions.changing, kept, p)
-        set_entry(collisions.changing, 0, kept)
-
-
-@compiled
-def halve_totals(collisions: Collisions | None) -> None:
-    """Leave half of the impulses and losses that the node added, if bodies collide."""
-    if collisions is not None:
-        for m in range(1, entry_of(collisions.changing, 0) + 1):
-            p = entry_of(collisions.changing, m)
-            for entry in (IMPULSE, CONTACT, FRICTION):
-                n = p * ENTRIES + entry
-                both = load(collisions.totals_before, n) + load(collisions.totals, n)
-                store(collisions.totals, n, 0.5 * both)
-
-
 # --- Of all copies --------------------------------------------------------------------------------------
 
 
-def read_pairs(collisions: Collisions | None, copies: int) -> PairReadings:
-    """Return the totals of all pairs of some copies."""
+def read_pairs(collisions: Collisions | None, copies: int, pairs: int | None = None) -> PairReadings:
+    """Return the totals of the first pairs of some copies; of all if no number of ``pairs`` is given."""
     if collisions is None:
         return PairReadings(*np.zeros((ENTRIES, copies, 0)))
-    found = to_copies(collisions.totals, copies).reshape(copies, -1, ENTRIES).astype(float)
+    found = to_copies(collisions.totals, copies).reshape(copies, -1, ENTRIES)[:, :pairs].astype(float)
     entries = dict(zip(PairReadings._fields, np.moveaxis(found, -1, 0), strict=True))
     least = entries["least_gap"]
     return PairReadings(
@@ -176,47 +137,35 @@ def tell_unresolved(totals: np.ndarray, reach: np.ndarray, step: float, found: n
 
 def count_shown(collisions: Collisions, first: int, found: np.ndarray) -> None:
     """Count as a miss of each copy, from the ``first`` on, and pair that it is shown in each other."""
-    for array in (collisions.totals, collisions.totals_before):
-        lanes = numbers(array)
-        for n, pair in np.argwhere(found).tolist():
-            block, lane = divmod(first + n, lanes.shape[-1])
-            lanes[block, pair * ENTRIES + MISSES, lane] += 1.0
+    lanes = numbers(collisions.totals)
+    for n, pair in np.argwhere(found).tolist():
+        block, lane = divmod(first + n, lanes.shape[-1])
+        lanes[block, pair * ENTRIES + MISSES, lane] += 1.0
 
 
 def forget_pairs(collisions: Collisions) -> None:
-    """Empty the totals; of the last node, which the next call makes anew, half is left to be told."""
-    totals, before = numbers(collisions.totals), numbers(collisions.totals_before)
-    before -= totals
-    kept = [TOUCHING, ENERGY]
+    """Empty the totals, but for who touches, and the energy in the barriers."""
+    totals = numbers(collisions.totals)
     for entry in range(ENTRIES):
-        if entry not in kept:
-            totals[:, entry::ENTRIES] = 0.0
-    for array in (totals, before):
-        array[:, GAP::ENTRIES] = FAR
-        array[:, FASTEST::ENTRIES] = 0.0
+        if entry not in (TOUCHING, ENERGY):
+            totals[:, entry::ENTRIES] = FAR if entry == GAP else 0.0
 
 
 def find_changing(collisions: Collisions) -> None:
-    """Find from the totals, which were set, the pairs whose totals change."""
-    changing = numbers(collisions.changing)[:, :, 0]
-    totals, before = (
-        by_pairs.reshape(len(changing), -1, ENTRIES, by_pairs.shape[-1])
-        for by_pairs in (numbers(collisions.totals), numbers(collisions.totals_before))
-    )
-    rests = (totals == before).all(axis=(2, 3))
-    rests &= (totals[:, :, TOUCHING] <= 0.0).all(axis=-1) & (totals[:, :, ENERGY] <= 0.0).all(axis=-1)
-    for row, own in zip(changing, rests, strict=True):
-        pairs = np.flatnonzero(~own)
+    """Find from the totals, which were set, the pairs that may touch."""
+    changing, totals = numbers(collisions.changing)[:, :, 0], numbers(collisions.totals)
+    touching, energy = (totals[:, entry::ENTRIES] for entry in (TOUCHING, ENERGY))
+    for row, apart in zip(changing, (touching <= 0.0) & (energy <= 0.0), strict=True):
+        pairs = np.flatnonzero(~apart.all(axis=-1))
         row[0], row[1 : 1 + len(pairs)] = len(pairs), pairs
 
 
 def empty_totals(collisions: Collisions, index: np.ndarray | slice) -> None:
-    """Let some copies (k,) begin with empty totals."""
-    for array in (collisions.totals, collisions.totals_before):
-        row = np.zeros(array.shape[1])
-        row[GAP::ENTRIES] = FAR
-        numbers_of = numbers(array)
+    """Begin some copies (k,) with empty totals."""
+    row = np.zeros(collisions.totals.shape[1])
+    row[GAP::ENTRIES] = FAR
+    for array, value in ((collisions.totals, row), (collisions.fresh, np.ones(1))):
         if isinstance(index, slice):
-            numbers_of[:] = row[:, None]
+            numbers(array)[:] = value[:, None]
         else:
-            set_copies(array, index, row)
+            set_copies(array, index, value)

@@ -1,4 +1,4 @@
-"""Start the impulses of contacts from those of the last node: a warm start, in scenes of many bodies.
+"""Start the impulses of contacts from those of the last node: a warm start.
 
 A sweep carries what one contact gives to the next. From nothing, a pile needs many sweeps before what lies
 below carries what lies above. From what held it a step ago it needs few, and as steps go on, the impulses of
@@ -6,10 +6,8 @@ what rests become those that no sweep changes any more.
 
 Each copy keeps the impulses of a node in a table, by which contact they are of. That of a vertex is known by
 the pair and the vertex, whichever face of the other body it meets; that of two edges by their four ends. A
-contact that is not in the table starts from nothing, and so do all in scenes of few bodies. All this is a
-first guess: sweeps solve for each impulse as they do for any other.
-
-The node where the state is read is made anew by the next call, from the same table: it enters nothing.
+contact that is not in the table starts from nothing. All this is a first guess: sweeps solve for each impulse
+as they do for any other.
 """
 
 from __future__ import annotations
@@ -21,16 +19,12 @@ import numpy as np
 
 from springgym.contact.features import put
 from springgym.contact.friction import crosses, push_across
-from springgym.contact.records import FAR, Pairs, Problem, WarmStart
-from springgym.contact.solver import push_apart
-from springgym.contact.turning import twist
+from springgym.contact.movers import push, push_turning
+from springgym.contact.records import FAR, ROWS, Pairs, Problem, WarmStart
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Rows, Vector
 from springgym.core.lanes import any_lane, load, load_each, nearest, select, store
 from springgym.core.vectors import choose, dot, row, row_each, set_row, set_row_each
-
-FEW = 10
-"""Most bodies of a scene in which contacts start from nothing at each node."""
 
 ROWS_OF_A_BODY = 32
 """Rows that the table has for each body, at least: three times the contacts of a cube among others."""
@@ -54,10 +48,8 @@ class Key(NamedTuple):
     """the first row that may have it"""
 
 
-def new_warm_start(pairs: Pairs, bodies: int, blocks: Callable[..., np.ndarray]) -> WarmStart | None:
-    """Return an empty table for the contacts of a scene; None for few bodies, which start from nothing."""
-    if bodies <= FEW:
-        return None
+def new_warm_start(pairs: Pairs, bodies: int, blocks: Callable[..., np.ndarray]) -> WarmStart:
+    """Return an empty table for the contacts of a scene."""
     rows = 1 << (ROWS_OF_A_BODY * bodies - 1).bit_length()
     return WarmStart(
         pair=blocks(rows),
@@ -83,6 +75,8 @@ def key_of(k: int, problem: Problem, rows: int) -> Key:
         others = select(crosses(k, contacts), others, 0.0)
     elif contacts.members[k] == 3:
         others = 0.0 * others
+    elif contacts.members[k] == 1:
+        others = contacts.surface[k] + 0.0 * others
     spread = (OF_PAIR * pair + OF_ENDS[0] * i) + others
     place = spread - rows * nearest(spread * (1.0 / rows) - 0.5)
     return Key(pair + 1, i, others, within_table(place, rows))
@@ -110,7 +104,7 @@ def start_warm(v: Rows, problem: Problem, table: WarmStart | None) -> None:
     """Start each contact with its impulse of the last node, and change the velocities ``v`` (N, 3) by it."""
     if table is not None:
         contacts = problem.contacts
-        for k in range(problem.rows):
+        for k in range(problem.contacts.length[ROWS]):
             key = key_of(k, problem, table.pair.size)
             place, none = key.place, 0.0 * key.place
             looks = select(load(contacts.gap, k) < 0.5 * FAR, 1.0 + none, 0.0)
@@ -127,7 +121,7 @@ def start_warm(v: Rows, problem: Problem, table: WarmStart | None) -> None:
                 at = select(there, at, 0.0)
                 impulse, n = select(there, load_each(table.impulse, at), 0.0), row(contacts.normal, k)
                 store(contacts.impulse, k, impulse)
-                push_apart(v, k, impulse * n, there, problem, contacts.solids)
+                push(v, k, impulse * n, problem)
                 start_friction(v, k, at, there, problem, table.friction)
                 start_couple(v, k, at, there, problem, table.couple)
 
@@ -140,10 +134,10 @@ def start_friction(
     if kept is not None:
         contacts, n = problem.contacts, row(problem.contacts.normal, k)
         friction = row_each(kept, at)
-        friction = friction - dot(friction, n) * n
+        friction = friction - dot(friction, n) / dot(n, n) * n
         friction = choose(there, friction, 0.0 * n)
         set_row(contacts.friction, k, friction)
-        push_across(v, k, friction, there, problem, contacts.solids)
+        push_across(v, k, friction, problem)
 
 
 @compiled
@@ -153,7 +147,7 @@ def start_couple(v: Rows, k: int, at: Number, there: Mask, problem: Problem, kep
         contacts = problem.contacts
         couple = choose(there, row_each(kept, at), 0.0 * row(contacts.normal, k))
         set_row(contacts.couple, k, couple)
-        twist(v, k, couple, there, problem, contacts.solids, contacts.spheres)
+        push_turning(v, k, 0.0 * couple, couple, problem, contacts.turning)
 
 
 # --- Keeping ------------------------------------------------------------------------------------------
@@ -166,7 +160,7 @@ def keep_impulses(problem: Problem, table: WarmStart | None) -> None:
         contacts, rows = problem.contacts, table.pair.size
         for place in range(rows):
             store(table.pair, place, 0.0)
-        for k in range(problem.rows):
+        for k in range(problem.contacts.length[ROWS]):
             key, impulse = key_of(k, problem, rows), load(contacts.impulse, k)
             place, left = key.place, select(impulse > 0.0, 1.0 + 0.0 * impulse, 0.0)
             for _ in range(PROBES):

@@ -760,6 +760,17 @@ def bodies_of(typingctx, term):
     return types.intp(term) if several or isinstance(term, types.Array) else None, codegen
 
 
+@intrinsic
+def all_rows(typingctx, term):
+    """Return the rows of all bodies: those of a `Ragged`, or an array itself."""
+    several = _is_one_of(Ragged, term)
+
+    def codegen(context, builder, sig, args):
+        return cgutils.unpack_tuple(builder, args[0])[0] if several else args[0]
+
+    return (term.types[0] if several else term)(term), codegen
+
+
 # --- Compiled of these ------------------------------------------------------------------------------
 
 

@@ -186,7 +186,7 @@ def barriers_energy(x: Numbers, terms: Terms, rounds: Rounds | None) -> Number:
     if rounds is None:
         return contact_energy(x, terms.particles, terms.surfaces)
     if rolls(rounds):
-        return feature_energy(x, 0.0 * row(x, 0), rounds, terms.surfaces)
+        return feature_energy(x, rounds, terms.surfaces)
     return contact_energy(x, terms.particles, terms.surfaces)
 
 

@@ -3,7 +3,8 @@
 A cycle is an even number of steps of velocity Verlet. The wrench acts by Simpson's rule: for a sixth of a
 cycle at each of its ends, and for the rest in its middle. Once a cycle dampers act for all of its time, after
 the first step of one cycle and before the last of the next, so that no vibration is met at the same moment of
-its swing each time. Two cycles are their own mirror image, and so of second order.
+its swing each time; so they do at nodes, which are amid steps. Two cycles are their own mirror image, and so
+of second order.
 
 A call takes whole cycles: the state is read, and actions change, where a cycle ends. Which of two cycles
 comes next is a copy's own, as copies that are placed begin with the first.
@@ -29,9 +30,9 @@ END, MIDDLE = 1 / 6, 2 / 3
 """Simpson's rule: for which share of a cycle the wrench acts at each of its ends, and in its middle."""
 
 
-def cycle(every: int, blocks: Callable[..., np.ndarray]) -> Cycle:
-    """Return the `Cycle` of copies that begin one."""
-    return Cycle(every, blocks(1))
+def cycle(every: int, nodes: bool, blocks: Callable[..., np.ndarray]) -> Cycle:
+    """Return the `Cycle` of copies that begin one; dampers act at ``nodes``, or between steps."""
+    return Cycle(every, 2 * every - FIRST - nodes, blocks(1))
 
 
 @compiled
@@ -45,7 +46,7 @@ def count_step(cycle: Cycle | None) -> None:
 @compiled
 def damps_now(backward: bool, cycle: Cycle) -> Mask:
     """Return in which copies dampers act now: ``backward`` after a first step, there before a last one."""
-    off = load(cycle.marks, 0) - (FIRST if backward else 2 * cycle.every - FIRST)
+    off = load(cycle.marks, 0) - (FIRST if backward else cycle.second)
     return off * off < 0.25
 
 

@@ -105,14 +105,16 @@ def advance_kernel(
 
     Scenes with ``surfaces`` or of bodies that collide, and ``cycles`` of several steps, have their own
     function, so that other scenes need not wait for this code to compile. Bodies that collide take each step
-    ``together``, or only find their contacts at the `START`. Other bodies take all steps one after another.
+    ``together``, or only find their contacts at the `START`; so do those that roll. Other bodies take all
+    steps one after another.
 
     If the kernel is called with ``reads``, it also measures the copies by ``read``, a compiled function like
     `springgym.measures.read`, with ``reading``, a `springgym.measures.Reading`. Only kernels of rigid bodies
     use ``settles``. ``clock`` counts the steps.
     """
-    nodes = surfaces or together
-    special = "integrate_through_nodes" if nodes else "integrate_in_cycles" if cycles else ""
+    special = "integrate_in_cycles" if cycles else ""
+    if surfaces:
+        special = "integrate_by_rows" if together else "integrate_through_nodes"
     return _kernel(_method(name, special)[1], at_once if together else one_by_one, read)
 
 

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from springgym.contact.totals import halve_totals, remember_totals, resume_totals
+from springgym.contact.law import Span
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Number, Rows
-from springgym.core.lanes import bodies_of, load, of_body
+from springgym.core.lanes import bodies_of, of_body
 from springgym.forces import (
     act,
     actuate,
     divide_and_kick,
     divide_by_mass,
+    drift,
     kick_and_drift,
     kick_through,
     paired,
@@ -20,31 +21,9 @@ from springgym.forces import (
     set_forces,
 )
 from springgym.forces.cycle import count_step, damps_somewhere, relax_in_turn, turn_in_turn
-from springgym.forces.memory import (
-    PHASE,
-    keep_expected,
-    recall_expected,
-    remember,
-    resume,
-    share_actions,
-    steer,
-)
-from springgym.integrators.node import (
-    PASSES,
-    READS,
-    START,
-    STARTS,
-    Bodies,
-    Node,
-    Space,
-    acts_amid,
-    find_touching,
-    next_phase,
-    node_at,
-    note_busy,
-    pass_node,
-)
+from springgym.integrators.node import START, Bodies, Space, acts_amid, pass_particles, span_of
 from springgym.integrators.record import Integrator
+from springgym.integrators.rows import pass_rows, store_energy_of_pairs
 from springgym.terms import Terms
 
 RECORD = Integrator(
@@ -128,67 +107,57 @@ def integrate_in_cycles(
 def integrate_through_nodes(
     x: Rows, v: Rows, ledger: Ledger, workspace: Space, h: Number, steps: int, terms: Terms
 ) -> None:
-    """The same where there are surfaces or bodies collide: all acts at nodes between drifts.
+    """Drift h/2, pass the node, drift h/2, where particles meet surfaces.
 
-    All bodies take each step together; those that do not collide may also come here one by one. The state is
-    read amid the last node, which the next call makes anew: see `springgym.integrators.node`. As many steps
-    as `START` and `LOOK` are none: it is told which bodies of fresh copies touch, or the last node is made
-    anew.
+    See `springgym.integrators.node`.
     """
-    bodies = Bodies(x, v, ledger, workspace, terms)
-    phase, goes, end = load(of_body(terms.memory, 0).marks, PHASE), steps != START, max(steps, 0)
-    if goes:
-        for n in range(bodies_of(x)):
-            go_back(of_body(bodies, n), phase)
-        resume_totals(phase, terms.collisions)
-    for n in range(end + 1):
-        node = node_at(phase, h, STARTS if not goes else (READS if n == end else PASSES))
-        phase = next_phase(phase)
-        problem = find_touching(bodies, node, workspace.exchange)
+    own, span = Bodies(x, v, ledger, workspace, terms), span_of(h, True, x)
+    expect_contact(own)
+    for _ in range(steps):
+        reach_node(own, span)
+        pass_particles(own, span)
+        count_step(terms.cycle)
+
+
+@compiled
+def integrate_by_rows(
+    x: Rows, v: Rows, ledger: Ledger, workspace: Space, h: Number, steps: int, terms: Terms
+) -> None:
+    """The same where contacts are solved together, see `springgym.integrators.rows`.
+
+    All bodies take each step together. As many steps as `START` are none: it is told which bodies of fresh
+    copies touch.
+    """
+    bodies, goes = Bodies(x, v, ledger, workspace, terms), steps != START
+    span = span_of(h, goes, x)
+    for n in range(bodies_of(x)):
+        expect_contact(of_body(bodies, n))
+    for _ in range(steps if goes else 1):
         if goes:
-            count_nodes(bodies, n > 0)
-            for body in range(bodies_of(x)):
-                arrive(of_body(bodies, body), node, n == 0)
-            if n == end:
-                remember_totals(terms.collisions)
-        pass_node(bodies, node, problem)
-    if goes:
-        halve_totals(terms.collisions)
+            for n in range(bodies_of(x)):
+                reach_node(of_body(bodies, n), span)
+        pass_rows(bodies, span, goes, workspace.rows)
+        if goes:
+            for n in range(bodies_of(x)):
+                count_step(of_body(terms, n).cycle)
+    store_energy_of_pairs(terms.collisions)
 
 
 @compiled
-def count_nodes(bodies: Bodies, passed: bool) -> None:
-    """Advance the damping cycles of all bodies by a step, if the call has ``passed`` a node already."""
-    if passed:
-        for body in range(bodies_of(bodies.x)):
-            count_step(of_body(bodies.terms, body).cycle)
-
-
-@compiled
-def go_back(own: Bodies, phase: Number) -> None:
-    """Go back to where a body's last node was reached, and to what contact was expected to give there."""
-    memory, space = own.terms.memory, own.space
-    resume(own.x, own.v, own.ledger, memory)
-    recall_expected(phase, space.given, memory.given)
+def expect_contact(own: Bodies) -> None:
+    """Take all particles of a body for those that contact may act on."""
     for i in range(own.x.shape[0]):
-        space.busy[i] = True
-    note_busy(own.terms.body, True, space.exchange)
+        own.space.busy[i] = True
 
 
 @compiled
-def arrive(own: Bodies, node: Node, first: bool) -> None:
-    """Find the forces at a node on a body; how it is reached is remembered where it is to be read."""
-    x, space, terms, memory, last = own.x, own.space, own.terms, own.terms.memory, node.stage == READS
+def reach_node(own: Bodies, span: Span) -> None:
+    """Drift to a node, and find the forces on a body there."""
+    x, space, terms = own.x, own.space, own.terms
+    drift(x, own.v, span.lead)
     set_forces(x, space.a, space.direction, damps_somewhere(terms.cycle), terms)
     actuate(x, space.b, terms)
     if acts_amid(terms):
-        divide_and_kick(space.a, own.v, space.w, node.span.lead, terms.particles)
+        divide_and_kick(space.a, own.v, space.w, span.lead, terms.particles)
     else:
         divide_by_mass(space.a, terms.particles)
-    if first:
-        share_actions(space.b, node.phase, memory, memory.pushed, terms.drive)
-    else:
-        steer(memory, terms.drive)
-    if last:
-        remember(x, space.b, node.phase, own.ledger, memory, memory.pushed)
-        keep_expected(space.given, memory.given)

@@ -25,7 +25,6 @@ from springgym.rigid.shape import (
     turns,
 )
 from springgym.rigid.solid import Rigid
-from springgym.rigid.surfaces import LOADS
 from springgym.scene import Scene
 
 __all__ = [
@@ -76,7 +75,7 @@ def _method(name: str, order: int, limit: float, half: tuple[float, ...], citati
         real_limit=math.inf,
         symplectic=True,
         negative_substeps=min(stages) < 0,
-        workspace=LOADS + 1,
+        workspace=0,
         citation=citation,
         meets_bodies=min(stages) > 0,
         meets_surfaces=min(stages) > 0,

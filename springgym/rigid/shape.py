@@ -9,7 +9,6 @@ import numpy as np
 
 from springgym.bodies.motion import axes
 from springgym.integrators.record import Integrator
-from springgym.rigid.surfaces import SURFACES
 from springgym.scene import Scene
 from springgym.surfaces import PaperContact
 
@@ -184,8 +183,6 @@ def _check_rest(scene: Scene, method: Integrator) -> None:
             )
         if isinstance(scene.contact, PaperContact):
             raise ValueError("the paper's contact pushes single particles; give the rigid body a Contact")
-        if len(scene.surfaces) > SURFACES:
-            raise ValueError(f"there are {len(scene.surfaces)} surfaces; a rigid body may meet {SURFACES}")
     principal_shape(scene)
     for field in fields(scene):
         if field.name not in UNDERSTOOD and getattr(scene, field.name) != field.default:

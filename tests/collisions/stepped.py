@@ -11,14 +11,12 @@ import numpy as np
 
 from springgym import packing, simulator
 from springgym.checks import HUGE
-from springgym.collisions import Shape
-from springgym.contact.records import ENTRIES, Pairs, Rolling, Spheres
+from springgym.contact.records import ENTRIES, Pairs, Turning
 from springgym.contact.round import packed_rounds
 from springgym.core import ragged
-from springgym.core.blocks import aligned_zeros, numbers, to_copies
-from springgym.core.kinds import Each, Ragged
+from springgym.core.blocks import numbers, to_copies
+from springgym.core.kinds import Each
 from springgym.envs.episodes import Episodes
-from springgym.integrators.node import Space
 from springgym.scene import Scene
 from springgym.simulator import Simulator
 from springgym.stability import Vibrations
@@ -58,8 +56,7 @@ def shares_code(scene: Scene, method: str, twin: bool) -> bool:
 
 def with_all_features(pairs: Pairs, blocks: Callable[..., np.ndarray]) -> Pairs:
     """Pairs without None, and with friction and loss of each copy in ``blocks``."""
-    shapes, count, bodies = pairs.shapes, len(pairs.first), len(pairs.shapes.radius)
-    none = np.zeros(bodies, bool)
+    shapes, count = pairs.shapes, len(pairs.first)
 
     def of_copies(values: np.ndarray | None) -> np.ndarray:
         if values is not None and values.dtype.names:
@@ -68,15 +65,19 @@ def with_all_features(pairs: Pairs, blocks: Callable[..., np.ndarray]) -> Pairs:
         numbers(array)[:] = np.zeros((count, 1)) if values is None else values[:, None]
         return array
 
-    return pairs._replace(
-        friction=of_copies(pairs.friction),
-        loss=of_copies(pairs.loss),
-        shapes=shapes._replace(
+    if shapes is not None:
+        none = np.zeros(len(shapes.radius), bool)
+        shapes = shapes._replace(
             triangles=np.zeros((0, 3), np.uint32) if shapes.triangles is None else shapes.triangles,
             edges=np.zeros((0, 2), np.uint32) if shapes.edges is None else shapes.edges,
             rods=none if shapes.rods is None else shapes.rods,
             balls=none if shapes.balls is None else shapes.balls,
-        ),
+        )
+    return pairs._replace(
+        friction=of_copies(pairs.friction),
+        loss=of_copies(pairs.loss),
+        strength=of_copies(pairs.strength),
+        shapes=shapes,
     )
 
 
@@ -102,7 +103,7 @@ def all_kinds_of_terms() -> Iterator[None]:
     where their tasks ask for cycles.
     """
     pack, share, pack_pairs = packing._packed, packing._shared, packing.pack_pairs
-    make_space, make_spheres = packing.node_workspace, packing.new_spheres
+    make_turning = packing.new_turning
     whole_pack, make_workspaces = packing.pack, packing.workspaces
     actuators, stack, cycles_in = packing._actuators, ragged.stacked, Episodes._cycles_in
 
@@ -142,34 +143,20 @@ def all_kinds_of_terms() -> Iterator[None]:
             rigid = (rigid[0], given.parameter({"masses"}, np.zeros(1)))
         surfaces, rounds, dampers = found.terms.surfaces, found.terms.rounds, found.terms.dampers
         if surfaces is not None:
-            surfaces, rounds = surfaces._replace(radius=float(part.body.radius)), packed_rounds(part.body)
+            surfaces = surfaces._replace(radius=float(part.body.radius))
+            if packing.solves_rows(whole, given.method, twin):
+                rounds = packed_rounds(part.body)
         if twin and not whole.meetings:
             dampers = None
         return found._replace(
             terms=found.terms._replace(surfaces=surfaces, rounds=rounds, dampers=dampers), twin=rigid
         )
 
-    def spheres(
-        start: np.ndarray, shapes: Sequence[Shape], resisted: np.ndarray, dtype: Any
-    ) -> Spheres | None:
+    def turning(turns: np.ndarray, *others: Any) -> Turning | None:
         if not Packing.shares:
-            return make_spheres(start, shapes, resisted, dtype)
-        found: Any = make_spheres(start, [shape._replace(skin=True) for shape in shapes], resisted, dtype)
-        skin = np.array([shape.skin for shape in shapes])
-        radius = np.array([shape.radius for shape in shapes])
-        return found._replace(skin=np.where(skin, radius, 0.0), turns=skin | resisted)
-
-    def space(scene: Scene, pairs: Pairs | None, dtype: Any) -> Space:
-        found = make_space(scene, pairs, dtype)
-        if not Packing.shares or not scene.surfaces or found.rolling is not None:
-            return found
-
-        def rows() -> Any:
-            if pairs is None:
-                return aligned_zeros(found.a.shape, dtype)
-            return Ragged(aligned_zeros(found.a.values.shape, dtype), found.a.start)
-
-        return found._replace(rolling=Rolling(*(rows() for _ in Rolling._fields)))
+            return make_turning(turns, *others)
+        found: Any = make_turning(np.ones(len(turns), bool), *others)
+        return found._replace(turns=turns)
 
     def actuated(part: Scene, whole: Scene, blocks: Callable[..., np.ndarray]) -> dict[str, Any]:
         if not Packing.shares:
@@ -199,7 +186,7 @@ def all_kinds_of_terms() -> Iterator[None]:
         return stack(terms)
 
     changed = {"_shared": shared, "_packed": packed, "_actuators": actuated, "pack_pairs": paired}
-    changed |= {"new_spheres": spheres, "node_workspace": space, "workspaces": workspaces}
+    changed |= {"new_turning": turning, "workspaces": workspaces}
     with (
         mock.patch.multiple(packing, **changed, stacked=stacked),
         mock.patch.multiple(simulator, pack=pack_whole, stacked=stacked),
@@ -268,17 +255,5 @@ class Stepped:
         return np.concatenate([(m * v).sum(1), (m * np.cross(x, v)).sum(1)], axis=1)
 
     def energy(self) -> np.ndarray:
-        """Return what the method keeps of the energy (copies,): without contact, less h²/8 a·M a of the
-        springs."""
-        measured, x = self.simulator.measure(), self.x
-        i, j = self.scene.springs.T
-        along = x[:, j] - x[:, i]
-        length = np.linalg.norm(along, axis=-1, keepdims=True)
-        k = self.scene.of_bodies("stiffness")[:, None]
-        pull = k * (length - self.scene.of_bodies("lengths")[:, None]) * along / length
-        force = np.zeros_like(x)
-        for copy in range(len(x)):
-            np.add.at(force[copy], i, pull[copy])
-            np.add.at(force[copy], j, -pull[copy])
-        swing = self.step**2 / 8 * (force**2 / self.scene.masses[:, None]).sum(axis=(1, 2))
-        return np.asarray(measured.energy - swing)
+        """Return what the method keeps of the energy (copies,)."""
+        return self.simulator.shadow_energy()

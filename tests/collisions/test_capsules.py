@@ -18,7 +18,6 @@ from tests.collisions.test_spheres import (
     BLOCK,
     G,
     body_at,
-    check_copies,
     check_coulomb,
     check_momenta,
     check_rolling,
@@ -26,7 +25,7 @@ from tests.collisions.test_spheres import (
     run,
     scene,
 )
-from tests.params import each_dynamics, slow_but
+from tests.params import each_dynamics
 
 RADIUS, LENGTH = 0.1, 0.3
 CAPSULE = capsule(RADIUS, LENGTH, 1.0, damping=0.0)
@@ -147,13 +146,10 @@ def thrown(of: str, stiffness: float = 1e5, damping: float = 0.0) -> Scene:
 
 @pytest.mark.parametrize("of", ["ball", "block", "capsule", "parallel", "rope"])
 def test_momenta_and_energy_are_kept(of: str) -> None:
-    check_momenta(thrown(of), 0.1, 1e-3)
-
-
-@pytest.mark.parametrize("alone", slow_but([2, 1], 2))
-def test_copies_are_those_of_their_own(alone: int) -> None:
-    """A copy moves as it does alone, to the bit, whatever the other copies of its block meet."""
-    check_copies(thrown("block"), alone)
+    """Energy to what ringing springs, which move the skin, do against the barriers: some 1/k."""
+    check_momenta(thrown(of), 0.1, 2e-3)
+    if of == "capsule":
+        check_momenta(thrown(of, 1e6), 0.1, 2e-4)
 
 
 def test_contacts_are_told_at_the_skin() -> None:

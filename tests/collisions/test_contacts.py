@@ -15,6 +15,7 @@ from springgym.surfaces import Contact, PaperContact, Plane
 from springgym.theory.contact import energy
 from tests.collisions.cases import CUBE, approach
 from tests.collisions.stepped import Stepped, full
+from tests.copies import check_contacts
 
 FLOOR = Plane((0, 0, 0), (0, 0, 1))
 BLOCK = cube(damping=200.0)
@@ -76,39 +77,19 @@ def test_what_rests_is_carried() -> None:
 
 @pytest.mark.parametrize("way", ["faces, turned", "corner on face, off centre", "crossed edges"])
 def test_impulses_are_what_changes_momenta(way: str) -> None:
-    """From node to node a body's momentum, as it is read, changes by half of what both nodes give.
-
-    Looking changes nothing, to the bit.
-    """
     x, v = approach(way, 2.0)
     v[:8, 1] += 0.7
     bodies = (Placed(CUBE, name="a"), Placed(CUBE, np.add(CUBE.positions, (3, 0, 0)), name="b"))
     scene = Scene(bodies=bodies, gravity=None, collisions=Contact(friction=0.4, restitution=0.6))
-    worlds = [Stepped(scene, copies=2) for _ in range(2)]
-    for world in worlds:
-        world.place(np.stack([x, x]), np.stack([v, 0 * v]))
-    looked_at, other = worlds
-    momenta, impulses, most = [], [], 0
-    for _ in range(round(0.04 / looked_at.step)):
-        for world in worlds:
-            world.run(1)
-        found = looked_at.simulator.contacts()
-        assert not found.there[1].any()
-        most = max(most, found.there.shape[1])
-        impulses.append(found.impulse[0].sum(axis=0))
-        momenta.append((scene.masses[:8, None] * looked_at.v[0, :8]).sum(axis=0))
-        np.testing.assert_array_equal(looked_at.v, other.v)
-        np.testing.assert_array_equal(looked_at.x, other.x)
-        np.testing.assert_array_equal(looked_at.totals, other.totals)
-    given, changed = np.array(impulses), np.diff(momenta, axis=0)
-    assert most >= 1
-    assert np.abs(given[:, 0]).sum() > 0.5
-    assert np.abs(given[:, 1]).sum() > 0.02
-    np.testing.assert_allclose(changed, 0.5 * (given[1:] + given[:-1]), atol=1e-12)
+    simulator = full(scene, copies=2, unresolved="count")
+    simulator.place(np.stack([x, x]), np.stack([v, 0 * v]))
+    given = check_contacts(simulator, round(0.04 / simulator.step))
+    assert not given[:, 1].any()
+    assert (np.abs(given[:, 0, :2]).sum(axis=0) > (0.5, 0.02)).all()
 
 
 def test_where_balls_touch() -> None:
-    """Between the rims of two balls, along the line of their centres; from the start, half a node, on."""
+    """Between the rims of two balls, along the line of their centres."""
     small, large = ball(0.1, 0.2), ball(0.3, 1.0)
     along = np.array([2.0, 1.0, -2.0]) / 3
     bodies = (Placed(small, name="a"), Placed(large, -0.404 * along[None], name="b"))
@@ -125,8 +106,7 @@ def test_where_balls_touch() -> None:
     np.testing.assert_allclose(found.point[0, 0], -0.102 * along, rtol=1e-12)
     assert found.impulse[0, 0] @ along > 0
     simulator.advance(1)
-    given = found.impulse[0, 0] + 0.5 * simulator.contacts().impulse[0, 0]
-    np.testing.assert_allclose(simulator.measure("a").momentum[0], given, rtol=1e-12)
+    np.testing.assert_allclose(simulator.measure("a").momentum[0], found.impulse[0, 0], rtol=1e-12)
 
 
 def test_a_body_in_a_corner() -> None:

@@ -135,13 +135,17 @@ def test_restitution_above_one_is_refused() -> None:
 
 
 def test_energy_drift_of_an_impact_is_that_of_the_steps() -> None:
-    """Amid an impact springs push against contact at one node: what is read there is not off by that."""
+    """Amid an impact the energy oscillates with the springs; what the steps keep of it does not."""
     env = make("SpringTumble-v0")
+    simulator = env.unwrapped.episodes.simulator
     for seed in (0, 19, 31):
         _, info = env.reset(seed=seed)
         start, landed = info["energy"], False
+        apart = info["energy"] - simulator.shadow_energy()[0]
         for _ in range(40):
             _, _, _, _, info = env.step(np.zeros(6, np.float32))
             landed |= info["energy"] < 0.9 * start
-            assert abs(info["energy_drift"]) < 4e-4 * start
+            more = info["energy"] - simulator.shadow_energy()[0] - apart
+            assert abs(info["energy_drift"]) < 4e-3 * start
+            assert abs(info["energy_drift"] - more) < 1e-4 * start
         assert landed

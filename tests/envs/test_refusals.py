@@ -28,11 +28,11 @@ from springgym.registration import ALL_IDS
 from springgym.scene import Scene, ThrustActuator
 from springgym.scenes import load
 from springgym.simulator import STRAIN_LIMIT
-from tests import fuzz
 from tests.envs.cases import IDS, KINDS, QUICK, each_kind, each_with, make, make_vec, started, task_type
 from tests.envs.test_contract import answered, driven_off, same
 from tests.envs.test_states import frozen
 from tests.params import slow_unless
+from tools import fuzz
 
 JUNK: tuple[Any, ...] = (
     *(None, True, False, "", "x", "1", b"x", 0, 1, -1, 7, 10**400, 0.5, -0.5, 2.0, 1e-300, 1e300),

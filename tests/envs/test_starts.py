@@ -18,9 +18,9 @@ from springgym.envs.randomisation import NOMINAL, RANDOMIZABLE
 from springgym.envs.starts import any_rotation, direction, principal_axes, spawned, standing, tilted, uniform
 from springgym.scene import Scene, squared_lengths
 from springgym.simulator import STRAIN_LIMIT
-from tests import fuzz
 from tests.envs.cases import DUEL, IDS, KINDS, make, task_type
 from tests.params import slow_unless
+from tools import fuzz
 
 
 @pytest.mark.parametrize(

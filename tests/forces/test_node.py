@@ -1,20 +1,18 @@
-"""The node of a step among surfaces: what is read, what is kept, and what is the same however it is asked
-for."""
+"""The node of a step among surfaces: energy at every step, and what is the same however it is asked for."""
 
 from __future__ import annotations
 
-import copy
-import pickle
 from typing import Any
 
 import numpy as np
 import pytest
 
 from springgym.bodies import cube, rigid_velocities, rotation
-from springgym.scene import Placed, Scene, WrenchActuator
+from springgym.scene import Scene, WrenchActuator
 from springgym.simulator import Simulator
 from springgym.surfaces import Bowl, Contact, Plane, floor, scales
-from tests.forces.test_contact import REACH, VARYING, WEIGHTLESS, beads, thrown_cube
+from tests.copies import check_calls
+from tests.forces.test_contact import DOWN, REACH, VARYING, WEIGHTLESS, beads
 
 BOWL = (Bowl((0.0, 0.0, 1.5), 1.6),)
 RAMP = (floor(), Plane((0.6, 0, 0), (-0.6, 0, 0.8)))
@@ -31,7 +29,7 @@ def fallen(surfaces: Any, copies: int = 3, wrench: WrenchActuator | None = None,
     body = body.with_(positions=positions, lengths=0.3 * body.lengths)
     how = Contact(friction=0.4, restitution=0.5, strength=0.05, reach=0.02)
     scene = Scene(body, positions, surfaces=surfaces, contact=how, wrench=wrench)
-    simulator = Simulator(scene, step=1e-3, copies=copies, **options)
+    simulator = Simulator(scene, **{"step": 1e-3, "copies": copies, **options})
     pace = 1 + 0.3 * np.arange(copies)[:, None, None]
     simulator.place(
         positions + np.zeros((copies, 1, 1)),
@@ -40,24 +38,12 @@ def fallen(surfaces: Any, copies: int = 3, wrench: WrenchActuator | None = None,
     return simulator
 
 
-def bits(simulator: Simulator) -> list[bytes]:
-    """All that changes, and all that is read, of copies alone."""
-    measured = simulator.measure()
-    return [
-        np.ascontiguousarray(array).tobytes()
-        for array in (simulator.positions, simulator.velocities, measured.balance, measured.contact_loss)
-    ]
-
-
 @pytest.mark.parametrize("surfaces", [(floor(),), BOWL], ids=["floor", "bowl"])
 def test_one_call_is_many_to_the_bit(surfaces: Any) -> None:
-    """Odd and even parts, read amid impacts: the next call makes the node anew as it was."""
-    one, many = fallen(surfaces, **ALIKE), fallen(surfaces, **ALIKE)
-    one.advance(600)
-    for steps in [1, 2, 3, 50, 7] * 9 + [33]:
-        many.advance(steps, read=True)
-    assert bits(one) == bits(many)
-    assert (one.measure().contact_loss > 0.1).all()
+    """Odd and even parts, read amid impacts."""
+    simulator = fallen(surfaces, threads=2, **ALIKE)
+    check_calls(simulator, [1, 2, 3, 50, 7] * 9 + [33])
+    assert (simulator.measure().contact_loss > 0.1).all()
 
 
 @pytest.mark.own_kernels
@@ -76,67 +62,50 @@ def test_a_copy_placed_amid_the_steps_of_others_is_as_one_alone() -> None:
         assert alone.measure().contact_loss[0] > 0.1
 
 
-def test_state_and_pickle_return_to_mid_impact_to_the_bit() -> None:
-    simulator = fallen((floor(),), threads=2, **ALIKE)
-    while not (simulator.measure().contact > 0).any():
-        simulator.advance(1)
-    state, twin, other = simulator.state(), pickle.loads(pickle.dumps(simulator)), copy.copy(simulator)
-    for one in (simulator, twin, other):
-        one.advance(101)
-    again = fallen((floor(),), **ALIKE)
-    again.restore(state)
-    again.advance(101)
-    assert bits(simulator) == bits(twin) == bits(other) == bits(again)
-
-
-@pytest.mark.slow
-def test_several_bodies_are_each_as_alone_to_the_bit() -> None:
-    """Calls of odd length, so that each body's own memory is what the next begins with."""
-    body = cube(damping=5.0)
-    positions = (body.positions - body.centre) @ rotation([1, 2, 0.5], 0.7).T + [0, 0, 1.2]
-    how = Contact(friction=0.4, restitution=0.5)
-    velocities = [np.tile([0, 0, -speed], (8, 1)) for speed in (1.0, 2.0)]
-    placed = [Placed(body, positions, v, name=f"cube {n}") for n, v in enumerate(velocities)]
-    scene = Scene(bodies=tuple(placed), surfaces=(floor(),), contact=how, collisions=None)
-    both = Simulator(scene, step=2e-4, **ALIKE)
-    each = [
-        Simulator(Scene(body, positions, v, surfaces=(floor(),), contact=how), step=2e-4, **ALIKE)
-        for v in velocities
-    ]
-    for simulator in (both, *each):
-        for _ in range(200):
-            simulator.advance(7)
-    assert (both.positions[0] == np.concatenate([simulator.positions[0] for simulator in each])).all()
-    assert both.measure().balance[0] == pytest.approx(
-        sum(simulator.measure().balance[0] for simulator in each)
-    )
-    assert all(simulator.measure().contact_loss[0] > 0.1 for simulator in each)
-
-
-@pytest.mark.parametrize("speed", [0.3, 3.0, 30.0])
+@pytest.mark.parametrize("gravity", [WEIGHTLESS, DOWN], ids=["weightless", "falling"])
+@pytest.mark.parametrize("speed", [0.3, 3.0, 30.0, 50.0, 100.0])
 @pytest.mark.parametrize("surfaces", [(floor(),), (Bowl((0, 0, 1.0), 1.0),)], ids=["floor", "bowl"])
-def test_energy_is_kept_at_every_reading_of_an_impact(speed: float, surfaces: Any) -> None:
-    """What contact holds in mid-impact beside its barriers is in what is read; so is that of a lifted
-    node."""
-    simulator = beads([[0, 0, 1.5 * REACH]] * 2, [[0, 0, -speed]] * 2, surfaces=surfaces, step=2e-4)
-    start = simulator.measure().energy
-    touched, worst, fastest = 0, 0.0, 0.0
+def test_energy_and_losses_are_kept_at_every_step_of_an_impact(
+    surfaces: Any, speed: float, gravity: Any
+) -> None:
+    """Hard cases 11 and 13: straight and aslant, with and without loss and friction, at up to Δ in a step.
+
+    In a bowl, friction and the normal follow from each other; turns settle both to 1e-9.
+    """
+    restitution, friction = np.array([1, 0.5, 0, 1, 0.5, 0]), np.array([0, 0, 0, 0.5, 0.5, 0.5])
+    velocities = speed * np.stack([1.4 * friction, 0 * friction, 0 * friction - 1], axis=1)
+    simulator = beads([[0, 0, 1.5 * REACH]] * 6, velocities, surfaces=surfaces, gravity=gravity, step=2e-4)
+    simulator.vary(np.arange(6), restitution=restitution, friction=friction)
+    start = simulator.measure().balance
+    off = np.where((friction > 0) & isinstance(surfaces[0], Bowl), 1e-9, 2e-12)
+    fastest = np.zeros(6)
     for _ in range(int(10 * REACH / speed / 2e-4) + 5):
         simulator.advance(1)
-        found = simulator.measure()
+        found, fastest = simulator.measure(), np.maximum(fastest, simulator.velocities[:, 0, 2])
         assert surfaces[0].height(simulator.positions[:, 0]).min() > 0
-        touched += found.contact[0] > 0
-        worst = max(worst, abs(found.energy / start - 1).max())
-        fastest = max(fastest, simulator.velocities[0, 0, 2])
-    assert touched > 0
-    assert fastest > 0.8 * speed
-    assert worst < 1e-12
+        assert (np.abs(found.balance / start - 1) < off).all()
+    assert (fastest > 0.4 * restitution * speed).all()
+    assert ((found.contact_loss > 0.01 * start) == (restitution < 1)).all()
+    assert ((found.friction_loss > 0.01 * start) == (friction > 0)).all()
+
+
+def test_an_untouched_floor_changes_free_flight_to_second_order() -> None:
+    """A cube that spins and rings: with a floor a state is that half a step from a node, else at one."""
+    off = []
+    for step in (2e-4, 1e-4):
+        ends = []
+        for surfaces, varying in (((), ("damping",)), ((floor(-9.0),), VARYING)):
+            simulator = fallen(surfaces, step=step, varying=varying)
+            simulator.advance(round(0.2 / step))
+            ends.append(simulator.positions[0])
+        off.append(np.abs(ends[1] - ends[0]).max())
+    assert 1e-9 < off[1] < 1e-5
+    assert off[0] / off[1] == pytest.approx(4.0, rel=0.1)
 
 
 @pytest.mark.parametrize("restitution", [1.0, 0.5])
 def test_cube_loses_no_energy_that_is_not_in_the_books(restitution: float) -> None:
-    """64 orientations at 5 m/s, the default step: what Verlet keeps, H − (h²/8) Σ m |a|², and what was
-    lost."""
+    """64 orientations at 5 m/s, the default step: what steps keep of the energy, and what was lost."""
     body = cube(damping=0.0)
     how = Contact(friction=0.5 if restitution < 1 else 0.0, restitution=restitution)
     draw = np.random.default_rng(0)
@@ -149,19 +118,8 @@ def test_cube_loses_no_energy_that_is_not_in_the_books(restitution: float) -> No
     simulator.place(positions, velocities)
     start = simulator.measure().balance
     simulator.advance(round(0.3 / simulator.step))
-    first, second = body.springs.T
-    apart = simulator.positions[:, second] - simulator.positions[:, first]
-    length = np.linalg.norm(apart, axis=-1, keepdims=True)
-    pull = (body.stiffness[:, None] * (1 - body.lengths[:, None] / length)) * apart
-    force = np.zeros_like(positions)
-    for n in range(len(body.springs)):
-        force[:, first[n]] += pull[:, n]
-        force[:, second[n]] -= pull[:, n]
     found = simulator.measure()
-    kept = found.balance - simulator.step**2 / 8 * np.sum(force**2 / body.masses[:, None], axis=(1, 2))
-    told = simulator.shadow_energy() + found.contact_loss + found.friction_loss
-    assert told == pytest.approx(kept, rel=1e-12)
-    error = np.abs(kept / start - 1)
+    error = np.abs((simulator.shadow_energy() + found.contact_loss + found.friction_loss) / start - 1)
     assert (found.centre_velocity[:, 2] > 0).all()
     assert np.median(error) < 2e-4
     assert error.max() < 1e-3
@@ -202,7 +160,7 @@ def test_to_dampers_rest_is_no_stretching() -> None:
     assert lengths[0] == pytest.approx(lengths[1], abs=1e-10)
 
 
-def test_actions_change_at_nodes_half_and_half() -> None:
+def test_actions_change_from_call_to_call() -> None:
     """Far above a floor the centre moves as forces that change from call to call have it, and work is
     theirs."""
     draw = np.random.default_rng(5)
@@ -222,16 +180,3 @@ def test_actions_change_at_nodes_half_and_half() -> None:
         assert found.centre[0] == pytest.approx(centre, rel=1e-12)
         assert found.centre_velocity[0] == pytest.approx(velocity, rel=1e-12)
         assert found.work[0] == pytest.approx(work, rel=1e-9, abs=1e-12)
-
-
-def test_parameters_that_vary_let_copies_begin_anew() -> None:
-    """A change between two calls acts from there on, and not half a step before."""
-    made, other = (thrown_cube(Contact(), 2.5e-4) for _ in range(2))
-    made.advance(11)
-    x, v = made.positions, made.velocities
-    for simulator in (made, other):
-        simulator.vary([0], damping=np.full(28, 7.0))
-    other.place(x, v)
-    for simulator in (made, other):
-        simulator.advance(5)
-    assert bits(made)[:2] == bits(other)[:2]

@@ -1,0 +1,136 @@
+"""Find where bodies are near surfaces: by their particles, or by their round features.
+
+Each near particle, or feature, and surface makes a row of contact (`springgym.contact.rows`). A round feature
+touches in its support point at the node; its gap is that of the feature, at both ends of the step: what the
+point gains on its way over the skin, of second order in the angle that a step turns by, is in it. Read
+backwards a step is one by the same rule, so that the energy of what rolls does not drift.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from springgym.contact.movers import turns_as_one
+from springgym.contact.records import ContactRows, Rounds, Surfaces, Turning
+from springgym.contact.round import Way, at, moved, nearest
+from springgym.contact.surfaces import count, facing, height
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Number, Rows, Vector
+from springgym.core.lanes import any_lane, minimum, store
+from springgym.core.vectors import row, set_row
+
+NEAR = 2.0
+"""Share of Δ below which a surface is looked at: more than 1, as what bodies give each other moves them."""
+
+
+class Grounded(NamedTuple):
+    """A body that may meet surfaces in a step."""
+
+    pair: int
+    """index among all pairs of this body and the surfaces"""
+    body: int
+    first: int
+    """its first particle among all"""
+    x: Rows
+    """(N, 3) positions at the node [m]"""
+    begin: Way
+    """the ways to where the step begins, and to where it would end without contact"""
+    end: Way
+    free: np.ndarray
+    """(N,) whether particles move"""
+    surfaces: Surfaces
+    contacts: ContactRows
+
+
+@compiled
+def find_ground(rows: int, own: Grounded, rounds: Rounds | None) -> int:
+    """List the contacts of a body with surfaces behind ``rows`` others, and return how many that makes."""
+    if rounds is not None:
+        for e in range(rounds.first.size):
+            for k in range(count(own.surfaces.kinds)):
+                rows = add_feature(rows, e, k, own, rounds, own.contacts.turning)
+        if rounds.first.size > 0:
+            return rows
+    for i in range(own.x.shape[0]):
+        if own.free[i]:
+            begin, end = moved(i, own.begin, own.begin.v), moved(i, own.end, own.end.v)
+            for k in range(count(own.surfaces.kinds)):
+                ahead = height(k, end, own.surfaces)
+                reach = NEAR * own.surfaces.reach
+                if any_lane(minimum(ahead, height(k, begin, own.surfaces)) < reach):
+                    n, _, start = facing(k, begin, end, own.surfaces)
+                    add_row(rows, k, i, -1, (n, start, ahead), own)
+                    set_particle_arm(rows, row(own.x, i), n, own, own.contacts.turning)
+                    rows += 1
+    return rows
+
+
+@compiled
+def add_row(rows: int, k: int, i: int, e: int, met: tuple[Vector, Number, Number], own: Grounded) -> None:
+    """Write a row of contact with surface ``k``, of particle ``i`` or of round feature ``e``.
+
+    ``met`` are its normal, the gap where the step begins, and that where it would end without contact.
+    """
+    contacts, (n, start, ahead) = own.contacts, met
+    contacts.pair[rows], contacts.surface[rows], contacts.feature[rows] = own.pair, k, e
+    contacts.body[2 * rows], contacts.body[2 * rows + 1] = own.body, -1
+    contacts.members[rows], contacts.loose[rows], contacts.tilts[rows] = 1, 0, 0
+    contacts.touching[rows] = own.first + i if e < 0 else -1
+    contacts.only[rows], contacts.late[rows] = own.first + i if e < 0 else -1, 0 if e < 0 else 1
+    set_row(contacts.normal, rows, 0.0 * row(own.x, 0) + n)
+    store(contacts.start, rows, start)
+    store(contacts.gap, rows, ahead)
+    store(contacts.share, rows, 1.0)
+    store(contacts.particle, 4 * rows, 1.0 * (own.first + i if e < 0 else e))
+    store(contacts.grips, rows, 1.0)
+
+
+@compiled
+def set_particle_arm(rows: int, place: Vector, n: Vector, own: Grounded, turning: Turning | None) -> None:
+    """Find where a particle is pushed whose body turns as one, be it rigid."""
+    set_row(own.contacts.place, rows, place)
+    if turns_as_one(own.body, turning):
+        own.contacts.only[rows] = -1
+        set_row(own.contacts.arm, 4 * rows, place)
+
+
+@compiled
+def add_feature(rows: int, e: int, k: int, own: Grounded, rounds: Rounds, turning: Turning | None) -> int:
+    """List the contact of round feature ``e`` with surface ``k``, if they are near."""
+    if turning is not None:
+        _, _, _, start = nearest(e, k, own.begin, rounds, own.surfaces)
+        late, _, _, ahead = nearest(e, k, own.end, rounds, own.surfaces)
+        if any_lane(minimum(start, ahead) < NEAR * own.surfaces.reach):
+            here = Way(own.x, None, 0.0)
+            point, n, _, _ = nearest(e, k, here, rounds, own.surfaces)
+            add_row(rows, k, 0, e, (n, start, ahead), own)
+            place = at(e, point, here, rounds)
+            set_row(own.contacts.place, rows, place)
+            set_row(own.contacts.arm, 4 * rows, place)
+            set_row(own.contacts.arm, 4 * rows + 2, at(e, late, own.end, rounds))
+            rows += 1
+    return rows
+
+
+@compiled
+def shift_arms(k: int, contacts: ContactRows, turning: Turning | None) -> None:
+    """Measure the arms of contact k with a surface from the body's point, at the node and at the end."""
+    if turning is not None and contacts.only[k] < 0:
+        body, count_of = contacts.body[2 * k], turning.turns.size
+        set_row(contacts.arm, 4 * k, row(contacts.arm, 4 * k) - row(turning.point, body))
+        if contacts.late[k] == 1:
+            late = row(contacts.arm, 4 * k + 2) - row(turning.point, body + count_of)
+            set_row(contacts.arm, 4 * k + 2, late)
+
+
+@compiled
+def ahead_of(k: int, own: Grounded, rounds: Rounds | None) -> Number:
+    """Return the gap of contact k with a surface where the step would end [m]."""
+    contacts = own.contacts
+    if rounds is not None and contacts.feature[k] >= 0:
+        _, _, _, gap = nearest(contacts.feature[k], contacts.surface[k], own.end, rounds, own.surfaces)
+        return gap
+    i = contacts.touching[k] - own.first
+    return height(contacts.surface[k], moved(i, own.end, own.end.v), own.surfaces)

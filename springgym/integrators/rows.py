@@ -1,0 +1,278 @@
+"""The node of a step of bodies of springs that collide, or roll: by rows of contact.
+
+All else gives every particle a velocity. What is near is found from where the particles are at the node,
+where they come from and where they would go (`springgym.contact.search` between bodies,
+`springgym.contact.ground` at surfaces); all contacts are solved together (`springgym.contact.solver`). Bodies
+that nothing is near go on as if there were no contact. Of a pair, half of what it loses and half of the
+energy in its barriers is entered for each of its bodies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from numba import types
+from numba.extending import overload
+
+from springgym.contact.ground import Grounded, find_ground, shift_arms
+from springgym.contact.law import Span
+from springgym.contact.movers import change_of, find_inertia, gather
+from springgym.contact.records import (
+    ENERGY,
+    ENTRIES,
+    MET,
+    ROWS,
+    Collisions,
+    ContactRows,
+    Lists,
+    Problem,
+    RowSpace,
+    Surfaces,
+    Turning,
+)
+from springgym.contact.round import Way
+from springgym.contact.rows import describe
+from springgym.contact.search import find
+from springgym.contact.solver import add_totals, prepare, solve, start_totals
+from springgym.contact.totals import entry_of, list_changing
+from springgym.contact.warm import keep_impulses, start_warm
+from springgym.core.compiling import OPTIONS, compiled
+from springgym.core.kinds import Ledger, Ragged, Rows, Vector
+from springgym.core.lanes import all_rows, bodies_of, load, of_body, store
+from springgym.core.vectors import dot, mass_centre, plus_scaled, row, set_row, vec
+from springgym.forces.ledger import CONTACT, FRICTION, record
+from springgym.integrators.node import (
+    Bodies,
+    act_and_damp,
+    before_contact,
+    expect,
+    free_velocity,
+    give_expected,
+    record_cross_work,
+    take_back_expected,
+)
+
+SWEEPS = 2
+"""Sweeps, there and back, in which impulses are found."""
+
+INLINE = {**OPTIONS, "forceinline": True}
+
+
+# --- Rows of all bodies -----------------------------------------------------------------------------------
+
+
+def first_row(rows: Any, body: int) -> int:
+    """Return the index of a body's first row among all."""
+    return int(rows.start[body]) if isinstance(rows, Ragged) else 0
+
+
+@overload(first_row, jit_options=INLINE)
+def _first_row(rows: Any, body: int) -> Callable[..., int]:
+    def of_several(rows: Any, body: int) -> int:
+        return rows.start[body]
+
+    def of_one(rows: Any, body: int) -> int:
+        return 0
+
+    return of_several if isinstance(rows, types.BaseTuple) else of_one
+
+
+# --- The node ---------------------------------------------------------------------------------------------
+
+
+@compiled
+def pass_rows(bodies: Bodies, span: Span, goes: bool, space: RowSpace) -> None:
+    """Let all act on all bodies at a node, and drift to the end of the step.
+
+    If it does not go on, it only tells which bodies of fresh copies touch.
+    """
+    collisions, contacts = bodies.terms.collisions, space.contacts
+    velocity = space.velocity
+    if goes:
+        for n in range(bodies_of(bodies.x)):
+            set_free(n, of_body(bodies, n), span, bodies.x, space)
+    problem = problem_of(bodies, span, space)
+    among = find_among(problem, space, space.lists)
+    contacts.length[ROWS] = among
+    if goes:
+        for n in range(bodies_of(bodies.x)):
+            find_below(n, of_body(bodies, n), span, bodies.x, space, bodies.terms.surfaces)
+    list_changing(contacts, collisions.totals, collisions.changing)
+    if not goes:
+        start_totals(load(collisions.fresh, 0) > 0.5, problem, collisions.changing)
+        store(collisions.fresh, 0, 0.0)
+        return
+    rows = contacts.length[ROWS]
+    for n in range(bodies_of(bodies.x)):
+        space.active[n] = False
+    if rows > 0:
+        for k in range(rows):
+            if k < among:
+                space.active[problem.pairs.second[contacts.pair[k]]] = True
+            space.active[problem.pairs.first[contacts.pair[k]]] = True
+        for n in range(bodies_of(bodies.x)):
+            if space.active[n]:
+                begin(n, of_body(bodies, n), span, bodies.x, space, contacts.turning)
+        for k in range(rows):
+            if k < among:
+                describe(k, problem)
+            else:
+                shift_arms(k, contacts, contacts.turning)
+            prepare(k, velocity, problem)
+        start_warm(velocity, problem, collisions.warm)
+        store(contacts.going, 0, 1.0)
+        solve(velocity, SWEEPS, 0.0, problem)
+    add_totals(velocity, problem, collisions.changing)
+    keep_impulses(problem, collisions.warm)
+    for n in range(bodies_of(bodies.x)):
+        leave(n, space.active[n], of_body(bodies, n), span, bodies.x, space, contacts.turning)
+
+
+@compiled
+def problem_of(bodies: Bodies, span: Span, space: RowSpace) -> Problem:
+    """Return what the impulses of a node follow from, before its contacts are found."""
+    x, v = all_rows(bodies.x), all_rows(bodies.v)
+    particles, collisions = bodies.terms.particles, bodies.terms.collisions
+    for i in range(x.shape[0]):
+        set_row(space.places, i, row(x, i))
+        set_row(space.speeds, i, row(v, i))
+    see_balls(bodies, space, space.contacts.turning)
+    return Problem(
+        span,
+        space.places,
+        space.before,
+        all_rows(particles.inverse_mass),
+        collisions.pairs,
+        space.contacts,
+        collisions.totals,
+    )
+
+
+@compiled
+def see_balls(bodies: Bodies, space: RowSpace, turning: Turning | None) -> None:
+    """Let the first particle of each ball stand for its centre of mass."""
+    if turning is not None:
+        for n in range(bodies_of(bodies.x)):
+            if turning.balls[n]:
+                own, first = of_body(bodies, n), first_row(bodies.x, n)
+                set_row(space.places, first, mass_centre(own.x, own.terms.particles.mass))
+                set_row(space.speeds, first, mass_centre(own.v, own.terms.particles.mass))
+
+
+@compiled
+def set_free(n: int, own: Bodies, span: Span, x: Rows, space: RowSpace) -> None:
+    """Let all but contact act on a body."""
+    give_expected(own, own.terms.last)
+    act_and_damp(own, span.whole)
+    take_back_expected(own, span, own.terms.last)
+    first = first_row(x, n)
+    for i in range(own.x.shape[0]):
+        # without −0: contacts of other copies would add 0 to it
+        set_row(space.velocity, first + i, free_velocity(i, span, own) + vec(0.0, 0.0, 0.0))
+
+
+@compiled
+def find_among(problem: Problem, space: RowSpace, lists: Lists | None) -> int:
+    """List the contacts between bodies, if they collide, and return how many rows that makes."""
+    if lists is None:
+        space.contacts.length[MET] = 0
+        return 0
+    return find(problem.x, space.speeds, problem.span, problem.pairs, lists, space.contacts)
+
+
+@compiled
+def find_below(n: int, own: Bodies, span: Span, x: Rows, space: RowSpace, surfaces: Surfaces | None) -> None:
+    """List the contacts of a body with surfaces, if there are any."""
+    if surfaces is not None:
+        first, terms, contacts = first_row(x, n), own.terms, space.contacts
+        free = space.velocity[first : first + own.x.shape[0]]
+        begin, end = Way(own.x, own.v, -1.0 * span.lead), Way(own.x, free, span.out)
+        pair, moves = terms.collisions.pairs.among + n, terms.particles.free
+        below: Surfaces = own.terms.surfaces  # type: ignore[assignment]
+        ground = Grounded(pair, n, first, own.x, begin, end, moves, below, contacts)
+        contacts.length[ROWS] = find_ground(contacts.length[ROWS], ground, terms.rounds)
+
+
+@compiled
+def begin(n: int, own: Bodies, span: Span, x: Rows, space: RowSpace, turning: Turning | None) -> None:
+    """Gather the velocities of a body that has contacts, as these see it."""
+    first, mass = first_row(x, n), own.terms.particles.mass
+    if turning is not None and turning.turns[n]:
+        free = space.velocity[first : first + own.x.shape[0]]
+        inverse_mass = own.terms.particles.inverse_mass
+        ends = space.free[first : first + own.x.shape[0]]
+        for i in range(own.x.shape[0]):
+            set_row(ends, i, plus_scaled(row(own.x, i), span.out, row(free, i)))
+        for late in range(2):
+            find_inertia(n, late, own.x if late == 0 else ends, mass, inverse_mass, turning)
+        gather(n, space.before, own.x, own.v, mass, turning)
+        gather(n, space.free, own.x, free, mass, turning)
+        for part in range(2):
+            set_row(space.velocity, first + part, row(space.free, first + part))
+    else:
+        for i in range(own.x.shape[0]):
+            set_row(space.before, first + i, row(own.v, i))
+
+
+@compiled
+def leave(
+    n: int, active: bool, own: Bodies, span: Span, x: Rows, space: RowSpace, turning: Turning | None
+) -> None:
+    """Let a body go on to the end of the step, and enter what it lost."""
+    first, last, mass = first_row(x, n), own.terms.last, own.terms.particles.mass
+    for i in range(own.x.shape[0]):
+        was, own.space.busy[i] = own.space.busy[i], active
+        if active:
+            free = free_velocity(i, span, own)
+            after = after_contact(n, i, free, own, first, space, turning)
+            change = after - free
+            others = before_contact(i, own.v, span, own)
+            others = others - plus_scaled(row(own.v, i), span.lead, row(own.space.a, i))
+            record_cross_work(own.ledger, 0.5 * load(mass, i) * dot(others, change), own.terms.dampers)
+            expect(i, 0.5 * change, last)
+        else:
+            after = row(space.velocity, first + i)
+            if was:
+                expect(i, vec(0.0, 0.0, 0.0), last)
+        set_row(own.v, i, after)
+        set_row(own.x, i, plus_scaled(row(own.x, i), span.out, after))
+    if active:
+        record_losses(n, own.ledger, space.contacts)
+
+
+@compiled
+def record_losses(n: int, ledger: Ledger, contacts: ContactRows) -> None:
+    """Enter what a body lost in contact and by friction."""
+    record(ledger, CONTACT, load(contacts.losses, (n, 0)))
+    record(ledger, FRICTION, load(contacts.losses, (n, 1)))
+    for entry in range(2):
+        store(contacts.losses, (n, entry), 0.0)
+
+
+@compiled
+def after_contact(
+    n: int, i: int, free: Vector, own: Bodies, first: int, space: RowSpace, turning: Turning | None
+) -> Vector:
+    """Return the velocity of particle ``i`` of a body after a node [m/s]."""
+    if turning is not None and turning.turns[n]:
+        faster = row(space.velocity, first) - row(space.free, first)
+        twist = row(space.velocity, first + 1) - row(space.free, first + 1)
+        return free + change_of(n, i, own.x, faster, twist, turning)
+    return row(space.velocity, first + i)
+
+
+@compiled
+def store_energy_of_pairs(collisions: Collisions | None) -> None:
+    """Let each body of a pair store half of the energy in its barriers, if bodies collide."""
+    if collisions is not None:
+        pairs = collisions.pairs
+        for body in range(collisions.stored.shape[0]):
+            store(collisions.stored, body, 0.0)
+        for n in range(1, entry_of(collisions.changing, 0) + 1):
+            p = entry_of(collisions.changing, n)
+            if p < pairs.among:
+                half = 0.5 * load(collisions.totals, p * ENTRIES + ENERGY)
+                for side in range(2):
+                    body = pairs.first[p] if side == 0 else pairs.second[p]
+                    store(collisions.stored, body, load(collisions.stored, body) + half)
