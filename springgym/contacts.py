@@ -120,7 +120,7 @@ class Here(NamedTuple):
     end: tuple[np.ndarray, np.ndarray]
     """and where it ends"""
     workspace: Any
-    """what the step was computed in"""
+    """the workspace in which the step was computed"""
     terms: Any
     twin: tuple[Any, ...]
     """the rigid bodies, in rigid dynamics"""

@@ -328,8 +328,7 @@ def row_space(scene: Scene, pairs: Pairs, twin: bool, dtype: DTypeLike) -> RowSp
     bodies, count = [placed.body for placed in scene.bodies], len(scene.positions)
     among = most_contacts(scene.meetings, scene.shapes)[1] if pairs.among else 0
     features = (len(of.rounds) or len(of.masses) for of in bodies)
-    round_ones = [bool(body.rounds) for body in bodies]
-    turns = np.array(round_ones) | twin
+    turns = np.array([twin or bool(body.rounds) for body in bodies])
     for of in (pairs.first, pairs.second):
         turns[of[: pairs.among][scene.resisted]] = True
     first = 2 * np.arange(len(bodies)) if twin else scene.starts[:-1]
@@ -348,6 +347,7 @@ def row_space(scene: Scene, pairs: Pairs, twin: bool, dtype: DTypeLike) -> RowSp
         places=rows(),
         speeds=rows(),
         active=np.zeros(len(bodies), bool),
+        rolls=np.zeros(len(bodies), bool),
         lists=new_lists(pairs, count, dtype) if pairs.among else None,
         contacts=new_contacts(pairs, among, below, len(bodies), turning, dtype),
     )

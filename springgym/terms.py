@@ -124,7 +124,7 @@ class LastNode(NamedTuple):
     """What dampers know of the last node, where contact acts: see `springgym.integrators.node`."""
 
     given: np.ndarray
-    """(N, 3) half of the change of velocity by contact [m/s], which is expected of the next node"""
+    """(N, 3) half of the change of velocity by contact at the last node [m/s], expected again at the next"""
     sweep: np.ndarray
     """(1,) 0 if the next sweep of dampers comes before the actuators, 1 if after them"""
 

@@ -67,7 +67,7 @@ def test_softened(name):
     ],
 )
 def test_impossible_materials_are_refused(changes, message):
-    """For all arguments, and those of a grain, see `tests.api.test_bodies`."""
+    """`tests.api.test_bodies` tries all other arguments, those of a grain too."""
     with pytest.raises(ValueError, match=message):
         replace(Material("clay", 1e9, 0.3, 2000.0), **changes)
 

@@ -342,7 +342,7 @@ def _braced(
     stiffness: float,
     damping: float,
 ) -> Body:
-    """Return vertices with the springs of their triangles, joined to a centre, the last particle.
+    """Return a body of vertices, and of a centre if one is given, with springs along triangles and to it.
 
     Without a centre, each vertex is joined to the one farthest from it.
     """

@@ -22,7 +22,7 @@ def turned(axis: np.ndarray, angle: ArrayLike) -> np.ndarray:
 
 
 def skew(u: np.ndarray) -> np.ndarray:
-    """Return the matrices (…, 3, 3) of u × … for vectors (…, 3)."""
+    """Return the matrices (…, 3, 3) that multiply a vector w to u × w, for vectors u (…, 3)."""
     return cross(np.eye(3), u[..., None, :])
 
 

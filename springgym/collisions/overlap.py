@@ -100,11 +100,11 @@ def check_apart(
         row = slice(wrong, wrong + 1)
         bodies = (int(first[wrong]), int(second[wrong]))
         where = f" in copy {copies[copy[wrong]]}" if positions.ndim == 3 and copies is not None else ""
-        found = _distances(
+        distances = _distances(
             (shapes[bodies[0]], shapes[bodies[1]]),
             *(_of_bodies(x, copy[row], starts, np.array([body])) for body in bodies),
         )
-        _refuse(list(found), (names[bodies[0]], names[bodies[1]]), float(met.reach[pair[wrong]]), where)
+        _refuse(list(distances), (names[bodies[0]], names[bodies[1]]), float(met.reach[pair[wrong]]), where)
 
 
 def _nearest(
@@ -133,8 +133,8 @@ def _nearest(
             pairs = [_of_bodies(x, copy[some], starts, of[some]) for of in bodies]
             nearest[some] = gaps = separation(both, *pairs)
             if (close := ~(gaps >= least[some])).any():
-                found = _distances(both, *(of[close] for of in pairs))
-                nearest[some[close]] = np.min([own.apart.min(axis=1) for own in found], axis=0)
+                distances = _distances(both, *(of[close] for of in pairs))
+                nearest[some[close]] = np.min([own.apart.min(axis=1) for own in distances], axis=0)
     return nearest
 
 

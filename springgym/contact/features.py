@@ -118,10 +118,10 @@ def leave_out(pair: int, one: Number, contacts: ContactRows) -> None:
 
 
 @compiled
-def add_contact(count: int, first: int, members: int, met: Touch, near: Near, seen: Search) -> int:
+def add_contact(count: int, first: int, members: int, touch: Touch, near: Near, seen: Search) -> int:
     """List a contact of each copy behind its others from row ``first`` on; the rows that makes."""
     contacts = seen.contacts
-    whole, own, wanted = load(contacts.have, 0), load(contacts.have, 1), met.share > 0.0
+    whole, own, wanted = load(contacts.have, 0), load(contacts.have, 1), touch.share > 0.0
     fits = select(wanted, whole, FAR) < 1.0 * seen.pairs.most
     one = select(fits, 1.0, 0.0 * whole)
     leave_out(near.pair, select(wanted, 1.0 - one, 0.0), contacts)
@@ -129,7 +129,7 @@ def add_contact(count: int, first: int, members: int, met: Touch, near: Near, se
         store(contacts.have, 0, whole + one)
         store(contacts.have, 1, own + one)
         none = 0.0 * whole
-        i, j, m, n = met.particles
+        i, j, m, n = touch.particles
         particles = (i + none, j + none, m + none, n + none)
         opens = select(fits, own, NONE) > count - first - 0.5
         if any_lane(opens):
@@ -138,10 +138,10 @@ def add_contact(count: int, first: int, members: int, met: Touch, near: Near, se
         k = filled(fits, own + first)
         for n in range(4):
             put(contacts.particle, 4.0 * k + n, fits, particles[n])
-            put(contacts.weight, 4.0 * k + n, fits, met.weights[n])
-        set_row_each(contacts.normal, k, choose(fits, met.normal, row_each(contacts.normal, k)))
-        put(contacts.gap, k, fits, met.gap)
-        put(contacts.share, k, fits, met.share)
+            put(contacts.weight, 4.0 * k + n, fits, touch.weights[n])
+        set_row_each(contacts.normal, k, choose(fits, touch.normal, row_each(contacts.normal, k)))
+        put(contacts.gap, k, fits, touch.gap)
+        put(contacts.share, k, fits, touch.share)
     return count
 
 
@@ -222,8 +222,8 @@ def vertex_faces(count: int, first: int, m: int, near: Near, seen: Search) -> in
         a, b, c = corners(face, lists)
         particles = (i, a, b, c)
         weights = (one, one * (second + third - 1.0), -one * second, -one * third)
-        met = Touch(particles, weights, one * n, d - near.radius, select(won, 1.0 + 0.0 * d, 0.0))
-        count = add_contact(count, first, 4, met, near, seen)
+        touch = Touch(particles, weights, one * n, d - near.radius, select(won, 1.0 + 0.0 * d, 0.0))
+        count = add_contact(count, first, 4, touch, near, seen)
     return count
 
 
@@ -273,8 +273,8 @@ def vertex_rods(
             n, d = choose(through, -1.0 * n, n), select(through, -d, d)
             one = side_of_vertex(m, near, lists) + 0.0 * d
             weights = (one, one * (t - 1.0), -one * t, 0.0 * d)
-            met = Touch((i, a, b, i), weights, one * n, d - near.radius, select(won, 1.0 + 0.0 * d, 0.0))
-            count = add_contact(count, first, 3, met, near, seen)
+            touch = Touch((i, a, b, i), weights, one * n, d - near.radius, select(won, 1.0 + 0.0 * d, 0.0))
+            count = add_contact(count, first, 3, touch, near, seen)
     return count
 
 
@@ -297,8 +297,8 @@ def ball_ball(
             one = 1.0 + 0.0 * d
             weights = (one, -one, 0.0 * d, 0.0 * d)
             normal = 1.0 / d * apart
-            met = Touch((i, j, i, j), weights, normal, d - near.radius, select(meets, one, 0.0))
-            count = add_contact(count, first, 2, met, near, seen)
+            touch = Touch((i, j, i, j), weights, normal, d - near.radius, select(meets, one, 0.0))
+            count = add_contact(count, first, 2, touch, near, seen)
     return count
 
 
@@ -357,8 +357,8 @@ def edge_edge(count: int, first: int, k: int, have: Number, near: Near, seen: Se
         )
         through = d - near.lead * dot(normal, speed) < 0.0
         normal, d = choose(through, -1.0 * normal, normal), select(through, -d, d)
-        met = Touch((i, j, m, n), (1.0 - s, s, t - 1.0, -t), normal, d - near.radius, share)
-        count = add_contact(count, first, 4, met, near, seen)
+        touch = Touch((i, j, m, n), (1.0 - s, s, t - 1.0, -t), normal, d - near.radius, share)
+        count = add_contact(count, first, 4, touch, near, seen)
     return count
 
 

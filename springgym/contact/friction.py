@@ -19,7 +19,7 @@ angular momentum.
 
 from __future__ import annotations
 
-from springgym.contact.movers import inverse_mass_of, late_inverse_mass, push, velocity_between
+from springgym.contact.movers import inverse_mass_of, push, velocity_between
 from springgym.contact.records import ContactRows, Problem
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Rows, Vector
@@ -35,7 +35,7 @@ within half a step, and there friction waits for the next."""
 
 
 @compiled
-def lay_out(k: int, problem: Problem) -> None:
+def set_tilt(k: int, problem: Problem) -> None:
     """Find where friction acts in contact k, and its G and H, if its torque has to be cancelled."""
     contacts, x = problem.contacts, problem.x
     members, n = contacts.members[k], row(contacts.normal, k)
@@ -124,9 +124,9 @@ def inverse_mass_along(along: Vector, k: int, problem: Problem) -> Number:
     only = contacts.only[k]
     if only >= 0:
         return load(contacts.gain, 4 * k)
-    total = late_inverse_mass(along, k, problem, contacts.turning)
+    total = inverse_mass_of(along, contacts.late[k], k, problem, contacts.turning)
     if contacts.late[k] == 1:
-        return maximum(total, AWAY * inverse_mass_of(along, along, k, problem, contacts.turning))
+        return maximum(total, AWAY * inverse_mass_of(along, 0, k, problem, contacts.turning))
     for m in range(contacts.loose[k]):
         total = total + load(contacts.weight, 4 * k + m) * load(contacts.gain, 4 * k + m)
         if contacts.tilts[k] == 1:

@@ -39,7 +39,7 @@ class Grounded(NamedTuple):
     """the ways to where the step begins, and to where it would end without contact"""
     end: Way
     free: np.ndarray
-    """(N,) whether particles move"""
+    """(N,) whether each particle is free, not pinned"""
     surfaces: Surfaces
     contacts: ContactRows
 
@@ -62,18 +62,18 @@ def find_ground(rows: int, own: Grounded, rounds: Rounds | None) -> int:
                 if any_lane(minimum(ahead, height(k, begin, own.surfaces)) < reach):
                     n, _, start = facing(k, begin, end, own.surfaces)
                     add_row(rows, k, i, -1, (n, start, ahead), own)
-                    set_particle_arm(rows, row(own.x, i), n, own, own.contacts.turning)
+                    set_particle_arm(rows, row(own.x, i), own, own.contacts.turning)
                     rows += 1
     return rows
 
 
 @compiled
-def add_row(rows: int, k: int, i: int, e: int, met: tuple[Vector, Number, Number], own: Grounded) -> None:
+def add_row(rows: int, k: int, i: int, e: int, touch: tuple[Vector, Number, Number], own: Grounded) -> None:
     """Write a row of contact with surface ``k``, of particle ``i`` or of round feature ``e``.
 
-    ``met`` are its normal, the gap where the step begins, and that where it would end without contact.
+    ``touch`` are its normal, the gap where the step begins, and that where it would end without contact.
     """
-    contacts, (n, start, ahead) = own.contacts, met
+    contacts, (n, start, ahead) = own.contacts, touch
     contacts.pair[rows], contacts.surface[rows], contacts.feature[rows] = own.pair, k, e
     contacts.body[2 * rows], contacts.body[2 * rows + 1] = own.body, -1
     contacts.members[rows], contacts.loose[rows], contacts.tilts[rows] = 1, 0, 0
@@ -88,7 +88,7 @@ def add_row(rows: int, k: int, i: int, e: int, met: tuple[Vector, Number, Number
 
 
 @compiled
-def set_particle_arm(rows: int, place: Vector, n: Vector, own: Grounded, turning: Turning | None) -> None:
+def set_particle_arm(rows: int, place: Vector, own: Grounded, turning: Turning | None) -> None:
     """Find where a particle is pushed whose body turns as one, be it rigid."""
     set_row(own.contacts.place, rows, place)
     if turns_as_one(own.body, turning):

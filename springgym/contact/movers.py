@@ -164,36 +164,21 @@ def plus_turning(u: Vector, v: Rows, k: int, late: int, problem: Problem, turnin
 
 
 @compiled
-def inverse_mass_of(
-    first: Vector, second: Vector, k: int, problem: Problem, turning: Turning | None
-) -> Number:
-    """Return W of the bodies of contact k that turn, between unit vectors at the node [1/kg]."""
-    total = 0.0 * first[0]
-    if turning is not None:
-        contacts = problem.contacts
-        for side in range(2):
-            body = contacts.body[2 * k + side]
-            if turns_as_one(body, turning):
-                arm = row(contacts.arm, 4 * k + side)
-                spun = turned(body, 0, cross(arm, first), turning)
-                total = total + load(turning.lightness, body) * dot(first, second)
-                total = total + dot(cross(arm, second), spun)
-    return total
+def inverse_mass_of(along: Vector, late: int, k: int, problem: Problem, turning: Turning | None) -> Number:
+    """Return the inverse mass of the bodies of contact k that turn, along a unit vector at the node [1/kg].
 
-
-@compiled
-def late_inverse_mass(along: Vector, k: int, problem: Problem, turning: Turning | None) -> Number:
-    """Return K of contact k along a unit vector, from an impulse to the slip at the end [1/kg]."""
+    An impulse of 1 changes their relative velocity by this; if ``late``, that of the points which touch at
+    the end of the step. Of a vector of another length it is so many times its square.
+    """
     total = 0.0 * along[0]
     if turning is not None:
-        contacts = problem.contacts
+        contacts, square = problem.contacts, dot(along, along)
         for side in range(2):
             body = contacts.body[2 * k + side]
             if turns_as_one(body, turning):
-                late, arm = contacts.late[k], row(contacts.arm, 4 * k + side)
-                there = row(contacts.arm, 4 * k + 2 * late + side)
+                arm, there = row(contacts.arm, 4 * k + side), row(contacts.arm, 4 * k + 2 * late + side)
                 spun = turned(body, late, cross(arm, along), turning)
-                total = total + (load(turning.lightness, body) + dot(cross(there, along), spun))
+                total = total + (load(turning.lightness, body) * square + dot(cross(there, along), spun))
     return total
 
 

@@ -126,7 +126,7 @@ class Pairs(NamedTuple):
     loss: np.ndarray | None
     """β of restitution [1]; None if no pair loses any energy by it"""
     radius: np.ndarray
-    """(bodies,) [m] of balls and rods, by which others meet a body"""
+    """(bodies,) the radius of the balls or rods of each body [m]; 0 of a body with faces"""
     single: np.ndarray
     """(bodies,) whether a body is a single particle"""
     shapes: Shapes | None
@@ -295,20 +295,20 @@ class Turning(NamedTuple):
     """The bodies that contacts turn as one, see `springgym.contact.movers`."""
 
     turns: np.ndarray
-    """(bodies,) whether a body is one of them"""
+    """(bodies,) whether contacts turn a body as one"""
     balls: np.ndarray
-    """(bodies,) whether others see its first particle at its centre of mass"""
+    """(bodies,) whether other bodies meet it at its centre of mass, as of a ball"""
     first: np.ndarray
-    """(bodies,) the row of its velocity, before that of its angular momentum"""
+    """(bodies,) the index of the row that holds its velocity; the next row holds its angular momentum"""
     pivot: np.ndarray
-    """(bodies,) its particle that is pinned; −1 if none or all are"""
+    """(bodies,) the index of its only pinned particle; −1 if none or all particles are pinned"""
     lightness: np.ndarray
     """(bodies,) 1/M [1/kg]; 0 of what is pinned"""
     point: np.ndarray
     """(2 bodies, 3) where its point is at the node [m], of all bodies, and where at the end of the step"""
     turn: np.ndarray
-    """(4 bodies, 3) I⁻¹ about the point at the node, in two rows: xx, yy, zz, and xy, xz, yz [1/(kg·m²)];
-    behind all, those at the end of the step"""
+    """(4 bodies, 3) the inverse inertia I⁻¹ about the body's point at the node, in two rows: xx, yy, zz, and
+    xy, xz, yz [1/(kg·m²)]; behind all, those at the end of the step"""
 
 
 class ContactRows(NamedTuple):
@@ -316,7 +316,7 @@ class ContactRows(NamedTuple):
 
     length: np.ndarray
     """(2,) how many pairs have contacts, `MET`, and how many rows of contacts there are, `ROWS`"""
-    met: np.ndarray
+    touching_pairs: np.ndarray
     """(pairs,) list of the pairs of bodies that have contacts, in ascending order"""
     left_out: np.ndarray
     """(pairs,) how many contacts there was no space for, at this node"""
@@ -327,17 +327,17 @@ class ContactRows(NamedTuple):
     body: np.ndarray
     """(2 rows,) its first and its second body; −1 for a surface"""
     surface: np.ndarray
-    """(rows,) the surface; −1 between bodies"""
+    """(rows,) the index of the surface; −1 between bodies"""
     feature: np.ndarray
-    """(rows,) the round feature that meets a surface; −1 of a particle"""
+    """(rows,) the index of the round feature that meets a surface; −1 of a particle"""
     members: np.ndarray
     """(rows,) the number of particles of the contact, the same in all copies"""
     loose: np.ndarray
     """(rows,) the number of those that move by themselves; or, if any does, of all"""
     only: np.ndarray
-    """(rows,) the particle that meets a surface and moves by itself, the same in all copies; else −1"""
+    """(rows,) the index of the particle that meets a surface and moves by itself; else −1"""
     touching: np.ndarray
-    """(rows,) the particle that meets a surface, whatever moves it; else −1"""
+    """(rows,) the index of the particle that meets a surface; −1 of round features and between bodies"""
     late: np.ndarray
     """(rows,) 1 if slip is that of the points which touch at the end of the step, else 0"""
     tilts: np.ndarray
@@ -347,14 +347,14 @@ class ContactRows(NamedTuple):
     weight: np.ndarray
     """(4 rows,) the weights w of those that move by themselves: > 0 of the first body; all sum to 0"""
     normal: np.ndarray
-    """(rows, 3) the normal n, from the second side to the first; at a surface the gradient of its height"""
+    """(rows, 3) the normal n from the second side to the first; at a surface the gradient of the height"""
     gap: np.ndarray
-    """(rows,) the gap d at the node, to which h u/2 adds the way to the end of the step [m]; `FAR` in copies
-    without this contact"""
+    """(rows,) the gap d at the node [m], to which h u/2 is added until the step ends; `FAR` in copies without
+    this contact"""
     start: np.ndarray
-    """(rows,) the gap h₀ where the step begins [m]"""
+    """(rows,) the gap h₀ at the beginning of the step [m]"""
     shift: np.ndarray
-    """(rows,) by how much a gap that was missed is taken as larger [m]"""
+    """(rows,) the length that is added to a gap too small to be resolved [m]; else 0"""
     share: np.ndarray
     """(rows,) the factor Φ, 0 to 1, by which the strength c is multiplied where edges meet"""
     place: np.ndarray
@@ -431,6 +431,8 @@ class RowSpace(NamedTuple):
     """and velocities before it [m/s]"""
     active: np.ndarray
     """(bodies,) whether a body has contacts in any copy"""
+    rolls: np.ndarray
+    """(bodies,) whether any of these has its slip measured at the end of the step"""
     lists: Lists | None
     """the features that are near each other; None if bodies do not collide"""
     contacts: ContactRows
@@ -484,7 +486,7 @@ class Collisions(NamedTuple):
     stored: np.ndarray
     """(bodies,) half of the energy in the barriers of each body's pairs [J]"""
     fresh: np.ndarray
-    """(1,) 1 where it is not told yet which bodies touch, as the copy was just placed"""
+    """(1,) 1 in copies that were just placed and whose touching bodies are not found yet, else 0"""
     changing: np.ndarray
     """(1 + pairs,) list: how many pairs, and which, ascending, may touch or have energy in their barriers"""
     warm: WarmStart | None = None

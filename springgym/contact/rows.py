@@ -41,7 +41,7 @@ def new_contacts(
 
     return ContactRows(
         length=whole(2),
-        met=whole(count),
+        touching_pairs=whole(count),
         have=lanes(2),
         left_out=lanes(count),
         pair=whole(rows),

@@ -146,7 +146,7 @@ def find(x: Rows, w: Rows, span: Span, pairs: Pairs, lists: Lists, contacts: Con
             before = count
             count = compare(count, near, seen, shapes.triangles, shapes.edges)
             if count > before or any_lane(load(contacts.left_out, p) > 0.0):
-                contacts.met[contacts.length[MET]] = p
+                contacts.touching_pairs[contacts.length[MET]] = p
                 contacts.length[MET] += 1
     return count
 

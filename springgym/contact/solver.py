@@ -27,7 +27,7 @@ import numpy as np
 
 from springgym.contact.cone import part_resisted, within_cone
 from springgym.contact.features import TAPER, smooth
-from springgym.contact.friction import inverse_mass_along, lay_out, push_across, slip_of
+from springgym.contact.friction import inverse_mass_along, push_across, set_tilt, slip_of
 from springgym.contact.law import barrier_energy, meet
 from springgym.contact.movers import (
     inverse_mass_of,
@@ -142,7 +142,7 @@ def weigh(k: int, problem: Problem) -> Number:
     """Return W of contact k [1/kg]; how it moves particles is stored."""
     contacts = problem.contacts
     n = row(contacts.normal, k)
-    total = inverse_mass_of(n, n, k, problem, contacts.turning)
+    total = inverse_mass_of(n, 0, k, problem, contacts.turning)
     only = contacts.only[k]
     if only >= 0:
         gain = load(problem.inverse_mass, only)
@@ -153,7 +153,7 @@ def weigh(k: int, problem: Problem) -> Number:
         gain = weight * load_each(problem.inverse_mass, load(contacts.particle, 4 * k + m))
         store(contacts.gain, 4 * k + m, gain)
         total = total + weight * gain
-    lay_out(k, problem)
+    set_tilt(k, problem)
     return total
 
 
@@ -161,19 +161,21 @@ def weigh(k: int, problem: Problem) -> Number:
 
 
 @compiled
-def solve(v: Rows, sweeps: int, enough: float, problem: Problem) -> None:
+def solve(v: Rows, sweeps: int, enough: float, tapers: bool, problem: Problem) -> None:
     """Find all impulses, and change the velocities ``v`` by them.
 
-    Sweeps end in copies where one changes no gap by more than ``enough`` Δ.
+    Sweeps end in copies where one changes no gap by more than ``enough`` Δ. If it ``tapers``, the gradients
+    of Φ act after the first sweep: they act once a node.
     """
     contacts = problem.contacts
     for turn in range(sweeps):
         store(contacts.change, 0, 0.0)
-        for m in range(problem.contacts.length[ROWS]):
+        for m in range(contacts.length[ROWS]):
             k = contacts.length[ROWS] - 1 - m if turn % 2 == 1 else m
             solve_row(v, k, problem)
         if turn == 0:
-            taper(v, problem, problem.pairs.shapes)
+            if tapers:
+                taper(v, problem, problem.pairs.shapes)
         else:
             going = select(load(contacts.change, 0) > enough, load(contacts.going, 0), 0.0)
             store(contacts.going, 0, going)
@@ -200,7 +202,7 @@ def solve_row(v: Rows, k: int, problem: Problem) -> None:
         push(v, k, (new - old) * n, problem)
         moved = span.whole * inverse * maximum(new - old, old - new) / reach
         store(contacts.change, 0, maximum(load(contacts.change, 0), moved))
-        rub(v, k, going > 0.5, problem, problem.pairs.friction)
+        apply_friction(v, k, going > 0.5, problem, problem.pairs.friction)
 
 
 @compiled
@@ -237,14 +239,14 @@ def ends(v: Rows, k: int, problem: Problem) -> tuple[Number, Number]:
 
 
 @compiled
-def rub(v: Rows, k: int, going: Mask, problem: Problem, mu: Numbers | None) -> None:
+def apply_friction(v: Rows, k: int, going: Mask, problem: Problem, mu: Numbers | None) -> None:
     """Let friction, and a couple if there is one, stop what slips and turns in contact k."""
     if mu is not None:
         contacts = problem.contacts
         n = row(contacts.normal, k)
         pressed = sqrt(dot(n, n)) * load(contacts.grips, k) * load(contacts.impulse, k)
-        limit, given = load(mu, contacts.pair[k]) * pressed, row(contacts.friction, k)
-        acts = select(going, maximum(limit, dot(given, given)), 0.0) > 0.0
+        limit, friction = load(mu, contacts.pair[k]) * pressed, row(contacts.friction, k)
+        acts = select(going, maximum(limit, dot(friction, friction)), 0.0) > 0.0
         if any_lane(acts):
             resists = resisted(k, contacts, problem.pairs.resistance)
             if resists:
@@ -259,12 +261,12 @@ def rub(v: Rows, k: int, going: Mask, problem: Problem, mu: Numbers | None) -> N
 def stop_slip(v: Rows, k: int, limit: Number, acts: Mask, problem: Problem) -> None:
     """Let friction stop what slips in contact k, or give as much as the push there allows."""
     contacts = problem.contacts
-    given, slip = row(contacts.friction, k), slip_of(v, k, contacts.late[k], problem)
+    friction, slip = row(contacts.friction, k), slip_of(v, k, contacts.late[k], problem)
     along = 1.0 / (sqrt(dot(slip, slip)) + TINY) * slip
     inverse = inverse_mass_along(along, k, problem)
-    change = within_cone(given - 1.0 / (inverse + TINY) * slip, limit) - given
+    change = within_cone(friction - 1.0 / (inverse + TINY) * slip, limit) - friction
     change = choose(acts, change, 0.0 * change)
-    set_row(contacts.friction, k, given + change)
+    set_row(contacts.friction, k, friction + change)
     push_across(v, k, change, problem)
     moved = problem.span.whole * inverse * sqrt(dot(change, change)) / reach_of(k, problem)
     store(contacts.change, 0, maximum(load(contacts.change, 0), moved))
@@ -292,8 +294,8 @@ def begin_to_hold(
     """
     if resistance is not None:
         contacts, turning = problem.contacts, problem.contacts.turning
-        given, couple = row(contacts.friction, k), row(contacts.couple, k)
-        fresh = select(acts, dot(given, given) + dot(couple, couple), 1.0) <= 0.0
+        friction, couple = row(contacts.friction, k), row(contacts.couple, k)
+        fresh = select(acts, dot(friction, friction) + dot(couple, couple), 1.0) <= 0.0
         if any_lane(fresh):
             slip = slip_of(v, k, contacts.late[k], problem)
             slip = without_rolling(slip, spin_between(v, k, problem, turning), k, problem)
@@ -304,7 +306,7 @@ def begin_to_hold(
             j = within_cone(-1.0 / (inverse + TINY) * slip, limit)
             j = choose(fresh, j, 0.0 * j)
             push_across(v, k, j, problem)
-            set_row(contacts.friction, k, given + j)
+            set_row(contacts.friction, k, friction + j)
 
 
 @compiled
@@ -458,8 +460,8 @@ def push_edge(
     else:
         for end in range(2):
             i = load(contacts.particle, 4 * k + 2 * side + end)
-            given = first if end == 0 else second
-            set_row_each(v, i, plus_scaled(row_each(v, i), load_each(problem.inverse_mass, i), given))
+            impulse = first if end == 0 else second
+            set_row_each(v, i, plus_scaled(row_each(v, i), load_each(problem.inverse_mass, i), impulse))
 
 
 @compiled
@@ -478,7 +480,9 @@ def add_totals(v: Rows, problem: Problem, changing: np.ndarray) -> None:
     contacts, totals, span = problem.contacts, problem.totals, problem.span
     clear_current(True, totals, changing)
     for n in range(contacts.length[MET]):
-        add_to(totals, contacts.met[n], OVERFLOW, load(contacts.left_out, contacts.met[n]))
+        add_to(
+            totals, contacts.touching_pairs[n], OVERFLOW, load(contacts.left_out, contacts.touching_pairs[n])
+        )
     for k in range(problem.contacts.length[ROWS]):
         p, impulse, n = contacts.pair[k], load(contacts.impulse, k), row(contacts.normal, k)
         u0, reach, c = load(contacts.approach, k), reach_of(k, problem), strength_of(k, problem)
@@ -508,10 +512,10 @@ def lost_to_friction(v: Rows, k: int, problem: Problem, mu: Numbers | None) -> N
     """Return the energy that friction and couple of contact k took [J]: less their mean rates of work."""
     lost = 0.0 * load(problem.contacts.gap, k)
     if mu is not None:
-        given = row(problem.contacts.friction, k)
-        if any_lane(dot(given, given) > 0.0):
+        friction = row(problem.contacts.friction, k)
+        if any_lane(dot(friction, friction) > 0.0):
             slip = slip_of(v, k, 0, problem) + slip_of(problem.before, k, 0, problem)
-            lost = lost - 0.5 * dot(given, slip)
+            lost = lost - 0.5 * dot(friction, slip)
         lost = lost + lost_to_couple(v, k, problem, problem.pairs.resistance)
     return lost
 

@@ -78,7 +78,7 @@ def list_changing(contacts: ContactRows, totals: Numbers, changing: np.ndarray) 
             set_entry(changing, count, p)
     at = 1
     for n in range(contacts.length[MET]):
-        p = contacts.met[n]
+        p = contacts.touching_pairs[n]
         while at <= count and entry_of(changing, at) < p:
             at += 1
         if at > count or entry_of(changing, at) != p:

@@ -57,7 +57,7 @@ class Space(NamedTuple):
     busy: np.ndarray
     """(N,) whether contact may act on the particle in any copy; at first as it was at the last node"""
     rows: RowSpace | None
-    """what contacts of bodies that collide, or roll, are computed in; None if none do"""
+    """workspace of the contacts of bodies that collide or roll; None if no body does"""
 
 
 class Bodies(NamedTuple):

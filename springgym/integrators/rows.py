@@ -97,32 +97,29 @@ def pass_rows(bodies: Bodies, span: Span, goes: bool, space: RowSpace) -> None:
     contacts.length[ROWS] = among
     if goes:
         for n in range(bodies_of(bodies.x)):
-            find_below(n, of_body(bodies, n), span, bodies.x, space, bodies.terms.surfaces)
+            own = of_body(bodies, n)
+            find_below(n, own, span, bodies.x, space, own.terms.surfaces)
     list_changing(contacts, collisions.totals, collisions.changing)
     if not goes:
-        start_totals(load(collisions.fresh, 0) > 0.5, problem, collisions.changing)
-        store(collisions.fresh, 0, 0.0)
+        tell_touching(problem, collisions)
         return
     rows = contacts.length[ROWS]
     for n in range(bodies_of(bodies.x)):
-        space.active[n] = False
+        space.active[n], space.rolls[n] = False, False
     if rows > 0:
         for k in range(rows):
+            first = problem.pairs.first[contacts.pair[k]]
+            space.active[first] = True
             if k < among:
                 space.active[problem.pairs.second[contacts.pair[k]]] = True
-            space.active[problem.pairs.first[contacts.pair[k]]] = True
+            elif contacts.late[k] == 1:
+                space.rolls[first] = True
         for n in range(bodies_of(bodies.x)):
             if space.active[n]:
                 begin(n, of_body(bodies, n), span, bodies.x, space, contacts.turning)
-        for k in range(rows):
-            if k < among:
-                describe(k, problem)
-            else:
-                shift_arms(k, contacts, contacts.turning)
-            prepare(k, velocity, problem)
-        start_warm(velocity, problem, collisions.warm)
+        begin_rows(among, velocity, problem, collisions)
         store(contacts.going, 0, 1.0)
-        solve(velocity, SWEEPS, 0.0, problem)
+        solve(velocity, SWEEPS, 0.0, True, problem)
     add_totals(velocity, problem, collisions.changing)
     keep_impulses(problem, collisions.warm)
     for n in range(bodies_of(bodies.x)):
@@ -130,14 +127,30 @@ def pass_rows(bodies: Bodies, span: Span, goes: bool, space: RowSpace) -> None:
 
 
 @compiled
+def tell_touching(problem: Problem, collisions: Collisions) -> None:
+    """Enter in the totals which bodies of copies that were just placed touch."""
+    start_totals(load(collisions.fresh, 0) > 0.5, problem, collisions.changing)
+    store(collisions.fresh, 0, 0.0)
+
+
+@compiled
+def begin_rows(among: int, v: Rows, problem: Problem, collisions: Collisions) -> None:
+    """Prepare all rows, the first ``among`` of which are of two bodies, and start their impulses warm."""
+    contacts = problem.contacts
+    for k in range(contacts.length[ROWS]):
+        if k < among:
+            describe(k, problem)
+        else:
+            shift_arms(k, contacts, contacts.turning)
+        prepare(k, v, problem)
+    start_warm(v, problem, collisions.warm)
+
+
+@compiled
 def problem_of(bodies: Bodies, span: Span, space: RowSpace) -> Problem:
     """Return what the impulses of a node follow from, before its contacts are found."""
-    x, v = all_rows(bodies.x), all_rows(bodies.v)
     particles, collisions = bodies.terms.particles, bodies.terms.collisions
-    for i in range(x.shape[0]):
-        set_row(space.places, i, row(x, i))
-        set_row(space.speeds, i, row(v, i))
-    see_balls(bodies, space, space.contacts.turning)
+    look(bodies, space, space.lists)
     return Problem(
         span,
         space.places,
@@ -147,6 +160,17 @@ def problem_of(bodies: Bodies, span: Span, space: RowSpace) -> Problem:
         space.contacts,
         collisions.totals,
     )
+
+
+@compiled
+def look(bodies: Bodies, space: RowSpace, lists: Lists | None) -> None:
+    """Copy positions and velocities of all particles as other bodies see them, if bodies collide."""
+    if lists is not None:
+        x, v = all_rows(bodies.x), all_rows(bodies.v)
+        for i in range(x.shape[0]):
+            set_row(space.places, i, row(x, i))
+            set_row(space.speeds, i, row(v, i))
+        see_balls(bodies, space, space.contacts.turning)
 
 
 @compiled
@@ -189,8 +213,7 @@ def find_below(n: int, own: Bodies, span: Span, x: Rows, space: RowSpace, surfac
         free = space.velocity[first : first + own.x.shape[0]]
         begin, end = Way(own.x, own.v, -1.0 * span.lead), Way(own.x, free, span.out)
         pair, moves = terms.collisions.pairs.among + n, terms.particles.free
-        below: Surfaces = own.terms.surfaces  # type: ignore[assignment]
-        ground = Grounded(pair, n, first, own.x, begin, end, moves, below, contacts)
+        ground = Grounded(pair, n, first, own.x, begin, end, moves, surfaces, contacts)
         contacts.length[ROWS] = find_ground(contacts.length[ROWS], ground, terms.rounds)
 
 
@@ -204,7 +227,7 @@ def begin(n: int, own: Bodies, span: Span, x: Rows, space: RowSpace, turning: Tu
         ends = space.free[first : first + own.x.shape[0]]
         for i in range(own.x.shape[0]):
             set_row(ends, i, plus_scaled(row(own.x, i), span.out, row(free, i)))
-        for late in range(2):
+        for late in range(2 if space.rolls[n] else 1):
             find_inertia(n, late, own.x if late == 0 else ends, mass, inverse_mass, turning)
         gather(n, space.before, own.x, own.v, mass, turning)
         gather(n, space.free, own.x, free, mass, turning)

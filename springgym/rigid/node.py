@@ -20,16 +20,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from springgym.contact.ground import Grounded, ahead_of, find_ground, shift_arms
+from springgym.contact.ground import Grounded, ahead_of, find_ground
 from springgym.contact.law import Span
 from springgym.contact.movers import spin, velocity_between
 from springgym.contact.records import ROWS as CONTACTS
 from springgym.contact.records import Problem, RowSpace, Surfaces
 from springgym.contact.round import Way
-from springgym.contact.rows import describe
-from springgym.contact.solver import add_totals, prepare, reach_of, solve, start_totals, weigh
+from springgym.contact.solver import add_totals, reach_of, solve, weigh
 from springgym.contact.totals import list_changing
-from springgym.contact.warm import keep_impulses, start_warm
+from springgym.contact.warm import keep_impulses
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Rows, Vector
 from springgym.core.lanes import all_rows, any_lane, bodies_of, epsilon, load, maximum, of_body, select, store
@@ -37,7 +36,7 @@ from springgym.core.vectors import choose, cross, dot, plus_scaled, row, set_row
 from springgym.forces.ledger import WORK, record
 from springgym.integrators.envelope import Block
 from springgym.integrators.record import Phase
-from springgym.integrators.rows import find_among, first_row, record_losses
+from springgym.integrators.rows import begin_rows, find_among, first_row, record_losses, tell_touching
 from springgym.rigid.body import read_state, set_particles
 from springgym.rigid.flight import angular_velocity, combine, components, fly, turned
 from springgym.rigid.kick import load_of_actuators, weight
@@ -91,7 +90,7 @@ class Company(NamedTuple):
     """The arrays in which a thread computes rigid bodies."""
 
     bodies: np.ndarray
-    """(bodies, `ROWS`, 3) the state of each body at the node, by rows from `AXES` to `MASS`"""
+    """(bodies, `ROWS`, 3) the state of each body at the node; `AXES` to `MASS` name its rows"""
     loads: np.ndarray
     """(bodies, 2, 3) force and torque of the actuators, in body coordinates"""
     begin: Rows
@@ -237,7 +236,7 @@ def reach(body: int, bodies: Phase, span: Span, space: Company, twin: Twin) -> N
     keep_state(state, seen, kept)
     there, solid = kept_state(kept, twin)
     set_loads(b, there.q, solid, terms.wrench, terms.thrust)
-    node, _ = node_of(body, span, space, twin)
+    node = reach_node(there, span, b, solid)
     store(turning.lightness, body, solid.lightness)
     set_row(turning.point, body, state.position)
     set_turn(body, 0, solid.axes, space, rigid)
@@ -336,17 +335,10 @@ def pass_together(phase: Phase, span: Span, goes: bool, space: Company, twins: T
             find_below(body, phase, span, space, twins, terms.surfaces)
     list_changing(contacts, collisions.totals, collisions.changing)
     if not goes:
-        start_totals(load(collisions.fresh, 0) > 0.5, problem, collisions.changing)
-        store(collisions.fresh, 0, 0.0)
+        tell_touching(problem, collisions)
         return
     if contacts.length[CONTACTS] > 0:
-        for k in range(contacts.length[CONTACTS]):
-            if k < among:
-                describe(k, problem)
-            else:
-                shift_arms(k, contacts, contacts.turning)
-            prepare(k, rows.velocity, problem)
-        start_warm(rows.velocity, problem, collisions.warm)
+        begin_rows(among, rows.velocity, problem, collisions)
         find_impulses(phase, among, problem, space, twins, terms.surfaces)
     add_totals(rows.velocity, problem, collisions.changing)
     keep_impulses(problem, collisions.warm)
@@ -365,7 +357,7 @@ def find_impulses(
     going = one
     for turn in range(1 if surfaces is None or contacts.length[CONTACTS] == among else FLIGHTS):
         store(contacts.going, 0, going)
-        solve(space.rows.velocity, SWEEPS, enough, problem)
+        solve(space.rows.velocity, SWEEPS, enough, turn == 0, problem)
         if surfaces is not None and turn < FLIGHTS - 1 and contacts.length[CONTACTS] > among:
             for body in range(bodies_of(phase.x)):
                 fly_on(body, phase, span, space, of_body(twins, body))

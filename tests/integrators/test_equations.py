@@ -1,4 +1,4 @@
-"""The linear systems of implicit methods: what they hold, and how fast Newton's method converges."""
+"""Implicit methods set up the right linear systems, and Newton's method converges on them."""
 
 from __future__ import annotations
 
