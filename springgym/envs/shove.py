@@ -31,7 +31,7 @@ from springgym.theory.contact import rest_height
 PUSHER, BOX = 0, 1
 """Indices of the bodies in the scene."""
 
-CORNERS = 6
+CORNERS = 4
 """Number of the first particle behind the pusher's, the first corner of the box."""
 
 SIDES = (0.3, 0.3, 0.2)  # of the box [m]

@@ -17,7 +17,7 @@ from numba.extending import overload
 
 from springgym.contact.ground import Grounded, find_ground, shift_arms
 from springgym.contact.law import Span
-from springgym.contact.movers import change_of, find_inertia, gather
+from springgym.contact.movers import find_inertia, gather, turned
 from springgym.contact.records import (
     ENERGY,
     ENTRIES,
@@ -40,7 +40,7 @@ from springgym.contact.warm import keep_impulses, start_warm
 from springgym.core.compiling import OPTIONS, compiled
 from springgym.core.kinds import Ledger, Ragged, Rows, Vector
 from springgym.core.lanes import all_rows, bodies_of, load, of_body, store
-from springgym.core.vectors import dot, mass_centre, plus_scaled, row, set_row, vec
+from springgym.core.vectors import cross, dot, mass_centre, plus_scaled, row, set_row, vec
 from springgym.forces.ledger import CONTACT, FRICTION, record
 from springgym.integrators.node import (
     Bodies,
@@ -55,6 +55,9 @@ from springgym.integrators.node import (
 
 SWEEPS = 2
 """Sweeps, there and back, in which impulses are found."""
+
+ENOUGH = 1e-3
+"""Share of Δ: a sweep that changes no gap by more is the last."""
 
 INLINE = {**OPTIONS, "forceinline": True}
 
@@ -119,7 +122,7 @@ def pass_rows(bodies: Bodies, span: Span, goes: bool, space: RowSpace) -> None:
                 begin(n, of_body(bodies, n), span, bodies.x, space, contacts.turning)
         begin_rows(among, velocity, problem, collisions)
         store(contacts.going, 0, 1.0)
-        solve(velocity, SWEEPS, 0.0, True, problem)
+        solve(velocity, SWEEPS, ENOUGH, True, problem)
     add_totals(velocity, problem, collisions.changing)
     keep_impulses(problem, collisions.warm)
     for n in range(bodies_of(bodies.x)):
@@ -244,23 +247,27 @@ def leave(
 ) -> None:
     """Let a body go on to the end of the step, and enter what it lost."""
     first, last, mass = first_row(x, n), own.terms.last, own.terms.particles.mass
+    turns = turning is not None and turning.turns[n]
+    faster, spin, point = motion_given(n, first, space, turning)
+    work = 0.0 * span.out
     for i in range(own.x.shape[0]):
         was, own.space.busy[i] = own.space.busy[i], active
+        after = row(space.velocity, first + i)
         if active:
             free = free_velocity(i, span, own)
-            after = after_contact(n, i, free, own, first, space, turning)
+            if turns:
+                after = free + (faster + cross(spin, row(own.x, i) - point))
             change = after - free
             others = before_contact(i, own.v, span, own)
             others = others - plus_scaled(row(own.v, i), span.lead, row(own.space.a, i))
-            record_cross_work(own.ledger, 0.5 * load(mass, i) * dot(others, change), own.terms.dampers)
+            work = work + load(mass, i) * dot(others, change)
             expect(i, 0.5 * change, last)
-        else:
-            after = row(space.velocity, first + i)
-            if was:
-                expect(i, vec(0.0, 0.0, 0.0), last)
+        elif was:
+            expect(i, vec(0.0, 0.0, 0.0), last)
         set_row(own.v, i, after)
         set_row(own.x, i, plus_scaled(row(own.x, i), span.out, after))
     if active:
+        record_cross_work(own.ledger, 0.5 * work, own.terms.dampers)
         record_losses(n, own.ledger, space.contacts)
 
 
@@ -274,15 +281,17 @@ def record_losses(n: int, ledger: Ledger, contacts: ContactRows) -> None:
 
 
 @compiled
-def after_contact(
-    n: int, i: int, free: Vector, own: Bodies, first: int, space: RowSpace, turning: Turning | None
-) -> Vector:
-    """Return the velocity of particle ``i`` of a body after a node [m/s]."""
-    if turning is not None and turning.turns[n]:
+def motion_given(
+    n: int, first: int, space: RowSpace, turning: Turning | None
+) -> tuple[Vector, Vector, Vector]:
+    """Return by how much contact makes a body that turns faster [m/s], and spin faster [rad/s], and its point."""
+    faster = 0.0 * row(space.velocity, first)
+    spin, point = faster, faster
+    if turning is not None and turning.turns[n] and space.active[n]:
         faster = row(space.velocity, first) - row(space.free, first)
         twist = row(space.velocity, first + 1) - row(space.free, first + 1)
-        return free + change_of(n, i, own.x, faster, twist, turning)
-    return row(space.velocity, first + i)
+        spin, point = turned(n, 0, twist, turning), row(turning.point, n)
+    return faster, spin, point
 
 
 @compiled
