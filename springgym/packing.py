@@ -535,11 +535,11 @@ def vary_pairs(
     arrays = {"friction": pairs.friction, "restitution": pairs.loss, "strength": pairs.strength}
     for name, array in arrays.items():
         if name in given[0] and array is not None and array.dtype.names:
-            rows, value = get_copies(array, index), given[0][name][:, None]
+            rows, value = get_copies(array, index), given[0][name]
             if name == "strength":
                 rows[:, pairs.among :] = np.stack([own[name] for own in given], axis=1)
             else:
-                rows[:, of] = loss_of(value) if name == "restitution" else value
+                rows[:, of] = (loss_of(value) if name == "restitution" else value)[:, None]
             set_copies(array, index, rows)
 
 
