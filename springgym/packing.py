@@ -393,6 +393,7 @@ def rigid_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> Company:
         bodies=lanes(count, ROWS, 3),
         loads=lanes(count, 2, 3),
         begin=lanes(particles, 3),
+        here=lanes(particles, 3),
         end=lanes(particles, 3),
         idle=lanes(particles, 3),
         rows=row_space(scene, pairs, True, dtype),

@@ -38,7 +38,7 @@ from springgym.contact.solver import add_totals, prepare, solve, start_totals
 from springgym.contact.totals import entry_of, list_changing
 from springgym.contact.warm import keep_impulses, start_warm
 from springgym.core.compiling import OPTIONS, compiled
-from springgym.core.kinds import Ledger, Ragged, Rows, Vector
+from springgym.core.kinds import Ledger, Numbers, Ragged, Rows, Vector
 from springgym.core.lanes import all_rows, bodies_of, load, of_body, store
 from springgym.core.vectors import dot, mass_centre, plus_scaled, row, set_row, vec
 from springgym.forces.ledger import CONTACT, FRICTION, record
@@ -170,18 +170,19 @@ def look(bodies: Bodies, space: RowSpace, lists: Lists | None) -> None:
         for i in range(x.shape[0]):
             set_row(space.places, i, row(x, i))
             set_row(space.speeds, i, row(v, i))
-        see_balls(bodies, space, space.contacts.turning)
+        for n in range(bodies_of(bodies.x)):
+            own, mass = of_body(bodies, n), of_body(bodies, n).terms.particles.mass
+            see_ball(n, first_row(bodies.x, n), own.x, own.v, mass, space, space.contacts.turning)
 
 
 @compiled
-def see_balls(bodies: Bodies, space: RowSpace, turning: Turning | None) -> None:
-    """Let the first particle of each ball stand for its centre of mass."""
-    if turning is not None:
-        for n in range(bodies_of(bodies.x)):
-            if turning.balls[n]:
-                own, first = of_body(bodies, n), first_row(bodies.x, n)
-                set_row(space.places, first, mass_centre(own.x, own.terms.particles.mass))
-                set_row(space.speeds, first, mass_centre(own.v, own.terms.particles.mass))
+def see_ball(
+    body: int, first: int, x: Rows, v: Rows, mass: Numbers, space: RowSpace, turning: Turning | None
+) -> None:
+    """Let the first particle of a body stand for its centre of mass, if it is a ball."""
+    if turning is not None and turning.balls[body]:
+        set_row(space.places, first, mass_centre(x, mass))
+        set_row(space.speeds, first, mass_centre(v, mass))
 
 
 @compiled

@@ -36,7 +36,14 @@ from springgym.core.vectors import choose, cross, dot, plus_scaled, row, set_row
 from springgym.forces.ledger import WORK, record
 from springgym.integrators.envelope import Block
 from springgym.integrators.record import Phase
-from springgym.integrators.rows import begin_rows, find_among, first_row, record_losses, tell_touching
+from springgym.integrators.rows import (
+    begin_rows,
+    find_among,
+    first_row,
+    record_losses,
+    see_ball,
+    tell_touching,
+)
 from springgym.rigid.body import read_state, set_particles
 from springgym.rigid.flight import angular_velocity, combine, components, fly, turned
 from springgym.rigid.kick import load_of_actuators, weight
@@ -95,6 +102,8 @@ class Company(NamedTuple):
     """(bodies, 2, 3) force and torque of the actuators, in body coordinates"""
     begin: Rows
     """(N, 3) positions of all particles where the step begins [m]"""
+    here: Rows
+    """(N, 3) positions at the node [m]"""
     end: Rows
     """(N, 3) positions where it would end, with the impulses found so far [m]"""
     idle: Rows
@@ -217,7 +226,7 @@ def reach(body: int, bodies: Phase, span: Span, space: Company, twin: Twin) -> N
     behind, nothing = first + x.shape[0], vec(zero, zero, zero)
     if not rigid.moves:
         for i in range(x.shape[0]):
-            for of in (rows.places, space.begin, space.end):
+            for of in (space.begin, space.here, space.end):
                 set_row(of, first + i, row(x, i))
             set_row(rows.speeds, first + i, nothing)
         for n in range(2 * body, 2 * body + 2):
@@ -232,7 +241,7 @@ def reach(body: int, bodies: Phase, span: Span, space: Company, twin: Twin) -> N
         set_row(space.begin, first + i, row(x, i))
     start, seen = read_state(x, v, rigid, asymmetry, terms)
     state = fly(start, span.lead, rigid, asymmetry)
-    set_particles(rows.places[first:behind], rows.speeds[first:behind], state, seen)
+    set_particles(space.here[first:behind], rows.speeds[first:behind], state, seen)
     keep_state(state, seen, kept)
     there, solid = kept_state(kept, twin)
     set_loads(b, there.q, solid, terms.wrench, terms.thrust)
@@ -291,8 +300,8 @@ def grounded(body: int, bodies: Phase, space: Company, twins: Twin) -> Grounded:
     behind = first + terms.particles.mass.size
     begin, end = Way(space.begin[first:behind], None, 0.0), Way(space.end[first:behind], None, 0.0)
     pair, free = terms.collisions.pairs.among + body, terms.particles.free
-    places = space.rows.places[first:behind]
-    return Grounded(pair, body, first, places, begin, end, free, terms.surfaces, space.rows.contacts)
+    here = space.here[first:behind]
+    return Grounded(pair, body, first, here, begin, end, free, terms.surfaces, space.rows.contacts)
 
 
 @compiled
@@ -322,8 +331,16 @@ def pass_together(phase: Phase, span: Span, goes: bool, space: Company, twins: T
             reach(body, phase, span, space, of_body(twins, body))
     else:
         for i in range(places.shape[0]):
-            set_row(rows.places, i, row(places, i))
+            set_row(space.here, i, row(places, i))
             set_row(rows.speeds, i, row(speeds, i))
+    for i in range(places.shape[0]):
+        set_row(rows.places, i, row(space.here, i))
+    for body in range(count):
+        first, mass = first_row(x, body), of_body(twins, body)[2].particles.mass
+        behind = first + mass.size
+        see_ball(
+            body, first, space.here[first:behind], rows.speeds[first:behind], mass, rows, contacts.turning
+        )
     inverse_mass = all_rows(terms.particles.inverse_mass)
     problem = Problem(
         span, rows.places, rows.before, inverse_mass, collisions.pairs, contacts, collisions.totals
