@@ -14,7 +14,20 @@ from unittest import mock
 import numpy as np
 import pytest
 
-from springgym.bodies import Body, box, cube, gyroscope, rolling_ball, rope, top, union
+from springgym.bodies import (
+    Body,
+    box,
+    capsule,
+    cube,
+    disk,
+    ellipsoid,
+    gyroscope,
+    rolling_ball,
+    rope,
+    sphere,
+    top,
+    union,
+)
 from springgym.collisions import Pair, distance, overlap, shape
 from springgym.scene import Placed, Scene
 from springgym.scenes import load
@@ -99,6 +112,16 @@ def test_which_pairs() -> None:
 SHEET = Body("sheet", np.eye(3), 1.0, [(0, 1), (1, 2), (2, 0)], 1e4, 0.0, triangles=[(0, 1, 2)])
 INSIDE_OUT = CUBE.with_(triangles=CUBE.triangles[:, ::-1])
 SMALL = cube(side=0.5)
+UNFIT = (rolling_ball().with_(rounds=(sphere(0.1), sphere(0.05))), ellipsoid((0.15, 0.1, 0.08)), disk())
+CAPSULE = capsule(0.1, 0.3)
+ENDS = CAPSULE.positions[:2]
+UNEQUAL = (
+    (sphere(0.1, ENDS[0]), sphere(0.09, ENDS[1])),
+    (sphere(0.1, ENDS[0]), sphere(0.1, 0.9 * ENDS[1])),
+    (sphere(0.1, ENDS[0]), sphere(0.1, ENDS[0])),
+    (sphere(0.1, ENDS[0], (0, 1, 2, 4)), sphere(0.1, ENDS[1])),
+)
+STICK = Body("rod", np.array([(0, 0, 0), (1, 0, 0)]), 1.0, [(0, 1)], 1e5, 0.0, radius=0.1)
 HALF_INSIDE_OUT = union(
     [CUBE, SMALL.with_(name="small", positions=SMALL.positions + 0.75, triangles=SMALL.triangles[:, ::-1])]
 )
@@ -142,6 +165,24 @@ HALF_INSIDE_OUT = union(
             "bodies 'a' and 'b' have no size or no springs",
         ),
         (lambda: CUBE.with_(radius=0.1), ValueError, "radius is 0.1 m, and there are 12 triangles"),
+        *((lambda of=of: beside(of), ValueError, "only surfaces meet ellipsoids and disks") for of in UNFIT),
+        *(
+            (
+                lambda ends=ends: beside(CAPSULE.with_(rounds=ends)),
+                ValueError,
+                "or two of one radius about two",
+            )
+            for ends in UNEQUAL
+        ),
+        *(
+            (
+                lambda of=of: Scene(bodies=(put(of, (0, 0, 0), "a", pinned=(0,)), put(CUBE, (2, 0, 0), "b"))),
+                ValueError,
+                "pin all or none",
+            )
+            for of in (rolling_ball(), CAPSULE)
+        ),
+        (lambda: Simulator(beside(STICK), dynamics="rigid"), ValueError, "one line"),
         (lambda: replace(BALL, radius=-1.0), ValueError, "radius is -1.0"),
     ],
 )
@@ -157,6 +198,7 @@ def test_refusals(make: Callable[[], Any], error: type[Exception], text: str) ->
         (box((3, 0.2, 0.2)), (0, 0, 0), "start 1 m deep in each other, by the edge"),
         (CUBE, (1 + 1e-6, 0, 0), "only 1e-06 m apart"),
         (BALL, (0.6, 0, 0), "start 0.1 m deep in each other, by particle 0 of 'b'"),
+        (rolling_ball(0.1), (0.55, 0, 0), "deep in each other"),
         (BALL, (0, 0, 0), "start 0.7 m deep"),
         (rope(3, 2.0).with_(radius=0.05), (0.52, 0, 1.0), "start 0.03 m deep"),
         (rope(2, 4.0).with_(radius=0.05), (0, 0, 2.0), "start 0.05 m deep"),

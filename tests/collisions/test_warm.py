@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 
 from springgym.bodies import cube
-from springgym.core.blocks import WIDTH
 from springgym.scene import Placed, Scene
 from springgym.simulator import Simulator
 from springgym.surfaces import Contact, floor
-from tests.copies import check_alone, check_calls, reported
 
 BLOCK = cube(side=0.1, mass=0.5, stiffness=1e5, damping=30)
 REACH = 0.01 * BLOCK.swept
@@ -34,20 +32,6 @@ def column(askew: float = 1.0) -> Scene:
         bodies.append(Placed(BLOCK, start + aside, name=f"block{n}"))
     contact = Contact(friction=0.6, restitution=0.2)
     return Scene(bodies=tuple(bodies), surfaces=(floor(),), contact=contact, collisions="all")
-
-
-def falling(copies: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return positions and velocities (copies, N, 3) of columns each of which falls at a speed of its own."""
-    speeds = 0.02 * np.arange(copies)[:, None, None] * np.array([0.3, 0.1, -1.0])
-    x = np.tile(column().positions, (copies, 1, 1))
-    return x, speeds + 0.0 * x
-
-
-def start(copies: int) -> Simulator:
-    """Return a simulator of columns that fall."""
-    simulator = Simulator(column(), copies=copies)
-    simulator.place(*falling(copies))
-    return simulator
 
 
 def pushes_and_law(simulator: Simulator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -89,39 +73,3 @@ def test_what_rests_is_held_as_the_law_says(options: dict[str, Any], seconds: fl
     _, push, law = pushes_and_law(simulator)
     assert np.abs(push - law).max() < 1e-3 * push.max()
     np.testing.assert_allclose(held(simulator), 1.0, atol=off)
-
-
-def test_calls_of_any_length_are_one() -> None:
-    check_calls(start(1), (1, 60, 9, 0, 130))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("options", [{}, RIGID], ids=["springs", "rigid"])
-def test_copies_of_a_batch_are_single_ones_to_the_bit(options: dict[str, Any]) -> None:
-    copies = WIDTH[np.dtype(float)] + 3
-    x, v = falling(copies)
-    chosen = (0, 4, copies - 1)
-    batch = check_alone(lambda count: Simulator(column(), copies=count, **options), x, v, [250], chosen)
-    assert not np.any(batch.unresolved)
-
-
-@pytest.mark.slow
-def test_states_hold_what_contacts_start_from() -> None:
-    one, other = start(3), start(2)
-    one.advance(200)
-    other.advance(77)
-    other.restore(one.state(copies=[2]), copies=[1])
-    one.advance(100)
-    other.advance(100)
-    assert reported(one, 2) == reported(other, 1)
-
-
-@pytest.mark.slow
-def test_copies_that_are_placed_start_from_nothing() -> None:
-    fresh, placed = start(2), start(2)
-    x, v = falling(1)
-    placed.advance(150)
-    placed.place(x, v, copies=[0])
-    fresh.advance(100)
-    placed.advance(100)
-    assert reported(fresh, 0) == reported(placed, 0)
