@@ -14,7 +14,6 @@ from springgym.checks import HUGE, TINY
 from springgym.contact.cone import resistance_of
 from springgym.contact.lists import new_lists
 from springgym.contact.movers import new_turning
-from springgym.contact.overlap import Outlines, outlines
 from springgym.contact.pairs import longest_edge, most_contacts, packed_shapes, parallel
 from springgym.contact.records import ENTRIES, Collisions, Pairs, Resistance, RowSpace, Surfaces
 from springgym.contact.round import packed_rounds
@@ -301,7 +300,7 @@ def pack_pairs(scene: Scene, options: Options) -> Pairs:
         loss=options.parameter({"restitution"} & varying, loss_of(restitutions)) if loses else None,
         radius=np.array([shape.radius for shape in scene.shapes]),
         single=np.array([len(body.masses) == 1 for body in bodies]),
-        shapes=packed_shapes(scene.shapes, scene.starts[:-1].tolist()) if len(met) else None,
+        shapes=packed_shapes(scene.shapes, scene.starts[:-1]) if len(met) else None,
         most=most_contacts(met, scene.shapes)[0] if len(met) else 0,
     )
 
@@ -397,11 +396,6 @@ def rigid_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> Company:
         idle=lanes(particles, 3),
         rows=row_space(scene, pairs, True, dtype),
     )
-
-
-def pack_outlines(scene: Scene) -> Outlines:
-    """Return what of bodies may be shown in others."""
-    return outlines(scene.shapes, scene.starts[:-1].tolist(), len(scene.positions))
 
 
 def _actuators(part: Scene, scene: Scene, blocks: Callable[..., np.ndarray]) -> dict[str, Any]:
