@@ -810,7 +810,7 @@ class Simulator:
         collisions = self._terms.collisions
         assert collisions is not None
         told = PairReadings(*(of[copy] for of in totals.read_pairs(collisions, self.copies)))
-        resolved = totals.resolved_speeds(collisions, self.step)
+        resolved = RESOLVED / self.step * collisions.pairs.reach
         n = int(np.argmax((told.fastest > resolved) | (told.misses > 0) | (told.overflow > 0)))
         first, second = (repr(self.scene.bodies[of[n]].name) for of in collisions.pairs[1:3])
         met = f"bodies {first} and {second}" if n < collisions.pairs.among else f"body {first} and a surface"

@@ -480,11 +480,6 @@ def _each(builder, value) -> list[Any]:
     return [builder.extract_element(value, lane) for lane in lanes]
 
 
-def _number_of(element: types.Type) -> types.Type:
-    """Return the type of one lane of an array's elements."""
-    return element.dtype if isinstance(element, Lanes) else element
-
-
 def _own_numbers(context, builder, sig, args, gathers: bool):
     """Return the addresses of ``array[index]`` in a C-contiguous array, for each lane.
 
@@ -580,7 +575,8 @@ def load_each(typingctx, array, index):
     lanes = _rows_of(array, index)
 
     def each(context, builder, sig, args):
-        number = _number_of(_element(sig.args[0]))
+        element = _element(sig.args[0])
+        number = element.dtype if isinstance(element, Lanes) else element
         gathers = _as_intels() and lanes.width > 1 and number == lanes.dtype
         data, offset = _own_numbers(context, builder, sig, args, gathers)
         if gathers:

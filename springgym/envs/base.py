@@ -732,14 +732,7 @@ def frame_rate(task: Task | type[Task]) -> float:
 
 def _seed(name: str, seed: object) -> int | None:
     """Return a seed as an int, however long it is: seeds that Gymnasium draws have 128 bits."""
-    if seed is None:
-        return None
-    must = f"{name} is {shown(seed)}; it must be a whole number, at least 0, or None"
-    if isinstance(seed, (bool, np.bool_)) or not isinstance(seed, (int, np.integer)):
-        raise TypeError(must)
-    if seed < 0:
-        raise ValueError(must)
-    return int(seed)
+    return None if seed is None else whole(name, seed, high=np.inf)
 
 
 def _of_copy(seen: Any, copy: Any) -> Any:

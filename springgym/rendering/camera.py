@@ -43,9 +43,7 @@ class Camera:
 
     def __post_init__(self) -> None:
         for name in ("eye", "target"):
-            point = np.array(getattr(self, name), dtype=float)
-            if point.shape != (3,) or not np.isfinite(point).all():
-                raise ValueError(f"Camera.{name} must be three finite numbers, got {point}")
+            point = array(f"Camera.{name}", getattr(self, name), (3,))
             object.__setattr__(self, name, tuple(point.tolist()))
         if not 0.0 < self.fov < np.pi:
             raise ValueError(f"Camera.fov must lie between 0 and pi rad, got {self.fov}")
