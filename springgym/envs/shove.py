@@ -15,7 +15,7 @@ from springgym.core.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.goals import Aim
 from springgym.envs.observation import Entry, ObservedParticles, Situation
-from springgym.envs.options import Autoreset, EnvOptions, Modes, number
+from springgym.envs.options import EnvOptions, Modes, number
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import gaussian, long_tail, thrift
 from springgym.envs.starts import headed, uniform
@@ -303,9 +303,3 @@ class SpringShoveEnv(SpringEnv, gym.Env, task=SpringShove):
 
 class SpringShoveVectorEnv(SpringVectorEnv, gym.vector.VectorEnv, task=SpringShove):
     """Run a native batch of `SpringShoveEnv`."""
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self, num_envs: int = 1, *, autoreset_mode: Autoreset = ..., **options: Unpack[ShoveOptions]
-        ) -> None: ...

@@ -38,7 +38,7 @@ def pushes_and_law(simulator: Simulator) -> tuple[np.ndarray, np.ndarray, np.nda
     """Return the pair of each contact of two blocks, its force and what the law says of its gap [N]."""
     found, meetings = simulator.contacts(), simulator.scene.meetings
     between = found.there[0] & (found.second[0] >= 0)
-    pair = meetings.numbers(found.first[0][between], found.second[0][between])
+    pair = pair_of(found.first[0][between], found.second[0][between])
     push = (found.force * found.normal).sum(axis=-1)[0][between]
     c, reach, gap = meetings.strength[pair], meetings.reach[pair], found.gap[0][between]
     return pair, push, c / gap**2 - c / reach**2
@@ -49,7 +49,7 @@ def held(simulator: Simulator) -> np.ndarray:
     found, (pair, _, _) = simulator.contacts(), pushes_and_law(simulator)
     between = found.there[0] & (found.second[0] >= 0)
     one, above = np.arange(COUNT - 1), np.arange(1, COUNT)
-    forces = np.bincount(pair, -found.force[0, between, 2])[simulator.scene.meetings.numbers(one, above)]
+    forces = np.bincount(pair, -found.force[0, between, 2])[pair_of(one, above)]
     return np.array(forces / ((COUNT - above) * BLOCK.mass * GRAVITY))
 
 
