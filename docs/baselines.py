@@ -52,7 +52,7 @@ ELSEWHERE = HERE / "generalization.json"
 """Rows of ``agents/studies/generalize.py``."""
 OFFLINE = HERE / "offline.json"
 """Rows of agents that learned from data, which enter no table of those that play to learn."""
-TRAINED = ("linear", "ppo", "sac", "tqc", "crossq", "her")
+TRAINED = ("linear", "ppo", "sac", "tqc", "her")
 REFERENCES = ("classical", "planner")
 TOLD = {"model", "planning", "privileged information", "imitation", "goal relabelling", "data"}
 """What a row must not have used, of `results.USED`, to be one of learning from the task alone."""
