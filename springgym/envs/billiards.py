@@ -29,7 +29,7 @@ from springgym.theory.contact import rest_height
 CUE, OBJECT = 0, 1
 """Indices of the bodies in the scene."""
 
-PERIOD, PERIODS = 0.02, 150  # from one look at the balls to the next [s]; how often, until the episode ends
+PERIOD, PERIODS = 0.02, 100  # from one look at the balls to the next [s]; how often, until the episode ends
 RADIUS, MASS = 0.03, 0.17  # of a ball [m], [kg]
 FORCE = 20.0  # of a stroke along each axis, for a period: it gives a ball 2.3 m/s [N]
 FRICTION, RESTITUTION = 0.05, 0.95
@@ -213,7 +213,7 @@ class SpringBilliardsEnv(SpringEnv, gym.Env, task=SpringBilliards):
     one by U(−0.7, 0.7) rad. `reset(options={"cut": …})` sets this angle.
 
     ## Episode End
-    Termination: every step, after 150 control periods. Truncation: 1 steps, 3 s. `info["is_success"]`: the
+    Termination: every step, after 100 control periods. Truncation: 1 steps, 2 s. `info["is_success"]`: the
     ball is in the pocket. It falls if its centre is less than 0.06 m from that of the pocket at the end of a
     control period. The render mode `"rgb_array_list"` has a picture of each period.
 

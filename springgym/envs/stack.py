@@ -16,8 +16,17 @@ from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Modes, number
 from springgym.envs.randomisation import NOMINAL, weight_of
-from springgym.envs.rewards import gaussian, long_tail
-from springgym.envs.shove import BOX, CORNERS, PUSHER, Level, heading_of, see_pusher, speed_of
+from springgym.envs.shove import (
+    BOX,
+    CORNERS,
+    PUSHER,
+    Level,
+    heading_of,
+    nearness,
+    rests,
+    see_pusher,
+    speed_of,
+)
 from springgym.envs.starts import headed, uniform
 from springgym.envs.task import Drawn, Factors, ResetOptions, Start, Task, at_rest, level
 from springgym.measures import Measures
@@ -56,55 +65,31 @@ def turned_of(m: Measures, c: int) -> float:
 @compiled
 def error_of(m: Measures, c: int) -> float:
     """Return the distance of the box from the block, seen from above [m]."""
-    return math.hypot(
-        m.centre[c, BOX, 0] - m.centre[c, BLOCK, 0], m.centre[c, BOX, 1] - m.centre[c, BLOCK, 1]
-    )
-
-
-@compiled
-def nearness(m: Measures, c: int) -> float:
-    """Return how near the ball is to the box, and the box to its place and heading, from 0 to 1."""
-    dx = m.centre[c, PUSHER, 0] - m.centre[c, BOX, 0]
-    dy = m.centre[c, PUSHER, 1] - m.centre[c, BOX, 1]
-    error = error_of(m, c)
-    near = (long_tail(error, 0.3, 0.03) + gaussian(error, 0.5, 0.03)) / 2
-    turned = (1.0 + gaussian(turned_of(m, c), 0.8, 0.05)) / 2
-    return 0.1 * gaussian(math.hypot(dx, dy), 0.5, 0.3) + 0.9 * near * turned
-
-
-@compiled
-def fallen(m: Measures, c: int) -> bool:
-    lowest = min(m.centre[c, BOX, 2], m.centre[c, PUSHER, 2])
-    tipped = min(m.axis[c, BOX, 2], m.axis[c, BLOCK, 2]) < 0.7
-    return lowest < m.centre[c, BLOCK, 2] + SUNK or tipped
-
-
-@compiled
-def lies(m: Measures, c: int) -> bool:
-    """Return whether the box lies on the block now."""
-    there = error_of(m, c) < shove.CLOSE and abs(turned_of(m, c)) < shove.ALIGNED
-    return there and speed_of(m, c) < shove.SLOW and not fallen(m, c)
+    way = m.centre[c, BOX] - m.centre[c, BLOCK]
+    return math.hypot(way[0], way[1])
 
 
 @kernel
 def remember(m: Measures, s: Situation, memory: np.ndarray) -> None:
     for c in range(memory.shape[0]):
-        memory[c, BEST] = max(memory[c, BEST], nearness(m, c))
-        memory[c, HELD] = memory[c, HELD] + 1.0 if lies(m, c) else 0.0
+        error, turned = error_of(m, c), turned_of(m, c)
+        memory[c, BEST] = max(memory[c, BEST], sum(nearness(m, c, 1.0, error, turned)))
+        memory[c, HELD] = memory[c, HELD] + 1.0 if rests(m, c, error, turned) else 0.0
 
 
 @kernel
 def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     for c in range(out.shape[0]):
-        met = lies(m, c)
+        error, turned = error_of(m, c), turned_of(m, c)
+        lowest = min(m.centre[c, BOX, 2], m.centre[c, PUSHER, 2]) - m.centre[c, BLOCK, 2]
+        fallen = lowest < SUNK or min(m.axis[c, BOX, 2], m.axis[c, BLOCK, 2]) < 0.7
+        met = rests(m, c, error, turned) and not fallen
         stacked = met and s.memory[c, HELD] + 1.0 >= HOLD
-        out["reward_nearer"][c] = 0.2 * max(nearness(m, c) - s.memory[c, BEST], 0.0)
+        out["reward_nearer"][c] = 0.2 * max(sum(nearness(m, c, 1.0, error, turned)) - s.memory[c, BEST], 0.0)
         out["reward_stacked"][c] = 0.8 if stacked else 0.0
-        out["error"][c] = error_of(m, c)
-        out["heading"][c] = turned_of(m, c)
-        out["speed"][c] = speed_of(m, c)
+        out["error"][c], out["heading"][c], out["speed"][c] = error, turned, speed_of(m, c)
         out["met"][c] = met
-        out["failed"][c] = stacked or fallen(m, c)  # both end the episode
+        out["failed"][c] = stacked or fallen  # both end the episode
 
 
 @kernel
@@ -283,8 +268,8 @@ class SpringStackEnv(SpringEnv, gym.Env, task=SpringStack):
 
     ## Rewards
     Seen from above, e is the distance between the centres of box and block, φ the angle between them, and a
-    the distance between ball and box. With N = [L(e; 0.03, 0.3) + G(e; 0.03, 0.5)]/2, P = 0.1 G(a; 0.3, 0.5)
-    + 0.9 N (1 + G(φ; 0.05, 0.8))/2 is at most 1 ([G, L](../environments.md#shared-definitions)).
+    the distance between ball and box. With N = [L(e; 0.03, 0.3) + G(e; 0.03, 0.5)]/2, P = 0.05 G(a; 0.3,
+    0.5) + 0.95 N (1 + G(φ; 0.05, 0.8))/2 is at most 1 ([G, L](../environments.md#shared-definitions)).
     `reward_nearer` is 0.2 times what P exceeds its largest value in the episode by; `reward_stacked` is 0.8
     in the step in which the episode ends with success. So an episode that succeeds returns at least 0.8, any
     other at most 0.2.
