@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import torch
 from config import NetworkConfig, PPOConfig
-from sb3_contrib import TQC, CrossQ
+from sb3_contrib import TQC
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.running_mean_std import RunningMeanStd
 
 from springgym.cli import whole_file
 from springgym.envs import agent
-from springgym.envs.agent import SQUASHED, STATISTICS, Algorithm
+from springgym.envs.agent import STATISTICS, Algorithm
 
 
 class HER(SAC):
@@ -23,20 +23,10 @@ class HER(SAC):
 
 
 #: Those of Stable-Baselines3.
-ALGORITHMS: dict[Algorithm, type[BaseAlgorithm]] = {
-    "ppo": PPO,
-    "sac": SAC,
-    "tqc": TQC,
-    "crossq": CrossQ,
-    "her": HER,
-}
+ALGORITHMS: dict[Algorithm, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "tqc": TQC, "her": HER}
 
 ADAM_EPSILON = 1e-5
 """Stable-Baselines3's for PPO. Adam is fused into one call: a step of it has a dozen small tensors."""
-
-RENORM_EPSILON = 1e-3
-"""CrossQ adds this to the variance."""
-
 
 ACTIVATIONS: dict[str, type[torch.nn.Module]] = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
 """What stands between the layers of a network, by its name in configurations."""
@@ -58,8 +48,6 @@ def save_agent(path: Path, model: BaseAlgorithm) -> None:
     (algo,) = (name for name, kind in ALGORITHMS.items() if type(model) is kind)
     tensors = model.policy.state_dict()
     arrays = {name: tensor.cpu().numpy() for name, tensor in tensors.items() if agent.acts(algo, name)}
-    if algo == "crossq":
-        arrays = _without_normalisation(arrays)
     if normalize := model.get_vec_normalize_env():
         found, limits = normalize.obs_rms, np.array([normalize.epsilon, normalize.clip_obs])
         parts = [found] if isinstance(found, RunningMeanStd) else [found[name] for name in sorted(found)]
@@ -67,24 +55,3 @@ def save_agent(path: Path, model: BaseAlgorithm) -> None:
         arrays |= dict(zip(STATISTICS, (mean, variance, limits), strict=True))
     with whole_file(path) as temporary:
         np.savez(temporary, **arrays)
-
-
-def _without_normalisation(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Replace the layers of CrossQ's actor by plain ones.
-
-    A normalisation y = s (x − m)/√(v + ε) + t stands before each layer W y + b, and is made part of it:
-    W' = W diag(s/√(v + ε)), b' = b + W (t − s m/√(v + ε)).
-    """
-    hidden, last = SQUASHED
-    count = sum(name.endswith(".ra_mean") for name in arrays)
-    plain = {}
-    for n in range(count):  # normalisation, layer, activation, normalisation, …
-        before = f"{hidden}.{3 * n}"
-        layer, name = (f"{hidden}.{3 * n + 1}", f"{hidden}.{2 * n}") if n < count - 1 else (last, last)
-        mean, variance, scale, shift = (
-            arrays[f"{before}.{key}"].astype(float) for key in ("ra_mean", "ra_var", "scale", "bias")
-        )
-        gain, weight = scale / np.sqrt(variance + RENORM_EPSILON), arrays[f"{layer}.weight"].astype(float)
-        plain[f"{name}.weight"] = (weight * gain).astype(np.float32)
-        plain[f"{name}.bias"] = (arrays[f"{layer}.bias"] + weight @ (shift - gain * mean)).astype(np.float32)
-    return plain

@@ -1,15 +1,17 @@
-"""Train and evaluate every task with every algorithm from several seeds, unattended.
+"""Compare algorithms on a suite of tasks, by what they reach in the same time on one core, unattended.
 
-    python agents/benchmark.py                                    # all, on all cores of this machine
+    nice -n 19 python agents/benchmark.py                         # the suite, on all cores of this machine
     python agents/benchmark.py --tasks SpringTop-v0 --algorithms ppo linear --seeds 5
     python agents/benchmark.py --local --jobs 1                   # without Ray
     python agents/benchmark.py --address auto                     # on the Ray cluster that runs here
 
 Each run is one of ``agents/train.py`` with the same arguments, on one core and one thread, in a folder under
-``--runs`` with its output in ``log.txt``. At the end, its agent plays 100 held-out episodes, and a result (a
-row) is added to ``--json``. The same command continues a stopped benchmark: it skips runs with a result and
-continues others from their newest checkpoint. A run is repeated if its configuration, its task or the
-protocol has changed. docs/benchmark.md holds the protocol and describes the results. Check those of others by
+``--runs`` with its output in ``log.txt``. It learns for ``--seconds`` of processor time, in which evaluations
+do not count; with 0, for the steps that its configuration says. At the end, its agent plays 100 held-out
+episodes, and a result (a row) is added to ``--json``. The same command continues a stopped benchmark: it
+skips runs with a result and continues others from their newest checkpoint. A run is repeated if its
+configuration, its task or the protocol has changed. docs/benchmark.md holds the protocol and describes the
+results. Check those of others by
 
     python agents/benchmark.py --check rows.json --agents FOLDER
 
@@ -35,12 +37,15 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any
 
-from config import CONFIG_FOLDER, MENDABLE, ONLINE, Config, ConfigError, config_path, load_config, whole
+from config import MENDABLE, ONLINE, Config, ConfigError, config_path, load_config, number, whole
 from controllers import UNTRAINED, controllers_of
 from evaluate import evaluate, find_task, percent, score
 from results import (
+    COMPARED,
     EPISODES,
     PROTOCOL,
+    SECONDS,
+    SUITE,
     Cell,
     Row,
     add_row,
@@ -59,11 +64,10 @@ from tqdm import tqdm
 
 from springgym.cli import INTERRUPTED, guarded
 from springgym.extras import install
-from springgym.registration import ALL_IDS, spec_of
+from springgym.registration import spec_of
 from springgym.strict_yaml import read_yaml
 
 ROOT = Path(__file__).resolve().parent.parent
-ALGORITHMS = (*UNTRAINED, *ONLINE)
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 TRIES = 5
 """Number of node failures that a run survives."""
@@ -293,7 +297,7 @@ def planned(tasks: Sequence[str], algorithms: Sequence[str], seeds: int) -> list
         for task in tasks
         if seed == 0 or algorithm not in UNTRAINED
         if algorithm != "classical" or controllers_of(task)
-        if algorithm != "her" or task in read_yaml(CONFIG_FOLDER / "her.yaml").value
+        if algorithm != "her" or task in read_yaml(config_path("her")).value
     ]
 
 
@@ -306,10 +310,25 @@ def is_current(row: Row, cell: Cell, plan: Plan) -> bool:
 
 def add_hyperparameters(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments that say how agents are trained."""
-    parser.add_argument("--configs", type=Path, help="folder of hyperparameters (default: configs)")
+    parser.add_argument(
+        "--seconds",
+        type=number(0.0, 1e9),
+        default=SECONDS,
+        help=f"processor time of learning of a run (default: {SECONDS:g}); 0: the configuration's steps",
+    )
+    parser.add_argument("--configs", type=absolute, help="folder of hyperparameters (default: configs)")
     parser.add_argument(
         "--set", dest="overrides", nargs="+", default=[], metavar="KEY=VALUE", help="change hyperparameters"
     )
+
+
+def absolute(path: str) -> Path:
+    return Path(path).absolute()
+
+
+def overrides_of(options: argparse.Namespace) -> tuple[str, ...]:
+    """Return the changes of hyperparameters that `add_hyperparameters` has declared."""
+    return (f"seconds={options.seconds}", *options.overrides) if options.seconds else tuple(options.overrides)
 
 
 def parsed(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> argparse.Namespace:
@@ -344,10 +363,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument(
-        "--tasks", nargs="+", default=list(ALL_IDS), metavar="ID", help="environment ids (default: all)"
+        "--tasks", nargs="+", default=SUITE, metavar="ID", help="environment ids (default: the suite)"
     )
     parser.add_argument(
-        "--algorithms", nargs="+", default=ALGORITHMS, choices=ALGORITHMS, help="algorithms (default: all)"
+        "--algorithms",
+        nargs="+",
+        default=(*UNTRAINED, *COMPARED),
+        choices=(*UNTRAINED, *ONLINE),
+        help=f"algorithms (default: controllers, {', '.join(COMPARED)})",
     )
     parser.add_argument(
         "--seeds", type=whole(1, 1000), default=5, help="number of seeds, from 0 on (default: 5)"
@@ -380,9 +403,7 @@ def benchmark(options: argparse.Namespace) -> int:
     """Run what has no row yet."""
     runs = options.runs.absolute()
     runs.mkdir(parents=True, exist_ok=True)
-    plan = Plan(
-        runs, options.episodes, tuple(options.overrides), options.configs and options.configs.absolute()
-    )
+    plan = Plan(runs, options.episodes, overrides_of(options), options.configs)
     for task in options.tasks:
         spec_of(task)
     cells = planned(options.tasks, options.algorithms, options.seeds)
@@ -411,14 +432,13 @@ def collected(
     cells: Sequence[Cell], plan: Plan, results: Iterator[Outcome | None], path: Path
 ) -> list[tuple[Cell, str]]:
     """Write rows as they come, show how far all has come, and return what failed."""
-    failed, open_cells = [], {cell: steps_of(cell, plan) for cell in cells}
-    total, finished = sum(open_cells.values()), 0
-    with tqdm(total=total, unit="step", unit_scale=True, mininterval=1.0, smoothing=0.02) as bar:
+    failed, open_cells = [], list(cells)
+    with tqdm(total=len(cells), unit="run", mininterval=1.0, smoothing=0.02) as bar:
         bar.update(0)
         for result in results:
             if result is not None:
                 cell, row = result
-                finished += open_cells.pop(cell)
+                open_cells.remove(cell)
                 if isinstance(row, str):
                     failed.append((cell, row))
                     tqdm.write(f"{cell}: failed: {row}")
@@ -429,18 +449,17 @@ def collected(
                         f"{cell}: success {success}, return {scale * row['mean_return']:.3f} per {unit}, "
                         f"{row['seconds']:.0f} s of processor time"
                     )
-            under_way = sum(
-                min(last_row(plan.folder(c))[0], steps) for c, steps in open_cells.items() if steps
+            bar.n = round(
+                len(cells) - len(open_cells) + sum(share_done(cell, plan) for cell in open_cells), 2
             )
-            bar.n = finished + under_way
-            bar.set_postfix({"runs left": len(open_cells)}, refresh=False)
             bar.update(0)
     return failed
 
 
-def steps_of(cell: Cell, plan: Plan) -> int:
+def share_done(cell: Cell, plan: Plan) -> float:
+    """Return how much of a run is done, from 0 to 1."""
     config = config_of(cell, plan)
-    return 0 if config is None else int(config.total_timesteps)
+    return 0.0 if config is None else config.share_done(*last_row(plan.folder(cell)))
 
 
 if __name__ == "__main__":

@@ -86,8 +86,14 @@ class Config:
     ``eval_env_kwargs`` are added."""
 
     total_timesteps: int
+    seconds: float = 0.0
+    """of learning, in place of ``total_timesteps``; 0 for as many steps as that"""
     env_kwargs: dict[str, Any] = field(default_factory=dict)
     eval_env_kwargs: dict[str, Any] = field(default_factory=dict)
+
+    def share_done(self, steps: int, seconds: float) -> float:
+        """Return the share of a run that is done after so many steps and seconds of learning."""
+        return min(seconds / self.seconds if self.seconds else steps / self.total_timesteps, 1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,18 +137,13 @@ class PPOConfig(SB3Config):
 
 
 @dataclass(frozen=True, kw_only=True)
-class OffPolicyConfig(SB3Config):
-    """Those that learn from a replay buffer. ``gradient_steps`` follow each step of all copies."""
+class SACConfig(SB3Config):
+    """Soft actor-critic (Haarnoja et al. 2018, arXiv:1812.05905). ``gradient_steps`` follow each step of all
+    copies."""
 
     buffer_size: int
     learning_starts: int
     gradient_steps: int
-
-
-@dataclass(frozen=True, kw_only=True)
-class SACConfig(OffPolicyConfig):
-    """Soft actor-critic (Haarnoja et al. 2018, arXiv:1812.05905)."""
-
     tau: float
 
 
@@ -152,14 +153,6 @@ class TQCConfig(SACConfig):
 
     dropped_quantiles: int = 2
     """of each network's 25, the largest"""
-
-
-@dataclass(frozen=True, kw_only=True)
-class CrossQConfig(OffPolicyConfig):
-    """Batch normalisation in place of target networks (Bhatt et al. 2024, OpenReview PczQtTsTIX)."""
-
-    policy_delay: int = 3
-    """updates of the critics to one of the actor"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -210,7 +203,6 @@ CONFIG_OF: dict[Algorithm, type[Config]] = {
     "ppo": PPOConfig,
     "sac": SACConfig,
     "tqc": TQCConfig,
-    "crossq": CrossQConfig,
     "her": HERConfig,
     "linear": LinearConfig,
     "iql": IQLConfig,
@@ -220,6 +212,7 @@ ONLINE = tuple(algo for algo, kind in CONFIG_OF.items() if kind is not IQLConfig
 
 RANGES = {
     "total_timesteps": (1, inf),
+    "seconds": (0.0, inf),
     "n_envs": (1, 1_000_000),
     "batch_size": (2, 1_000_000_000),
     "learning_rate": (1e-8, 1.0),
@@ -238,7 +231,6 @@ RANGES = {
     "learning_starts": (0, inf),
     "gradient_steps": (1, inf),
     "dropped_quantiles": (0, 24),
-    "policy_delay": (1, inf),
     "expectile": (0.0, 1.0),
     "temperature": (0.0, 1000.0),
     "relabelled": (1, 1000),

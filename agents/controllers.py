@@ -519,7 +519,7 @@ def billiards_stroke(task: Task, observations: np.ndarray) -> np.ndarray:
     meeting = leaving / ((1.0 + billiards.RESTITUTION) / 2.0 * np.maximum(_dot(aim, onward), 0.2))
     speed = np.sqrt(meeting**2 + 2.0 * slowing * away)
     force = billiards.MASS * (speed / task.period + slowing) * aim
-    return _saturated(force * (seen["strokes"] > 0.5), task.limits)
+    return _saturated(force, task.limits)
 
 
 def duel_push(task: Task, observations: np.ndarray) -> np.ndarray:

@@ -5,26 +5,26 @@ from __future__ import annotations
 from typing import Any
 
 from agent import ALGORITHMS, policy_kwargs
-from config import (
-    ConfigError,
-    CrossQConfig,
-    HERConfig,
-    OffPolicyConfig,
-    PPOConfig,
-    SACConfig,
-    SB3Config,
-    TQCConfig,
-    making,
-)
+from config import ConfigError, HERConfig, PPOConfig, SACConfig, SB3Config, TQCConfig, making
 from gymnasium import spaces
 from imitation import teacher
 from runs import Run, time_limit
 from stable_baselines3 import HerReplayBuffer
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 from springgym.envs.sb3 import SB3VecEnv, StaggeredMonitor, make_sb3
+
+
+class Falling:
+    """A learning rate that falls to 0 in a straight line until the run ends."""
+
+    def __init__(self, rate: float) -> None:
+        self.rate, self.left = rate, 1.0
+
+    def __call__(self, steps_left: float) -> float:
+        """Return the rate, given the share of the steps that is left."""
+        return self.rate * min(self.left, steps_left)
 
 
 def network_config(run: Run) -> SB3Config:
@@ -92,9 +92,7 @@ def _new_model(run: Run, env: VecEnv) -> BaseAlgorithm:
     common: dict[str, Any] = {
         "policy": "MultiInputPolicy" if isinstance(env.observation_space, spaces.Dict) else "MlpPolicy",
         "env": VecNormalize(env, gamma=config.gamma) if config.normalize else env,
-        "learning_rate": LinearSchedule(config.learning_rate, 0.0, 1.0)
-        if config.anneal
-        else config.learning_rate,
+        "learning_rate": Falling(config.learning_rate) if config.anneal else config.learning_rate,
         "batch_size": config.batch_size,
         "gamma": config.gamma,
         "seed": run.seed,
@@ -105,14 +103,10 @@ def _new_model(run: Run, env: VecEnv) -> BaseAlgorithm:
     """argument of Stable-Baselines3 -> field"""
     if isinstance(config, PPOConfig):
         names |= {key: key for key in ("n_steps", "n_epochs", "gae_lambda", "ent_coef")}
-    if isinstance(config, OffPolicyConfig):
-        names |= {key: key for key in ("buffer_size", "learning_starts", "gradient_steps")}
     if isinstance(config, SACConfig):
-        names["tau"] = "tau"
+        names |= {key: key for key in ("buffer_size", "learning_starts", "gradient_steps", "tau")}
     if isinstance(config, TQCConfig):
         names["top_quantiles_to_drop_per_net"] = "dropped_quantiles"
-    if isinstance(config, CrossQConfig):
-        names["policy_delay"] = "policy_delay"
     own = {argument: getattr(config, field) for argument, field in names.items()}
     if isinstance(config, HERConfig):
         if not isinstance(env.observation_space, spaces.Dict):

@@ -61,7 +61,7 @@ class Search:
         seeds = self.rng.integers(0, HELD_OUT_SEED, config.episodes).tolist()
         returns, lengths, successes, taken = self._play(drawn, seeds)
         best = drawn[np.argsort(-returns.mean(axis=1), kind="stable")[: config.elites]]
-        left = max(0.0, 1.0 - self.timesteps / config.total_timesteps)
+        left = 1.0 - config.share_done(self.timesteps, self.seconds)
         self.mean = best.mean(axis=0)
         self.spread = np.sqrt(best.var(axis=0) + (left * config.extra_spread) ** 2)
         self.timesteps += taken

@@ -2,6 +2,7 @@
 
     python agents/plan.py --tasks SpringTop-v0 --episodes 5
     python agents/plan.py --tasks SpringTop-v0 --samples 256 --iterations 4
+    python agents/plan.py --json docs/planner.json
 
 A plan is a sequence of actions with linear interpolation. Every --spacing seconds, many plans are simulated
 from the environment's state in a native batch, and improved by the cross-entropy method of Pinneri et al.
@@ -13,6 +14,9 @@ The return is that of ``agents/evaluate.py``: the mean reward per step, if an ep
 nothing for the rest. Plans are compared by the terms of the reward, which a sparse variant reports in
 ``info``. Intervals have 95 %: a bootstrap over the episodes for the return, and Wilson's interval for
 success. Seconds are those of one processor core.
+
+With ``--json``, a task that has a row is skipped, unless its planner, the task or the protocol has changed.
+Episodes are written ten at a time: if the command was stopped, the same command continues.
 """
 
 from __future__ import annotations
@@ -21,7 +25,9 @@ import argparse
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from hashlib import sha256
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -29,12 +35,22 @@ import numpy as np
 from config import MENDABLE, making, number, whole
 from evaluate import percent, score
 from gymnasium.vector import AutoresetMode, VectorEnv
-from results import interval_of_returns, wilson
+from results import (
+    PROTOCOL,
+    add_row,
+    identity,
+    interval_of_returns,
+    made_with,
+    probe,
+    read_rows,
+    same_probe,
+    wilson,
+)
 from runs import HELD_OUT_SEED, time_limit
 
 import springgym
-from springgym.cli import guarded
-from springgym.registration import find, spec_of
+from springgym.cli import INTERRUPTED, guarded
+from springgym.registration import ENVIRONMENTS, find, spec_of
 
 AT_ONCE = 10
 """Number of episodes that are played at once."""
@@ -67,16 +83,16 @@ class Planner:
     arXiv:1509.01149)"""
 
     def periods(self, period: float) -> tuple[int, int]:
-        """Return the number of actions of a plan, and the number of control periods between two of them."""
+        """Return the number of actions of a plan, and the number of steps [s] between two of them."""
         between = max(1, round(self.spacing / period))
-        return max(2, round(self.horizon / (between * period))), between
+        return max(1, round(self.horizon / (between * period))), between
 
 
 SETTINGS: dict[str, dict[str, Any]] = {
     "SpringPendulum-v0": {"horizon": 3.0},  # a swing to the other side takes 1.5 s
     "SpringFreeTop-v0": {"horizon": 1.2, "spread": 0.2},  # larger pushes fell it, whatever comes after
-    # one stroke of a hundred pots the ball, and the planner waits until it has found one
-    "SpringBilliards-v0": {"samples": 1024, "horizon": 4.0, "spacing": 2.0, "iterations": 3, "spread": 1.0},
+    # one action is all: one stroke of a hundred pots the ball
+    "SpringBilliards-v0": {"samples": 1024, "iterations": 3, "spread": 1.0},
     # what collides takes longer to simulate: fewer plans, or not so far
     "SpringLabyrinth-v0": {"samples": 48, "horizon": 1.5, "spacing": 0.2},
     "SpringBalance-v0": {"samples": 32, "horizon": 1.0},
@@ -180,7 +196,7 @@ def play(envs: VectorEnv, model: VectorEnv, seeds: Sequence[int], planner: Plann
     envs.reset(seed=list(seeds))  # type: ignore[arg-type]
     limit, size = time_limit(envs.spec), envs.single_action_space.shape[0]  # type: ignore[arg-type, index]
     own: Any = model.unwrapped
-    length, between = planner.periods(own.episodes.task.period)
+    length, between = planner.periods(own.episodes.task.action_period)
     searches = [Search(planner, (length, size), seed) for seed in seeds]
     found: list[dict[str, Any]] = [
         {"seed": seed, "return": 0.0, "success": False, "steps": 0, "seconds": 0.0} for seed in seeds
@@ -254,7 +270,7 @@ def summary(task: str, played: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "episodes": len(played),
         "return_interval": [round(end, 4) for end in interval_of_returns(returns)],
         "success_interval": [round(end, 4) for end in wilson(sum(successes), len(played))] if known else None,
-        "real_time_factor": round(seconds / (steps * own.episodes.task.period), 3),
+        "real_time_factor": round(seconds / (steps * own.episodes.task.action_period), 3),
     }
 
 
@@ -272,8 +288,31 @@ def line_of(row: Mapping[str, Any]) -> str:
     )
 
 
+def digest(planner: Planner) -> str:
+    """Return eight letters that depend on the settings of a planner."""
+    return sha256(repr(planner).encode()).hexdigest()[:8]
+
+
+def make_row(task: str, planner: Planner, first: int, episodes: int, kept: Path | None) -> dict[str, Any]:
+    """Play episodes of a task, from where a file of episodes stands if there is one, and return the row."""
+    row: dict[str, Any] = {}
+    if kept:
+        row = {"protocol": PROTOCOL, "task": task, "algorithm": "planner", "seed": 0, "steps": 0}
+        row |= {"config": digest(planner), "first_seed": first, "probe": probe(task), **made_with()}
+    part = read_rows(kept).get(identity(row), {}) if kept else {}
+    same = part and {name: part.get(name) for name in row} == row
+    played = part["played"][:episodes] if same else []
+    while len(played) < episodes:
+        start, count = first + len(played), min(AT_ONCE, episodes - len(played))
+        played = [*played, *play_episodes(task, planner, range(start, start + count))]
+        if kept:
+            add_row(kept, {**row, "played": played})
+    settings = {name: value for name, value in asdict(planner).items() if value is not None}
+    return {**row, **summary(task, played), "planner": settings}
+
+
 def plan_tasks(options: argparse.Namespace) -> int:
-    """Play the episodes of the tasks that are asked for, and print what the planner reaches."""
+    """Play the episodes of the tasks that are asked for, print what the planner reaches, and write it."""
     names = ("samples", "horizon", "spacing", "iterations", "temperature")
     given = {name: getattr(options, name) for name in names}
     for task in options.tasks:
@@ -281,11 +320,21 @@ def plan_tasks(options: argparse.Namespace) -> int:
     for task in options.tasks:
         planner = planner_of(task, **given)
         planner = replace(planner, elites=min(planner.elites, planner.samples))
-        played: list[dict[str, Any]] = []
-        while len(played) < options.episodes:
-            first, count = options.seed + len(played), min(AT_ONCE, options.episodes - len(played))
-            played += play_episodes(task, planner, range(first, first + count))
-        print(line_of(summary(task, played)), flush=True)
+        if options.json:
+            now = {"protocol": PROTOCOL, "config": digest(planner), "episodes": options.episodes}
+            run = {"task": task, "algorithm": "planner", "seed": 0}
+            old = read_rows(options.json).get(identity(run), {})
+            if {name: old.get(name) for name in now} == now and same_probe(old["probe"], task):
+                continue
+        try:
+            kept = options.json and options.json.with_suffix(".parts.json")
+            row = make_row(task, planner, options.seed, options.episodes, kept)
+        except KeyboardInterrupt:
+            print("\nstopped" + ("; the same command continues" if options.json else ""))
+            return INTERRUPTED
+        if options.json:
+            add_row(options.json, row)
+        print(line_of(row), flush=True)
     return 0
 
 
@@ -295,7 +344,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--tasks", nargs="+", required=True, metavar="ID", help="environment ids")
+    every = [row.id for row in ENVIRONMENTS]
+    parser.add_argument("--tasks", nargs="+", default=every, metavar="ID", help="ids (default: all)")
+    parser.add_argument("--json", type=Path, help="file of rows, in the form of agents/benchmark.py")
     parser.add_argument(
         "--episodes", type=whole(1, 10_000), default=AT_ONCE, help=f"number of episodes (default: {AT_ONCE})"
     )

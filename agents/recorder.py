@@ -27,7 +27,7 @@ import torch
 from agent import ALGORITHMS, save_agent
 from config import ConfigError
 from evaluate import Evaluation, evaluate, task_kwargs
-from learner import native_env, network_config
+from learner import Falling, native_env, network_config
 from runs import PROGRESS_SEED, Run, time_limit, write_atomically
 from stable_baselines3 import HerReplayBuffer
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -62,6 +62,9 @@ PROGRESS = ("timesteps", "seconds", "return_per_step", "success_rate")
 """The columns of progress.csv: the results of the agent without noise."""
 PLAYED = 20
 """Number of episodes that the agent plays at each checkpoint."""
+SHORTEST, LONGEST = 1.0, 30.0
+"""Seconds of learning between two checkpoints of a run that is measured in seconds: a tenth of those so far,
+within these bounds."""
 
 
 class Recorder(BaseCallback):
@@ -76,7 +79,8 @@ class Recorder(BaseCallback):
         self.run, self.env, self.config = run, env, network_config(run)
         self.limit = time_limit(native_env(env).spec)
         self.path = run.folder / "metrics.csv"
-        self.seconds = 0.0
+        self.seconds = self.seconds_at = 0.0
+        self.is_over = False
         self.row_at = self.checkpoint_at = self.steps = self.episodes = 0
         self.reward = 0.0
         self.progress: list[tuple[int, float, float, float | None]] = []
@@ -131,7 +135,7 @@ class Recorder(BaseCallback):
         return lines
 
     def _on_training_start(self) -> None:
-        self.checkpoint_at = self.num_timesteps
+        self.checkpoint_at, self.seconds_at = self.num_timesteps, self.seconds
         self.started = self.clock() - self.seconds
 
     def _on_step(self) -> bool:
@@ -141,35 +145,49 @@ class Recorder(BaseCallback):
         self.steps += len(rewards)
         self.episodes += int(self.locals["dones"].sum())
         self.bar.update(len(rewards))
-        return True
+        return not self.is_over
 
     def _on_rollout_start(self) -> None:
         """Note that the agent is up to date and no step is under way, between two iterations."""
         self.seconds = self.clock() - self.started
         if self.num_timesteps - self.row_at >= self.config.log_every:
             self.write_row()
-        if self.num_timesteps - self.checkpoint_at >= self.config.checkpoint_every:
-            self.play()
-            save_checkpoint(self.run, self.env, self.model, self)
-            self.checkpoint_at = self.num_timesteps
+        done = self.config.share_done(self.num_timesteps, self.seconds)
+        if isinstance(rate := self.model.learning_rate, Falling):
+            rate.left = 1.0 - done
+        self.is_over = done == 1.0
+        if self.is_due() and not self.is_over:
+            self.write_checkpoint()
+
+    def is_due(self) -> bool:
+        """Return whether to write a checkpoint."""
+        if self.config.seconds:
+            between = min(max(self.seconds_at / 10, SHORTEST), LONGEST)
+            return self.seconds - self.seconds_at >= between
+        return self.num_timesteps - self.checkpoint_at >= self.config.checkpoint_every
 
     def _on_training_end(self) -> None:
         self.seconds = self.clock() - self.started
         if self.steps:
             self.write_row()
+        self.write_checkpoint()
+
+    def write_checkpoint(self) -> None:
+        """Evaluate the agent and write a checkpoint, which is no part of the training's seconds."""
+        began = self.clock()
+        self.checkpoint_at, self.seconds_at = self.num_timesteps, self.seconds
         self.play()
         save_checkpoint(self.run, self.env, self.model, self)
+        self.started += self.clock() - began
 
     def play(self) -> None:
-        """See what the agent reaches without noise; that is no part of the training's seconds."""
-        began = self.clock()
+        """See what the agent reaches without noise."""
         save_agent(self.run.agent, self.model)
         task = task_kwargs(self.config)
         played = evaluate(str(self.run.folder), self.run.env_id, task, PLAYED, PROGRESS_SEED)
         reached = played.return_per_step, played.success_rate
         self.progress.append((self.num_timesteps, round(self.seconds, 2), *reached))
         self.write_progress()
-        self.started += self.clock() - began
 
     def write_progress(self) -> None:
         """Write progress.csv."""
@@ -204,7 +222,7 @@ class Recorder(BaseCallback):
 
 # --- Checkpoints ---------------------------------------------------------------------------------------
 
-MAY_CHANGE = ("total_timesteps", "log_every", "checkpoint_every", "eval_env_kwargs")
+MAY_CHANGE = ("total_timesteps", "seconds", "log_every", "checkpoint_every", "eval_env_kwargs")
 """Settings that may change when a run is resumed."""
 
 

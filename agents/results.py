@@ -12,7 +12,7 @@ import math
 import re
 import sys
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, Field, asdict, fields
 from functools import cache
 from hashlib import sha256
@@ -29,8 +29,24 @@ from springgym.registration import find
 
 Row = Mapping[str, Any]
 
-PROTOCOL = 2
-"""Version of the protocol: seeds, episodes, probe, and the form of a row."""
+PROTOCOL = 3
+"""Version of the protocol: budgets, seeds, episodes, probe, and the form of a row."""
+SUITE = (
+    "SpringPendulum-v0",
+    "SpringLabyrinth-v0",
+    "SpringTumbleHard-v0",
+    "SpringGyroscopeHard-v0",
+    "SpringDetumbleParticles-v0",
+    "SpringBilliards-v0",
+    "SpringTower-v0",
+    "SpringDuel-v0",
+)
+"""The tasks by which algorithms are compared."""
+COMPARED = ("ppo", "sac", "tqc")
+SECONDS, SAMPLES = 600.0, 200_000
+"""Budgets at which they are compared: seconds of learning on one core, and environment steps."""
+REFERENCES = ("classical", "planner")
+"""The better of them in a task scores 1, random actions 0."""
 EPISODES = 100
 """Number of held-out episodes that a row reports at least."""
 FORM: dict[str, tuple[type, ...]] = {
@@ -68,10 +84,12 @@ USED = (
     "data",
 )
 """What a row can have used beside the rewards of the task's own episodes."""
-POINTS = 40
+POINTS = 60
 """Largest number of points of a curve in a row."""
 PROBED = 8
 """Number of episodes of each agent in a probe."""
+ENOUGH = 0.03
+"""By how much a run may miss a budget."""
 SAME = 1e-6
 """Largest difference between the probes of the same task."""
 ROUNDED = 1e-5
@@ -354,6 +372,49 @@ def check(path: Path, agents: Path | None = None) -> int:
     return 1 if refused else 0
 
 
+# --- Scores -------------------------------------------------------------------------------------------
+
+
+def scale_of(task: str, rows: Iterable[Row]) -> tuple[float, float] | None:
+    """Return the mean returns that score 0 and 1 in a task, random actions' and the best reference's; None if
+    a row lacks."""
+    mean = {row["algorithm"]: row["mean_return"] for row in rows if row["task"] == task}
+    found = [mean[name] for name in REFERENCES if name in mean]
+    return (mean["random"], max(found)) if found and "random" in mean else None
+
+
+def reached(row: Row, column: int, budget: float) -> float | None:
+    """Return the return per step that a run had reached after a budget of steps (column 0) or seconds (1).
+
+    At its end it is that of the held-out episodes, before that of the learning curve, between whose points it
+    is interpolated. None if the run was shorter than the budget.
+    """
+    spent = row[("steps", "seconds")[column]]
+    if abs(spent / budget - 1.0) <= ENOUGH:
+        return float(row["mean_return"])
+    points = np.array([point[:3] for point in row["curve"]], float)
+    if spent < budget or not len(points):
+        return None
+    return float(np.interp(budget, points[:, column], points[:, 2]))
+
+
+def scores(rows: Sequence[Row], column: int, budget: float) -> dict[tuple[str, ...], dict[str, np.ndarray]]:
+    """Return the scores (seeds,) in tasks of `SUITE`, by algorithm with what it used, and by task.
+
+    A score is the share of the way from random actions to the reference, see `scale_of`.
+    """
+    found: dict[tuple[str, ...], dict[str, np.ndarray]] = {}
+    for task in SUITE:
+        scale = scale_of(task, rows)
+        for row in rows:
+            value = reached(row, column, budget) if row["task"] == task and row["steps"] else None
+            if scale and value is not None:
+                own = found.setdefault((row["algorithm"], *row["used"]), {})
+                score = (value - scale[0]) / (scale[1] - scale[0])
+                own[task] = np.append(own.get(task, []), score)
+    return found
+
+
 # --- Statistics ----------------------------------------------------------------------------------------
 
 REPETITIONS = 2000
@@ -368,11 +429,6 @@ def interquartile_mean(scores: np.ndarray) -> float:
     edges = np.arange(len(ordered) + 1) / len(ordered)
     inside = np.clip(np.minimum(edges[1:], 0.75) - np.maximum(edges[:-1], 0.25), 0.0, None)
     return float(np.sum(inside * ordered) / np.sum(inside))
-
-
-def profile(scores: np.ndarray, levels: np.ndarray) -> np.ndarray:
-    """Share of the runs that score more than each level."""
-    return np.array([np.mean(np.ravel(scores) > level) for level in levels])
 
 
 def interval(

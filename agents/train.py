@@ -40,6 +40,8 @@ from springgym.envs.agent import Algorithm
 from springgym.envs.sb3 import StaggeredMonitor
 from springgym.registration import find
 
+MOST_STEPS = 10**12
+
 
 def main(arguments: Sequence[str] | None = None, program: str = "train.py") -> int:
     """Run the command line."""
@@ -56,7 +58,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "train.py") -> i
     parser.add_argument("--run", type=Path, help="output folder (default: runs/<env id>-<algo>-<seed>)")
     parser.add_argument("--config", type=Path, help="hyperparameter file (default: configs/<algo>.yaml)")
     add_overrides(parser, "change hyperparameters")
-    parser.add_argument("--timesteps", type=whole(0, 10**12), help="same as --set total_timesteps=...")
+    parser.add_argument("--timesteps", type=whole(0, MOST_STEPS), help="same as --set total_timesteps=...")
     parser.add_argument("--resume", type=Path, metavar="RUN", help="continue this run")
     parser.add_argument(
         "--episodes",
@@ -147,17 +149,18 @@ def finish(run: Run, env: StaggeredMonitor, model: BaseAlgorithm, recorder: Reco
     """Train what is left, then evaluate and show the agent."""
     try:
         begin_with_imitation(run, model, recorder)
-        left = run.config.total_timesteps - model.num_timesteps
-        if left > 0:
+        steps = MOST_STEPS if run.config.seconds else run.config.total_timesteps
+        if run.config.share_done(model.num_timesteps, recorder.seconds) < 1.0:
             with tqdm(
                 desc=run.env_id,
                 initial=model.num_timesteps,
-                total=run.config.total_timesteps,
+                total=None if run.config.seconds else steps,
                 unit="step",
                 unit_scale=True,
                 mininterval=0.5,
             ) as recorder.bar:
                 # No log_interval: the recorder logs, at every row.
+                left = steps - model.num_timesteps
                 model.learn(left, recorder, log_interval=None, reset_num_timesteps=False)  # type: ignore[arg-type]
     except KeyboardInterrupt:
         print(f"\nstopped; continue with: springgym train --resume {run.folder}")
@@ -206,7 +209,7 @@ def finish_search(search: Search, episodes: int) -> int:
         with tqdm(
             desc=run.env_id, initial=search.timesteps, total=total, unit="step", unit_scale=True
         ) as bar:
-            while search.timesteps < total:
+            while search.config.share_done(search.timesteps, search.seconds) < 1.0:
                 search.generation()
                 search.seconds = Recorder.clock() - started
                 search.save()

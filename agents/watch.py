@@ -65,13 +65,11 @@ def make_watched(
 
 
 def play_episode(env: gym.Env, policy: Policy, seed: int) -> Iterator[Any]:
-    """Play one episode: a picture of its start and one of every step, or None where a window shows it."""
+    """Play one episode: the pictures of its start and of every step; none where a window shows it."""
     observation, _ = env.reset(seed=seed)
     over = False
     while True:
-        yield (
-            None if env.render_mode == "human" else env.render()
-        )  # a window draws each step, and waits for it
+        yield [] if env.render_mode == "human" else env.render()  # a window draws all, and waits for it
         if over:
             return
         observation, _, terminated, truncated, _ = env.step(policy(alone(observation))[0])
@@ -103,9 +101,9 @@ def record(
     """Save one episode as a video; the ending of ``path`` (.gif, .mp4) chooses the format."""
     from springgym.rendering import save_video
 
-    env, policy = make_watched(agent, env_id, env_kwargs, "rgb_array")
+    env, policy = make_watched(agent, env_id, env_kwargs, "rgb_array_list")
     try:
-        frames = list(play_episode(env, policy, seed))
+        frames: list[Any] = list(itertools.chain.from_iterable(play_episode(env, policy, seed)))
     finally:
         env.close()
     fps = env.metadata["render_fps"]

@@ -11,7 +11,7 @@ import argparse
 import json
 import re
 import sys
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -29,22 +29,25 @@ from generalize import table as worlds  # noqa: E402
 from learning_time import shown as times  # noqa: E402
 from results import (  # noqa: E402
     PROTOCOL,
+    SAMPLES,
+    SECONDS,
+    SUITE,
     identity,
     interquartile_mean,
     interval,
     interval_of_mean,
     is_old,
     probe,
-    profile,
     refusal,
     same_probe,
+    scores,
     used,
 )
 from runs import write_rows  # noqa: E402
 
 from springgym.registration import ENVIRONMENTS, VARIANTS, Row, Variant  # noqa: E402
 
-ROWS, PAGE, FIGURE = HERE / "baselines.json", HERE / "baselines.md", HERE / "figures" / "baselines.svg"
+ROWS, PAGE = HERE / "baselines.json", HERE / "baselines.md"
 CURVES = HERE / "figures" / "curves"
 PLANNER = HERE / "planner.json"
 """Rows of ``agents/plan.py``."""
@@ -52,14 +55,7 @@ ELSEWHERE = HERE / "generalization.json"
 """Rows of ``agents/studies/generalize.py``."""
 OFFLINE = HERE / "offline.json"
 """Rows of agents that learned from data, which enter no table of those that play to learn."""
-TRAINED = ("linear", "ppo", "sac", "tqc", "crossq", "her")
-REFERENCES = ("classical", "planner")
-TOLD = {"model", "planning", "privileged information", "imitation", "goal relabelling", "data"}
-"""What a row must not have used, of `results.USED`, to be one of learning from the task alone."""
-POSSIBLE, UNDONE = 0.9, 0.7
-"""Success of a reference, and share of its return that nothing learned exceeds, where there is headroom."""
-SEEDS, WIDE = 3, 5
-"""Seeds of a task, and such tasks, that an algorithm has at the least if it is compared with others."""
+TRAINED = ("linear", "ppo", "sac", "tqc", "her")
 TIMES = HERE / "learning_time.json"
 """What ``agents/studies/learning_time.py`` measured."""
 CARDS = HERE.parent / "agents" / "trained"
@@ -119,15 +115,13 @@ plans are few and short. Classical control earns more in most of these tasks.
 
 {table}
 """
-HEADROOM = """## Headroom
+COMPARISON = """## Suite
 
-A task has headroom if it can be done and is not yet learned:
-
-1. a reference (classical control or the planner) succeeds in {succeeds:.0f} % of its episodes;
-2. the best algorithm that uses neither a model nor the actions of others, with its whole budget, returns
-   less than {share:.0f} % of what the reference returns.
-
-The table holds all tasks of the sections *Harder* and *Hard*.
+Algorithms are compared on {tasks} tasks at equal budgets. A score is the share of the way from random
+actions (0) to the better of classical control and the planner (1). Cells give the mean score over seeds, and
+the number of seeds; the last row the interquartile mean over all runs, with a 95 % interval, a bootstrap over
+seeds stratified by task. An algorithm that used more than the rewards of its own episodes has a column of
+its own. A dash means that there is no result, or that its run was shorter than the budget.
 """
 WORLDS = """## Other worlds
 
@@ -265,47 +259,26 @@ def table_of(tier: str, rows: Sequence[dict[str, Any]]) -> list[str]:
     return lines
 
 
-def lack_of_headroom(reference: Sequence[dict[str, Any]], learned: Sequence[dict[str, Any]]) -> str:
-    """Return why a task has no headroom, by the rows of its reference and of its best learned agents.
-
-    The text is empty if it has.
-    """
-    if not reference:
-        return "no reference"
-    if (success := np.mean([run["success_rate"] for run in reference])) < POSSIBLE:
-        return f"the reference succeeds in {100 * success:.0f} %"
-    if not learned:
-        return "no row of learning"
-    most, own = (np.mean([run["mean_return"] for run in runs]) for runs in (reference, learned))
-    return "" if own < UNDONE * most else "it is learned"
-
-
-def table_of_headroom(rows: Sequence[dict[str, Any]]) -> list[str]:
-    """Return the lines of the table that says which of the harder and hard tasks have headroom."""
-    by_cell = cells([*rows, *planned()])
-    lines = [
-        "| task | best known | reference | best learned | share | headroom |",
-        "|---|---|---|---|---|---|",
-    ]
-    count = 0
-    for task in (task.id for task in TASKS if task.tier in ("harder", "hard")):
-        own = {name: runs for (of, name), runs in by_cell.items() if of == task}
-        if not own:
+def suite(rows: Sequence[dict[str, Any]]) -> list[str]:
+    """Return the section that compares algorithms at equal seconds and at equal steps."""
+    current = [row for row in [*rows, *planned()] if not is_old(row)]
+    lines = [COMPARISON.format(tasks=len(SUITE))]
+    for column, budget, unit in ((1, SECONDS, "seconds of one core"), (0, SAMPLES, "steps")):
+        found = scores(current, column, budget)
+        names = sorted(found)
+        lines += [f"### After {budget:,.0f} {unit}\n"]
+        if not names:
+            lines.append("There is no result of this protocol yet.\n")
             continue
-        mean = {name: float(np.mean([run["mean_return"] for run in runs])) for name, runs in own.items()}
-        references = sorted((name for name in REFERENCES if name in own), key=lambda name: -mean[name])
-        able = (name for name in references if np.mean([r["success_rate"] for r in own[name]]) >= POSSIBLE)
-        reference = next(able, references[0] if references else None)
-        fair = [name for name in TRAINED if name in own and not TOLD & set(means_of(own[name]))]
-        learned = max(fair, key=mean.__getitem__, default=None)
-        lack = lack_of_headroom(own.get(reference or "", []), own.get(learned or "", []))
-        count += not lack
-        share = f"{100 * mean[learned] / mean[reference]:.0f} %" if reference and learned else ""
-        told = [f"{name}<br>{shown(own[name])}" if name else "" for name in (reference, learned)]
-        lines.append(
-            f"| `{task}` | {ceiling(task, by_cell)} | {' | '.join(told)} | {share} | {lack or 'yes'} |"
-        )
-    return [*lines, "", f"{count} of these {len(lines) - 2} tasks have headroom."]
+        lines.append(f"| task | {' | '.join(', '.join(name) for name in names)} |")
+        lines.append("|---" * (len(names) + 1) + "|")
+        for task in SUITE:
+            own = [found[name].get(task, np.array([])) for name in names]
+            cells = [f"{one.mean():z.2f} ({len(one)})" if len(one) else "" for one in own]
+            lines.append(f"| `{task}` | {' | '.join(cells)} |")
+        means = [f"{quartiles([*found[name].values()])}, {len(found[name])} tasks" for name in names]
+        lines += [f"| all | {' | '.join(means)} |", ""]
+    return lines
 
 
 def table_of_plans(rows: Sequence[dict[str, Any]]) -> list[str]:
@@ -390,49 +363,6 @@ def table_of_data(rows: Sequence[dict[str, Any]]) -> list[str]:
     return lines
 
 
-def compared(rows: Sequence[dict[str, Any]]) -> tuple[list[str], list[str]]:
-    """The algorithms that are compared, and the tasks of which all of them have `SEEDS` seeds or more."""
-    seeds = Counter((row["algorithm"], row["task"]) for row in rows)
-    tasks = {
-        name: {task for (algorithm, task), n in seeds.items() if algorithm == name and n >= SEEDS}
-        for name in TRAINED
-    }
-    wide = [name for name in TRAINED if len(tasks[name]) >= WIDE]
-    return wide, sorted(set.intersection(*(tasks[name] for name in wide))) if wide else []
-
-
-def table_of_costs(rows: Sequence[dict[str, Any]]) -> list[str]:
-    """Return a table of what a run costs by algorithm, and what all compared ones reach in the same tasks."""
-    wide, tasks = compared(rows)
-    by_cell = cells([*rows, *planned()])
-    sparse = {variant.id for variant in VARIANTS if variant.tier == "sparse"}
-    lines = [
-        f"| algorithm | runs | steps each | seconds each | return in {len(tasks)} tasks, share of the best "
-        "known | success | success in sparse tasks |",
-        "|---|---|---|---|---|---|---|",
-    ]
-    for name in TRAINED:
-        runs = [row for row in rows if row["algorithm"] == name]
-        if not runs:
-            continue
-        reached = ["", ""]
-        if name in wide:
-            own = [run for run in runs if run["task"] in tasks]
-            reached = [quartiles(by_task(own, by_cell)), quartiles(by_task(own))]
-        own = [run for run in runs if run["task"] in sparse]
-        reached.append(f"{quartiles(by_task(own))}, {len({run['task'] for run in own})} tasks" if own else "")
-        steps, seconds = (np.array([run[key] for run in runs]) for key in ("steps", "seconds"))
-        lines.append(
-            f"| {name} | {len(runs)} | {steps.min():,.0f}–{steps.max():,.0f} | {seconds.min():.0f}–"
-            f"{seconds.max():.0f} | {' | '.join(reached)} |"
-        )
-    lines.append("\nThe last three columns are interquartile means, with their 95 % intervals.")
-    if tasks:
-        named = ", ".join(f"`{task}`" for task in tasks)
-        lines += ["", f"The compared algorithms all have {SEEDS} seeds or more in these tasks: {named}."]
-    return lines
-
-
 def quartiles(scores: Sequence[np.ndarray]) -> str:
     """Return the interquartile mean of scores (seeds,) of several tasks, and its interval, in per cent."""
     low, high = interval(scores, interquartile_mean)
@@ -476,36 +406,15 @@ def table_of_agents() -> list[str]:
     return lines
 
 
-def by_task(
-    runs: Sequence[dict[str, Any]], by_cell: dict[tuple[str, str], list[dict[str, Any]]] | None = None
-) -> list[np.ndarray]:
-    """Scores (seeds,) of every task: success, or with the rows of all, the share of the best known return."""
-    found = defaultdict(list)
-    for run in runs:
-        if by_cell is None:
-            found[run["task"]].append(run["success_rate"])
-        else:
-            best = np.mean([row["mean_return"] for row in best_known(run["task"], by_cell)])
-            found[run["task"]].append(run["mean_return"] / best)
-    return [np.array(scores) for scores in found.values()]
-
-
 def page(rows: Sequence[dict[str, Any]]) -> str:
     """The page of these rows."""
-    lines = [INTRODUCTION]
+    lines = [INTRODUCTION, *suite(rows)]
     if old := sum(map(is_old, rows)):
         lines.append(OLD.format(old=old, all=len(rows)))
     for tier, what in TIERS.items():
         lines += [f"## {tier.capitalize()}\n", what + "\n", *table_of(tier, rows), ""]
     lines += [
         PLANS.format(table="\n".join(table_of_plans(planned()))),
-        HEADROOM.format(succeeds=100 * POSSIBLE, share=100 * UNDONE),
-        *table_of_headroom(rows),
-        "",
-        "## Algorithms\n",
-        *table_of_costs(rows),
-        "",
-        "![Share of the runs above each share of the best known return](figures/baselines.svg)\n",
         *(table_of_times(read(TIMES)) if TIMES.exists() else []),
         AGENTS,
         *table_of_agents(),
@@ -584,25 +493,6 @@ def draw_curve(
     axes.annotate(told, (at[-1], middle[-1]), color=color, weight="bold", **place)
 
 
-def draw(rows: Sequence[dict[str, Any]], path: Path) -> None:
-    """Performance profiles: how large a share of an algorithm's runs does better than each level."""
-    from matplotlib import pyplot as plt
-
-    figure, axes = plt.subplots(figsize=(6, 3.2), layout="constrained")
-    levels = np.linspace(0, 1, 101)
-    wide, tasks = compared(rows)
-    by_cell = cells([*rows, *planned()])
-    for name in wide:
-        runs = [row for row in rows if row["algorithm"] == name and row["task"] in tasks]
-        scores = np.concatenate(by_task(runs, by_cell))
-        axes.step(100 * levels, 100 * profile(scores, levels), where="post", label=name)
-    axes.set(xlabel="return, % of the best known", ylabel="runs above it, %", xlim=(0, 100), ylim=(0, 102))
-    axes.grid(alpha=0.3)
-    axes.legend()
-    figure.savefig(path, metadata={"Date": None})
-    plt.close(figure)
-
-
 def apart(rows: Iterable[dict[str, Any]]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Return the rows of what plays or plans, and the rows of what learned from data."""
     found: tuple[list[dict[str, Any]], list[dict[str, Any]]] = [], []
@@ -657,7 +547,6 @@ def main() -> None:
     PAGE.write_text(page(kept), encoding="utf-8")
     matplotlib.use("svg")
     matplotlib.rcParams["svg.hashsalt"] = "springgym"
-    draw(kept, FIGURE)
     draw_curves(kept, CURVES)
 
 

@@ -41,7 +41,7 @@ SEEDS = 100
 FEWEST = 3
 """Number of training seeds from which an interval is drawn, if rows do not hold their episodes."""
 BASELINES = ("zero", "random", "classical")
-ALGORITHMS = ("ppo", "classical", "linear", "sac", "tqc", "crossq", "her", "planner", "random", "zero")
+ALGORITHMS = ("ppo", "classical", "linear", "sac", "tqc", "her", "planner", "random", "zero")
 """In the order of the columns: on a phone, the first is seen without scrolling."""
 
 Report = Mapping[str, Any]
@@ -85,12 +85,13 @@ def film(row: Row) -> list[str]:
 
 def in_short(row: Row, report: Report) -> list[str]:
     """Return the shapes of an environment's spaces, its tier and the error of its steps."""
-    particles, frame = (environment(row, "")(observation=kind) for kind in ("particles", "frame"))
+    first, *others = (environment(row, "")(observation=kind) for kind in environment(row, "").observations)
     (own,) = (own for env_id, options, own in _errors(report) if env_id == row.id and not options)
-    shapes = [f"{space.shape}" for space in (particles.action_space, particles.observation_space)]
+    seen = [str(first.observation_space.shape)]
+    seen += [f'{task.observation_space.shape} as `"{task.observation}"`' for task in others]
     return [
-        f"Action shape {shapes[0]}; observation shape {shapes[1]}, {frame.observation_space.shape} as "
-        f'`"frame"`; tier [{row.tier}](../environments.md#tiers-and-harder-variants); sub-step '
+        f"Action shape {first.action_space.shape}; observation shape {', '.join(seen)}; "
+        f"tier [{row.tier}](../environments.md#tiers-and-harder-variants); sub-step "
         f"{own['step_ms']:.3g} ms; median [error](../features.md#error-of-a-control-period) of a step "
         f"{own['median']:.1e}.\n"
     ]
@@ -437,7 +438,7 @@ All environments have these arguments, which `springgym.envs.base.SpringEnv` des
 | `randomize` | none | [ranges of factors](features.md#randomisation), as of masses |
 | `error` | `False` | [estimate](features.md#the-error-while-it-runs) the error of each step |
 | `tolerance` | none | [bound](features.md#the-error-that-you-want) that error |
-| `render_mode` | none | `"rgb_array"` or `"human"` |
+| `render_mode` | none | `"rgb_array"`, `"rgb_array_list"` or `"human"` |
 """
 
 HARDER = """## Tiers and harder variants

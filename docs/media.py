@@ -103,7 +103,7 @@ def environment(env_id: str, folder: Path) -> None:
     """
     agent = load_agent(env_id)
     for pixels, suffix in (SMALL, "-small"), (PIXELS, ""):
-        env = agent.make(render_mode="rgb_array")
+        env = agent.make(render_mode="rgb_array_list")
         episodes: Any = env.unwrapped.episodes  # type: ignore[attr-defined]
         if suffix:
             episodes.marks = partial(unnamed, episodes.marks)
@@ -123,11 +123,12 @@ def played(env: gym.Env, policy: Policy, still: int) -> Iterator[np.ndarray]:
     for seed in count(SEED):
         observation, _ = env.reset(seed=seed)
         over, left = False, still
+        yield from env.render()  # type: ignore[misc]
         while not over and left:
-            yield env.render()  # type: ignore[misc]
             observation, _, terminated, truncated, info = env.step(policy(observation[None])[0])
             over = terminated or truncated
             left -= bool(info.get("is_success"))
+            yield from env.render()  # type: ignore[misc]
 
 
 def write(frames: Iterable[np.ndarray], path: Path, rate: float, pixels: int = PIXELS) -> None:

@@ -53,11 +53,11 @@ ENVIRONMENTS = (
     Row("SpringFreeTop-v0", "free_top", "SpringFreeTop", 500, 450.0, "standard"),
     Row("SpringBalance-v0", "balance", "SpringBalance", 500, 425.0, "standard"),
     Row("SpringShove-v0", "shove", "SpringShove", 250, 150.0, "standard"),
-    Row("SpringStack-v0", "stack", "SpringStack", 300, 150.0, "standard"),
+    Row("SpringStack-v0", "stack", "SpringStack", 300, 0.8, "standard", "episode"),
     Row("SpringJuggle-v0", "juggle", "SpringJuggle", 500, 400.0, "standard"),
     Row("SpringLabyrinth-v0", "labyrinth", "SpringLabyrinth", 600, 240.0, "standard"),
     Row("SpringTower-v0", "tower", "SpringTower", 500, 250.0, "hard"),
-    Row("SpringBilliards-v0", "billiards", "SpringBilliards", 200, 130.0, "hard"),
+    Row("SpringBilliards-v0", "billiards", "SpringBilliards", 1, 0.7, "hard", "episode"),
     Row("SpringDuel-v0", "duel", "SpringDuel", 500, 0.7, "standard", "episode"),
 )
 

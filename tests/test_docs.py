@@ -87,7 +87,7 @@ def test_every_environment_has_a_row_of_the_planner() -> None:
     """Made by the planner as it is, of the task as it is by the rows of the controllers."""
     pytest.importorskip("torch")
     writer = page_writer("baselines")  # it puts agents/ on the path
-    planner = importlib.import_module("plan_rows")
+    planner = importlib.import_module("plan")
     rows = {row["task"]: row for row in writer.planned()}
     tasks = {own["task"]: own for own in writer.read(writer.ROWS) if own["algorithm"] == "zero"}
     for env_id in (row.id for row in writer.ENVIRONMENTS):
@@ -97,27 +97,6 @@ def test_every_environment_has_a_row_of_the_planner() -> None:
         if not writer.is_old(row) and not writer.is_old(own):
             assert row["probe"] == own["probe"], env_id
         assert re.fullmatch("[0-9a-f]{40}", row["commit"]), env_id
-
-
-@pytest.mark.parametrize(
-    ("reference", "learned", "lack"),
-    [
-        ([(0.6, 0.9)], [(0.41, 1.0)], ""),
-        ([(0.6, 0.9)], [(0.43, 0.0)], "it is learned"),
-        ([(0.6, 0.9)], [(0.6, 0.0), (0.2, 0.0)], ""),  # of a mean of 0.4
-        ([(0.6, 0.89)], [(0.1, 0.0)], "the reference succeeds in 89 %"),
-        ([(0.6, 0.9)], [], "no row of learning"),
-        ([], [(0.1, 0.0)], "no reference"),
-    ],
-)
-def test_headroom_is_what_can_be_done_and_is_not_learned(
-    reference: list[tuple[float, float]], learned: list[tuple[float, float]], lack: str
-) -> None:
-    runs = [
-        [{"mean_return": earned, "success_rate": success} for earned, success in own]
-        for own in (reference, learned)
-    ]
-    assert page_writer("baselines").lack_of_headroom(*runs) == lack
 
 
 def test_what_is_learned_from_data_stands_apart() -> None:

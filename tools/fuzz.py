@@ -61,7 +61,7 @@ FURTHER: dict[str, tuple[dict[str, Any], ...]] = {
     "SpringJuggle-v0": ({"hard": True}, {"restitution": 0.85}),
     "SpringLabyrinth-v0": ({"observation": "frame"},),
     "SpringTower-v0": ({"blocks": 2},),
-    "SpringBilliards-v0": ({"observation": "frame"},),
+    "SpringBilliards-v0": ({},),
     "SpringDuel-v0": ({"opponent": "still"},),
 }
 """Arguments beside the usual ones and those of the registry's variants."""

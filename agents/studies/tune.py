@@ -1,13 +1,14 @@
 """Search hyperparameters with Optuna.
 
     python agents/studies/tune.py SpringGyroscope-v0 --trials 20 --seeds 2
-    python agents/studies/tune.py SpringTop-v0 --algo sac --set total_timesteps=50_000
+    python agents/studies/tune.py SpringTop-v0 --algo sac --seconds 0 --set total_timesteps=50_000
 
 A trial trains agents as agents/train.py does, from several seeds one after another. It ends early if it is
 worse than half of the earlier trials were at that point. The criterion is the return on episodes that neither
 training nor evaluation uses. The study is stored in the folder of the runs. The same command continues it,
-even after a kill, and adds trials until there are --trials. study.json holds the search space and the
-results, and best.yaml holds the best hyperparameters, as an entry for configs/.
+even after a kill, and adds trials until there are --trials. configs/trials/ID-ALGORITHM.json (--out) holds
+the search space and all trials, and best.yaml in the study's folder the best hyperparameters, as an entry for
+configs/.
 """
 
 from __future__ import annotations
@@ -27,8 +28,8 @@ import numpy as np
 import torch
 import train
 import yaml
-from benchmark import Plan, add_hyperparameters, training
-from config import MENDABLE, ONLINE, ConfigError, config_path, load_config, whole
+from benchmark import Plan, add_hyperparameters, overrides_of, training
+from config import CONFIG_FOLDER, MENDABLE, ONLINE, ConfigError, config_path, load_config, whole
 from evaluate import evaluate, task_kwargs
 from results import Cell
 from runs import SELECTION_SEED, locked, write_atomically
@@ -51,6 +52,7 @@ SPACES: dict[str, dict[str, tuple[float, float] | list[Any]]] = {
         "gae_lambda": [0.9, 0.95, 0.98],
         "log_std_init": [-1.0, -0.5, 0.0],
         "net_arch": ["[64, 64]", "[128, 128]"],
+        "normalize": [False, True],
     },
     "sac": {
         "learning_rate": (1e-4, 3e-3),
@@ -59,6 +61,7 @@ SPACES: dict[str, dict[str, tuple[float, float] | list[Any]]] = {
         "tau": (3e-3, 5e-2),
         "gradient_steps": [8, 16, 32],
         "net_arch": ["[64, 64]", "[128, 128]"],
+        "normalize": [False, True],
     },
     "linear": {
         "population": [16, 32, 64],
@@ -70,9 +73,6 @@ SPACES: dict[str, dict[str, tuple[float, float] | list[Any]]] = {
 }
 SPACES["tqc"] = SPACES["sac"] | {"dropped_quantiles": [0, 2, 5]}
 SPACES["her"] = SPACES["sac"] | {"relabelled": [1, 2, 4, 8]}
-SPACES["crossq"] = {key: value for key, value in SPACES["sac"].items() if key != "tau"} | {
-    "policy_delay": [1, 3]
-}
 
 
 def suggested(trial: optuna.Trial, algo: str) -> list[str]:
@@ -99,8 +99,7 @@ def objective(trial: optuna.Trial, options: argparse.Namespace, folder: Path) ->
 
     chosen = suggested(trial, options.algo)
     name = sha256(" ".join(chosen).encode()).hexdigest()[:10]
-    configs = options.configs and options.configs.absolute()
-    plan = Plan(folder / name, EPISODES, (*options.overrides, *chosen), configs)
+    plan = Plan(folder / name, EPISODES, (*overrides_of(options), *chosen), options.configs)
     returns = []
     for seed in range(options.seeds):
         cell = Cell(options.task, options.algo, seed)
@@ -134,8 +133,7 @@ def tune(options: argparse.Namespace) -> int:
     from optuna.storages.journal import JournalFileBackend
     from optuna.trial import TrialState
 
-    configs = options.configs and options.configs.absolute()
-    path = config_path(options.algo, configs) if configs else None
+    path = config_path(options.algo, options.configs) if options.configs else None
     load_config(options.algo, options.task, options.overrides, path)  # what is wrong is told at once
     folder = options.runs.absolute() / f"{options.task.rpartition(':')[2]}-{options.algo}"
     folder.mkdir(parents=True, exist_ok=True)
@@ -172,7 +170,8 @@ def tell(study: optuna.Study, options: argparse.Namespace, folder: Path, path: P
         for t in study.get_trials(deepcopy=False)
     ]
     content = {"task": options.task, "algo": options.algo, "searched": SPACES[options.algo], "trials": trials}
-    write_atomically(folder / "study.json", json.dumps(content, indent=1) + "\n")
+    options.out.mkdir(parents=True, exist_ok=True)
+    write_atomically(options.out / f"{folder.name}.json", json.dumps(content, indent=1) + "\n")
     complete = [trial for trial in trials if trial["state"] == "COMPLETE"]
     print(f"trial {trials[-1]['number']}: {trials[-1]['state'].lower()}, {trials[-1]['value']}")
     if complete:
@@ -197,6 +196,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--seeds", type=whole(1, 1000), default=2, help="agents of each trial (default: 2)")
     parser.add_argument("--seed", type=whole(0, 2**31 - 1), default=0, help="seed of the search")
     parser.add_argument("--runs", type=Path, default=Path("runs/tune"), help="folder for the studies")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=CONFIG_FOLDER / "trials",
+        help="folder for the trials (default: configs/trials)",
+    )
     add_hyperparameters(parser)
     options = parser.parse_args(arguments)
     return guarded("tune.py", lambda: tune(options), (*MENDABLE, ModuleNotFoundError))

@@ -22,7 +22,7 @@ from springgym.checks import unreadable
 Policy = Callable[[Any], np.ndarray]
 """Maps observations (n, …) to actions (n, …). Observations with goals are a dict of such arrays."""
 
-Algorithm = Literal["ppo", "sac", "tqc", "crossq", "her", "linear", "iql"]
+Algorithm = Literal["ppo", "sac", "tqc", "her", "linear", "iql"]
 """The algorithm that trained an agent."""
 
 LARGEST = 1_000_000_000
@@ -41,7 +41,7 @@ value that comes out."""
 CLIPPED, SQUASHED = ("mlp_extractor.policy_net", "action_net"), ("actor.latent_pi", "actor.mu")
 LAYERS: dict[str, tuple[str, str]] = {
     **dict.fromkeys(("ppo", "linear"), CLIPPED),
-    **dict.fromkeys(("sac", "tqc", "crossq", "her", "iql"), SQUASHED),
+    **dict.fromkeys(("sac", "tqc", "her", "iql"), SQUASHED),
 }
 """Names in PyTorch of the layers that act, by algorithm. First the hidden ones, then the last. What comes out
 of those of the first kind is clipped to the action space, of those of the second squashed into it."""

@@ -53,6 +53,8 @@ class _Common(Stateful):
     render_mode: str | None
     _canvases: Sequence[Renderer] = ()
     """the pictures of all copies, once they are drawn"""
+    _film: Sequence[np.ndarray] = ()
+    """pictures since the last call of ``render``, if it returns a list"""
     chosen: Choice | None = None
     """what a tolerance made of the method and the steps; None if none was given"""
     _spec: EnvSpec | None = None
@@ -81,6 +83,7 @@ class _Common(Stateful):
             settings = settings._replace(integrator=self.chosen.integrator)
             pace = task.period / self.chosen.steps
             self.episodes = Episodes(task, copies, settings, given, pace, SAFETY * self.chosen.error)
+        self.episodes.each_period = self._show_period
         if self.episodes.goals is not None:
             self.compute_reward = self.episodes.goals.compute_reward
 
@@ -128,7 +131,7 @@ class _Common(Stateful):
         """Draw a picture of every copy."""
         task, episodes = self.episodes.task, self.episodes
         if not self._canvases:
-            mode: Any = self.render_mode
+            mode: Any = "human" if self.render_mode == "human" else "rgb_array"
             self._canvases = [
                 Renderer(task.look(), task.camera(), task.scenery(), mode=mode, fps=frame_rate(task))
                 for _ in range(episodes.copies)
@@ -149,12 +152,18 @@ class _Common(Stateful):
             self._canvases[n].follow(self.episodes.particles[0][n])
             self._canvases[n].camera = self.episodes.task.camera()
 
-    def _show_step(self) -> None:
+    def _show_period(self) -> None:
         """Add the state to the pictures after a control period."""
         for canvas, positions in zip(self._canvases, self.episodes.particles[0], strict=False):
             canvas.follow(positions)
+        self._show()
+
+    def _show(self) -> None:
+        """Show the state in the window, or add a picture of it to the film, if there is one."""
         if self.render_mode == "human":
             self._draw()
+        elif self.render_mode == "rgb_array_list":
+            self._film = (*self._film, *self._draw())
 
     def close_extras(self, **kwargs: object) -> None:
         for canvas in self._canvases:
@@ -198,11 +207,11 @@ class SingleEnv(_Common):
         self.episodes.begin(np.array([0]), [rng], options)
         self._np_random, self._np_random_seed = rng, known
         self._show_new([0])
-        if self.render_mode == "human":
-            self._draw()
+        self._film = ()
+        self._show()
 
     @guarded
-    def render(self) -> np.ndarray | None:
+    def render(self) -> Any:
         if self.render_mode is None:
             gym.logger.warn(
                 "render() draws nothing without a render mode: "
@@ -210,6 +219,9 @@ class SingleEnv(_Common):
             )
             return None
         self._check_ready("render")
+        if self.render_mode == "rgb_array_list":
+            film, self._film = self._film, ()
+            return list(film)
         return self._draw()[0]
 
     @guarded
@@ -260,7 +272,8 @@ class SpringEnv(SingleEnv, gym.Env[np.ndarray, np.ndarray]):
     Parameters
     ----------
     render_mode
-        None, "rgb_array" or "human".
+        None, "rgb_array", "human", or "rgb_array_list": the pictures of all control periods since the last
+        call of ``render`` or ``reset``.
     integrator, step, damping_every, dynamics, dtype
         See `springgym.simulator.Simulator`. The control period must be a whole number of steps, and a whole
         number of cycles of ``damping_every`` steps.
@@ -288,7 +301,7 @@ class SpringEnv(SingleEnv, gym.Env[np.ndarray, np.ndarray]):
         Arguments of the task.
     """
 
-    metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"]}  # noqa: RUF012
+    metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array", "rgb_array_list"]}  # noqa: RUF012
     observation_space: spaces.Box
     action_space: spaces.Box
 
@@ -329,7 +342,6 @@ class SpringEnv(SingleEnv, gym.Env[np.ndarray, np.ndarray]):
     def step(self, action: object) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         checked = self._checked(action, self.action_space.shape)
         result, seen = self.episodes.step(checked[None])
-        self._show_step()
         seen, info = self._seen(self.episodes.observe(seen)), self._info()
         self.episodes.unready = ""
         return seen, result.reward.item(), result.terminated.item(), result.truncated.item(), info
@@ -442,7 +454,6 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         result, seen = episodes.step(checked)
         reward, terminated, truncated = result
         begun = None
-        self._show_step()
         if mode is AutoresetMode.NEXT_STEP and np.count_nonzero(self._ended):
             begun = self._begin(self._ended)
             for values in result:

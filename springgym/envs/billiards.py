@@ -1,4 +1,4 @@
-"""SpringBilliards: one stroke, by which a ball sends another one into a pocket."""
+"""SpringBilliards: one stroke, by which a ball sends another one into a pocket: an episode of one step."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from springgym.bodies import Body, ball
 from springgym.core.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.observation import Entry, ObservedParticles, Situation
+from springgym.envs.observation import Entry, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Modes, number
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import gaussian, thrift
@@ -29,62 +29,42 @@ from springgym.theory.contact import rest_height
 CUE, OBJECT = 0, 1
 """Indices of the bodies in the scene."""
 
-PERIOD = 0.02  # [s]
+PERIOD, PERIODS = 0.02, 100  # from one look at the balls to the next [s]; how often, until the episode ends
 RADIUS, MASS = 0.03, 0.17  # of a ball [m], [kg]
 FORCE = 20.0  # of a stroke along each axis, for a period: it gives a ball 2.3 m/s [N]
 FRICTION, RESTITUTION = 0.05, 0.95
 REACH, STRENGTH = 4e-3, 8e-5  # of all contacts: Δ [m], c [N·m²]
 POCKET = 0.06  # a ball with its centre so near to that of the pocket falls into it [m]
-STRUCK = 0.1  # the least size of an action that is a stroke
 APART, WAY = (0.5, 0.8), (0.4, 0.7)  # from ball to ball, and from the second one to the pocket [m]
 CUT = 0.7  # the largest angle between the two ways [rad]
-SLOW = 0.02  # slower, a ball rests [m/s]
-ARENA = 2.0  # how far a ball may go from the middle [m]
+ARENA = 2.0  # radius of the table that is drawn [m]
 SOFT, SLOWING = 200.0, 25.0  # of the net in the pocket: a force by way and speed [1/s²], [1/s]
 FELT, CUSHION, WOOD = (146, 182, 196), (104, 144, 162), (158, 116, 80)  # colours of the table
-WAY_UNIT, SPEED_UNIT = 0.5, 1.0  # of the compact observation [m], [m/s]
-X, Y, STROKES, POTTED = 0, 1, 2, 3
-"""Columns of the goal: the pocket, how many strokes are left, whether the ball is in the pocket."""
+WAY_UNIT = 0.5  # of the observation [m]
 
 
 @compiled
 def way_left(m: Measures, s: Situation, c: int) -> float:
     """Return the distance of the second ball from the pocket [m]."""
-    return math.hypot(m.centre[c, OBJECT, 0] - s.goal[c, X], m.centre[c, OBJECT, 1] - s.goal[c, Y])
-
-
-@compiled
-def speed_of(m: Measures, c: int, body: int) -> float:
-    """Return how fast a ball goes along the table [m/s]."""
-    return math.hypot(m.centre_velocity[c, body, 0], m.centre_velocity[c, body, 1])
+    return math.hypot(m.centre[c, OBJECT, 0] - s.goal[c, 0], m.centre[c, OBJECT, 1] - s.goal[c, 1])
 
 
 @kernel
-def move(m: Measures, s: Situation, goal: np.ndarray) -> None:
-    """Count the stroke, and the ball that comes to the pocket."""
-    for c in range(goal.shape[0]):
-        if math.hypot(s.action[c, 0], s.action[c, 1]) > STRUCK:
-            goal[c, STROKES] = 0.0
-        if way_left(m, s, c) < POCKET:
-            goal[c, POTTED] = 1.0
+def remember(m: Measures, s: Situation, memory: np.ndarray) -> None:
+    for c in range(memory.shape[0]):
+        memory[c, 0] = min(memory[c, 0], way_left(m, s, c))
 
 
 @kernel
 def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     for c in range(out.shape[0]):
-        potted = s.goal[c, POTTED] > 0.0
-        away, speed = way_left(m, s, c), max(speed_of(m, c, CUE), speed_of(m, c, OBJECT))
-        farthest = 0.0
-        for body in range(2):
-            farthest = max(farthest, math.hypot(m.centre[c, body, 0], m.centre[c, body, 1]))
-        effort = thrift(s.action, c)
-        rolling = s.goal[c, STROKES] == 0.0 and not potted
-        out["reward_near"][c] = 0.2 * effort * gaussian(away, 0.5, POCKET) if rolling else 0.0
+        nearest = min(s.memory[c, 0], way_left(m, s, c))
+        potted, effort = nearest < POCKET, thrift(s.action, c)
+        out["reward_near"][c] = 0.0 if potted else 0.2 * effort * gaussian(nearest, 0.5, POCKET)
         out["reward_potted"][c] = effort if potted else 0.0
-        out["away"][c] = away
-        out["speed"][c] = speed
+        out["away"][c] = nearest
         out["met"][c] = potted
-        out["failed"][c] = (rolling and speed < SLOW) or (farthest > ARENA and not potted)
+        out["failed"][c] = True  # the episode ends
 
 
 @kernel
@@ -94,27 +74,22 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
             place = m.centre[c, OBJECT, axis]
             observation[c, axis] = (place - m.centre[c, CUE, axis]) / WAY_UNIT
             observation[c, 2 + axis] = (s.goal[c, axis] - place) / WAY_UNIT
-            observation[c, 4 + axis] = m.centre_velocity[c, CUE, axis] / SPEED_UNIT
-            observation[c, 6 + axis] = m.centre_velocity[c, OBJECT, axis] / SPEED_UNIT
-            observation[c, 8 + axis] = s.goal[c, STROKES + axis]
 
 
-class SpringBilliards(Task, kernels=(evaluate, compact, move)):
+class SpringBilliards(Task, kernels=(evaluate, compact, remember)):
     """Define the MDP of `SpringBilliardsEnv`, which describes it."""
 
+    observations = ("frame",)
     actions: ClassVar = {"stroke": 2}
     terms = ("near", "potted")
-    metrics = ("away", "speed")
-    entries = (
-        Entry("to_ball", 2, WAY_UNIT),
-        Entry("to_pocket", 2, WAY_UNIT),
-        Entry("velocity", 2, SPEED_UNIT),
-        Entry("ball_velocity", 2, SPEED_UNIT),
-        Entry("strokes", 1),
-        Entry("potted", 1),
-    )
-    goal_size = 4
+    metrics = ("away",)
+    entries = (Entry("to_ball", 2, WAY_UNIT), Entry("to_pocket", 2, WAY_UNIT))
+    goal_size = 2
+    memory = (math.inf,)  # the least distance of the second ball from the pocket so far [m]
     period = PERIOD
+    periods = PERIODS
+    hold = 1
+    wins = True
     finest = PERIOD / 40
     checks_starts = False
     limits = np.full(2, FORCE)
@@ -143,10 +118,6 @@ class SpringBilliards(Task, kernels=(evaluate, compact, move)):
         height = RADIUS + rest_height(weight_of(MASS, factors), STRENGTH, REACH)
         return *cue, height, *other, height
 
-    def observed_particles(self) -> ObservedParticles:
-        level = ((0, 2), (1, 2))
-        return ObservedParticles((0, 1), WAY_UNIT, SPEED_UNIT, skipped=level)
-
     def draw(self, rng: np.random.Generator, options: ResetOptions, factors: Factors) -> Drawn:
         low = (-0.2, -0.2, -math.pi, APART[0], WAY[0], -CUT)
         high = (0.2, 0.2, math.pi, APART[1], WAY[1], CUT)
@@ -154,19 +125,19 @@ class SpringBilliards(Task, kernels=(evaluate, compact, move)):
         cut = number(options, "cut", cut, -CUT, CUT)
         cue = (x - apart * math.cos(bearing), y - apart * math.sin(bearing))
         pocket = (x + way * math.cos(bearing + cut), y + way * math.sin(bearing + cut))
-        return *self._placed(cue, (x, y), factors), *pocket, 1.0, 0.0
+        return *self._placed(cue, (x, y), factors), *pocket
 
     def starts(self, drawn: np.ndarray) -> Start:
         return at_rest(drawn[:, :6].reshape(-1, 2, 3), drawn[:, 6:])
 
     def respond(self, m: Measures, s: Situation) -> dict[str, np.ndarray]:
-        """Return the stroke, while it is left, and the force of the net on a ball in the pocket."""
-        strokes = (s.goal[:, STROKES] > 0.0) & (np.linalg.norm(s.action, axis=1) > STRUCK)
+        """Return the stroke, in the first control period, and the force of the net on a ball in the
+        pocket."""
         cue, net = np.zeros((len(s.action), 1, 3)), np.zeros((len(s.action), 1, 3))
-        cue[:, 0, :2] = FORCE * s.action * strokes[:, None]
+        cue[:, 0, :2] = FORCE * s.action * (s.time == 0.0)[:, None]
         way = s.goal[:, :2] - m.centre[:, OBJECT, :2]
         pull = MASS * (SOFT * way - SLOWING * m.centre_velocity[:, OBJECT, :2])
-        net[:, 0, :2] = np.where(s.goal[:, POTTED, None] > 0.0, pull, 0.0)
+        net[:, 0, :2] = np.where(s.memory < POCKET, pull, 0.0)
         return {"cue.thrust": cue, "ball.thrust": net}
 
     def look(self) -> Look:
@@ -194,7 +165,7 @@ class SpringBilliards(Task, kernels=(evaluate, compact, move)):
             key=((GREEN, "pocket for the orange ball"), (RED, "stroke")),
             text=(
                 "potted"
-                if s.goal[POTTED]
+                if s.memory[0] < POCKET
                 else f"{100 * math.dist(s.goal[:2], m.centre[OBJECT, :2]):3.0f} cm",
             ),
         )
@@ -213,38 +184,28 @@ class SpringBilliardsEnv(SpringEnv, gym.Env, task=SpringBilliards):
     slows both balls by 0.49 m/s². Each ball is a single particle with a radius of 3 cm and a mass of 170 g.
     It slides without turning, and stays in the pocket.
 
-    There is no second stroke. The second ball leaves along the line between the centres, which multiplies an
-    angular error of the stroke by d/2R: 12 times for balls of radius R at a distance d = 0.7 m. To hit the
-    pocket, ±6 cm at 0.6 m, the stroke must be precise to 0.01 rad, and more for a cut. Hardly one random
-    stroke in a hundred is that good, and an agent sees the result only a second later.
+    An episode is one decision: the agent sees where the balls and the pocket are, and strikes. The second
+    ball leaves along the line between the centres, which multiplies an angular error of the stroke by d/2R:
+    12 times for balls of radius R at a distance d = 0.7 m. To hit the pocket, ±6 cm at 0.6 m, the stroke must
+    be precise to 0.01 rad, and more for a cut. Hardly one random stroke in a hundred is that good.
 
     ## Action Space
-    Actions are held for a control period of 20 ms.
+    The force is held for a control period of 20 ms. Then the balls roll.
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
-    | `"stroke"` | 0, 1 | force on the first ball along x, y, for a period: 2.3 m/s at 1 | ±20 N |
-
-    The first action larger than 0.1 is the stroke. Later actions have no effect except their cost.
+    | `"stroke"` | 0, 1 | force on the first ball along x, y, which gives it 2.3 m/s at 1 | ±20 N |
 
     ## Observation Space
     | `observation` | entries | meaning | scale |
     |---|---|---|---|
-    | `"particles"` | 0–3 | positions x, y of both balls | 0.5 m |
-    | | 4–7 | their velocities x, y | 1 m/s |
-    | | 8, 9 | the pocket x, y | 1 m |
-    | | 10, 11 | 1 before the stroke, 1 with the ball in the pocket | 1 |
     | `"frame"` | 0, 1 | second ball x, y, from the first | 0.5 m |
     | | 2, 3 | the pocket x, y, from the second ball | 0.5 m |
-    | | 4, 5 | velocity x, y of the first ball | 1 m/s |
-    | | 6, 7 | velocity x, y of the second ball | 1 m/s |
-    | | 8 | 1 before the stroke | 1 |
-    | | 9 | 1 with the ball in the pocket | 1 |
 
     ## Rewards
-    With the distance e of the second ball from the pocket, the reward is 0 before the stroke, 0.2 E
-    G(e; 0.06, 0.5) ([G, L, E](../environments.md#shared-definitions)) after it, and E once the ball is in the
-    pocket. Its terms are `reward_near`, until the ball is in the pocket, and `reward_potted`.
+    With the least distance e of the second ball from the pocket, the reward is E if the ball is in the
+    pocket, and 0.2 E G(e; 0.06, 0.5) otherwise ([G, L, E](../environments.md#shared-definitions)). Its terms
+    are `reward_potted` and `reward_near`.
 
     ## Starting State
     Both balls rest. The second one is within U(−0.2, 0.2) m of the middle along x and y, U(0.5, 0.8) m from
@@ -252,13 +213,12 @@ class SpringBilliardsEnv(SpringEnv, gym.Env, task=SpringBilliards):
     one by U(−0.7, 0.7) rad. `reset(options={"cut": …})` sets this angle.
 
     ## Episode End
-    Termination, if the ball is not in the pocket: the stroke is made and both balls are slower than 0.02 m/s,
-    or a ball is more than 2 m from the middle. Truncation: 200 steps, 4 s. `info["is_success"]`: the ball is
-    in the pocket, for the last 50 steps. It falls if its centre is less than 0.06 m from that of the pocket
-    at the end of a control period.
+    Termination: every step, after 100 control periods. Truncation: 1 steps, 2 s. `info["is_success"]`: the
+    ball is in the pocket. It falls if its centre is less than 0.06 m from that of the pocket at the end of a
+    control period. The render mode `"rgb_array_list"` has a picture of each period.
 
     ## Information
-    `away` e [m], `speed` of the faster ball [m/s], `pairs_…`.
+    `away` e [m], `pairs_…`.
 
     ## Arguments
     None of its own.

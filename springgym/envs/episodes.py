@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -119,6 +120,8 @@ class Episodes:
         self.parameters = task.parameters
         self.unready = NOT_BEGUN
         """why the copies must be reset before they are stepped; empty if they need not"""
+        self.each_period: Callable[[], None] | None = None
+        """a function to call after each control period"""
         self.max_episode_steps = _checked_limit(settings.max_episode_steps)
         sparse = checks.flag("sparse", settings.sparse)
         if sparse and not task.has_aim:
@@ -365,7 +368,7 @@ class Episodes:
             )
 
     def step(self, action: np.ndarray) -> tuple[Step, np.ndarray | None]:
-        """Step all copies by one control period; `observe` returns their observations then.
+        """Step all copies by the control periods of a step; `observe` returns their observations then.
 
         ``action`` (n, A) is clipped to [−1, 1]. The copies are `unready` afterwards, as by `begin`.
 
@@ -379,23 +382,34 @@ class Episodes:
         if not self._take(self._given, self.strength, self.action, self._driven):
             raise ValueError(f"action holds a value that is not finite: {action}")
         self.unready = BROKEN_OFF
-        simulator.actuate(**self.driven_by(self._driven))
-        if self.error is not None:
-            self.error.finer.take_over(simulator)
         result = Step(np.empty(copies), np.empty(copies, bool), np.empty(copies, bool))
         seen = self._empty_observations(copies) if self._sees_parts else None
-
-        def judge(first: int, last: int) -> None:
-            self._judge(first, last, result, seen)
-
-        if self._judges_parts:
-            simulator.advance(self.steps, check=False, read=True, then=judge)
-        else:
-            simulator.advance(self.steps, check=False, read=True)
-            judge(0, copies)
         if self.error is not None:
-            self.error.estimate(simulator, self.steps)
+            self.error.last[:] = 0.0
+        for left in reversed(range(self.task.periods)):
+            simulator.actuate(**self.driven_by(self._driven))
+            if self.error is not None:
+                self.error.finer.take_over(simulator)
+            judge = self._go_on if left else partial(self._judge, result=result, seen=seen)
+            if self._judges_parts:
+                simulator.advance(self.steps, check=False, read=True, then=judge)
+            else:
+                simulator.advance(self.steps, check=False, read=True)
+                judge(0, copies)
+            if self.error is not None:
+                self.error.estimate(simulator, self.steps)
+            if self.each_period is not None:
+                self.each_period()
         return result, seen
+
+    def _go_on(self, first: int, last: int) -> None:
+        """Go on to the next control period of a step in these copies, see `_judge`."""
+        own = self._part(first, last)
+        self._tick(self.time[own.copies], float(self.task.period))
+        if self._move is not None:
+            self._move(*own[:2], self.goal[own.copies])
+        if self._remember is not None:
+            self._remember(*own[:2], self.memory[own.copies])
 
     def driven_by(self, actions: np.ndarray) -> dict[str, np.ndarray]:
         """Return actuator values by name for the next control period, from actions (n, A) in [−1, 1].
@@ -685,7 +699,7 @@ class Episodes:
     def marks(self, copy: int) -> Marks:
         """Return the marks of a picture of one copy: its step, whether it succeeds now, and the task's."""
         marks = self.task.marks(*self.seen_of(copy))
-        step = f"step {round(self.time[copy] / self.task.period)}"
+        step = f"step {-(-round(self.time[copy] / self.task.period) // self.task.periods)}"
         self.info_arrays()
         success = ("success",) if self._succeeded[copy] else ()
         return replace(marks, text=(step, *success, *marks.text))

@@ -45,7 +45,8 @@ class StepError:
         self.finer = Simulator(simulator.scene, step=simulator.step / FINER, damping_every=every, **made)
         self._share = 1 / (1 - FINER**-method.order)
         self.last = np.zeros(simulator.copies)
-        """largest distance of a particle after the last period, as a share of its body's size"""
+        """largest distance of a particle after a control period of the last step, as a share of its body's
+        size"""
 
     def estimate(self, simulator: Simulator, steps: int) -> None:
         """Estimate the error of the ``steps`` that the simulator took since the finer one took over its
@@ -53,4 +54,4 @@ class StepError:
         self.finer.advance(FINER * steps, check=False, read=True)
         own, finer = simulator.readout.positions, self.finer.readout.positions
         apart = largest_distances(own, finer, simulator.scene.sizes)
-        self.last[:] = self._share * apart
+        np.maximum(self.last, self._share * apart, out=self.last)

@@ -145,6 +145,7 @@ def columns(particles: ObservedParticles) -> Columns:
     """Return the entries of an observation in the form that `observe_particles` takes."""
     every = [(i, axis) for i in particles.observed for axis in range(3)]
     entries = np.array([pair for pair in every if pair not in particles.skipped], np.uint32)
+    entries = entries.reshape(-1, 2)
     measured: list[int] = []
     scales: list[float] = []
     for name, scale in particles.appended.items():

@@ -63,7 +63,7 @@ class SimulationOptions(TypedDict, total=False):
 class RewardedOptions(SimulationOptions, total=False):
     """Every environment of one agent takes these options, too."""
 
-    render_mode: Literal["human", "rgb_array"] | None
+    render_mode: Literal["human", "rgb_array", "rgb_array_list"] | None
     sparse: bool
 
 

@@ -148,7 +148,6 @@ class ParallelDuel(SingleEnv, ParallelEnv):
         rewards = {AGENTS[n]: float(out[n, :terms].sum()) for n in (FIRST, SECOND)}
         ended, cut = bool(result.terminated[0]), bool(result.truncated[0])
         terminations, truncations = dict.fromkeys(AGENTS, ended), dict.fromkeys(AGENTS, cut)
-        self._show_step()
         seen, infos = self._seen(), self._infos(out)
         if ended or cut:
             self.agents = []

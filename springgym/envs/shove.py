@@ -67,19 +67,23 @@ def speed_of(m: Measures, c: int) -> float:
 
 
 @compiled
-def assess(m: Measures, c: int, action: np.ndarray, error: float, heading: float, out: np.ndarray) -> None:
-    """Compute reward and info for a box that is ``error`` [m] and an angle ``heading`` off its place."""
-    place, speed = m.centre[c, BOX], speed_of(m, c)
+def nearness(m: Measures, c: int, effort: float, error: float, heading: float) -> tuple[float, float, float]:
+    """Return how near the ball is to a box that is ``error`` [m] and an angle ``heading`` off its place, how
+    near that is, and how well turned: at most ``effort`` in all."""
+    place = m.centre[c, BOX]
     apart = math.hypot(m.centre[c, PUSHER, 0] - place[0], m.centre[c, PUSHER, 1] - place[1])
-    effort = thrift(action, c)
     near = effort * (long_tail(error, 0.3, 0.03) + gaussian(error, 0.5, 0.03)) / 2
-    out["reward_approach"][c] = 0.05 * effort * gaussian(apart, 0.5, 0.3)
-    out["reward_near"][c] = 0.475 * near
-    out["reward_heading"][c] = 0.475 * near * gaussian(heading, 0.8, 0.05)
-    out["error"][c] = error
-    out["heading"][c] = heading
-    out["speed"][c] = speed
-    out["met"][c] = error < CLOSE and abs(heading) < ALIGNED and speed < SLOW
+    return (
+        0.05 * effort * gaussian(apart, 0.5, 0.3),
+        0.475 * near,
+        0.475 * near * gaussian(heading, 0.8, 0.05),
+    )
+
+
+@compiled
+def rests(m: Measures, c: int, error: float, heading: float) -> bool:
+    """Return whether a box that is ``error`` [m] and an angle ``heading`` off its place rests there."""
+    return error < CLOSE and abs(heading) < ALIGNED and speed_of(m, c) < SLOW
 
 
 @compiled
@@ -99,7 +103,11 @@ def see_pusher(m: Measures, c: int, observation: np.ndarray, first: int) -> None
 def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     for c in range(out.shape[0]):
         error = math.hypot(m.centre[c, BOX, 0], m.centre[c, BOX, 1])
-        assess(m, c, s.action, error, heading_of(m, c, BOX), out)
+        heading = heading_of(m, c, BOX)
+        approach, near, turned = nearness(m, c, thrift(s.action, c), error, heading)
+        out["reward_approach"][c], out["reward_near"][c], out["reward_heading"][c] = approach, near, turned
+        out["error"][c], out["heading"][c], out["speed"][c] = error, heading, speed_of(m, c)
+        out["met"][c] = rests(m, c, error, heading)
         gone = max(error, math.hypot(m.centre[c, PUSHER, 0], m.centre[c, PUSHER, 1])) > ARENA
         out["failed"][c] = gone or m.axis[c, BOX, 2] < 0.7
 

@@ -16,7 +16,17 @@ from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Modes, number
 from springgym.envs.randomisation import NOMINAL, weight_of
-from springgym.envs.shove import BOX, CORNERS, PUSHER, Level, assess, heading_of, see_pusher
+from springgym.envs.shove import (
+    BOX,
+    CORNERS,
+    PUSHER,
+    Level,
+    heading_of,
+    nearness,
+    rests,
+    see_pusher,
+    speed_of,
+)
 from springgym.envs.starts import headed, uniform
 from springgym.envs.task import Drawn, Factors, ResetOptions, Start, Task, at_rest, level
 from springgym.measures import Measures
@@ -40,6 +50,9 @@ TOP = 0.22  # of the shelf; that of the block lies 5 mm lower [m]
 FRICTION = 0.4  # of all contacts
 GAPS = (0.08, 0.1)  # between shelf and block [m]
 SUNK = 0.1  # above the block's middle: the middle of what has fallen is lower [m]
+HOLD = 12  # steps for which the box must lie on the block
+BEST, HELD = 0, 1
+"""Columns of the memory: how near the box has come, and for how many steps it has lain on the block."""
 
 
 @compiled
@@ -49,14 +62,34 @@ def turned_of(m: Measures, c: int) -> float:
     return math.atan2(math.sin(turned), math.cos(turned))
 
 
+@compiled
+def error_of(m: Measures, c: int) -> float:
+    """Return the distance of the box from the block, seen from above [m]."""
+    way = m.centre[c, BOX] - m.centre[c, BLOCK]
+    return math.hypot(way[0], way[1])
+
+
+@kernel
+def remember(m: Measures, s: Situation, memory: np.ndarray) -> None:
+    for c in range(memory.shape[0]):
+        error, turned = error_of(m, c), turned_of(m, c)
+        memory[c, BEST] = max(memory[c, BEST], sum(nearness(m, c, 1.0, error, turned)))
+        memory[c, HELD] = memory[c, HELD] + 1.0 if rests(m, c, error, turned) else 0.0
+
+
 @kernel
 def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     for c in range(out.shape[0]):
-        box, block = m.centre[c, BOX], m.centre[c, BLOCK]
-        error = math.hypot(box[0] - block[0], box[1] - block[1])
-        assess(m, c, s.action, error, turned_of(m, c), out)
-        fallen = min(box[2], m.centre[c, PUSHER, 2]) < block[2] + SUNK
-        out["failed"][c] = fallen or min(m.axis[c, BOX, 2], m.axis[c, BLOCK, 2]) < 0.7
+        error, turned = error_of(m, c), turned_of(m, c)
+        lowest = min(m.centre[c, BOX, 2], m.centre[c, PUSHER, 2]) - m.centre[c, BLOCK, 2]
+        fallen = lowest < SUNK or min(m.axis[c, BOX, 2], m.axis[c, BLOCK, 2]) < 0.7
+        met = rests(m, c, error, turned) and not fallen
+        stacked = met and s.memory[c, HELD] + 1.0 >= HOLD
+        out["reward_nearer"][c] = 0.2 * max(sum(nearness(m, c, 1.0, error, turned)) - s.memory[c, BEST], 0.0)
+        out["reward_stacked"][c] = 0.8 if stacked else 0.0
+        out["error"][c], out["heading"][c], out["speed"][c] = error, turned, speed_of(m, c)
+        out["met"][c] = met
+        out["failed"][c] = stacked or fallen  # both end the episode
 
 
 @kernel
@@ -76,11 +109,11 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
         see_pusher(m, c, observation, 9)
 
 
-class SpringStack(Task, kernels=(evaluate, compact)):
+class SpringStack(Task, kernels=(evaluate, compact, remember)):
     """Define the MDP of `SpringStackEnv`, which describes it."""
 
     actions: ClassVar = {"push": 2}
-    terms = ("approach", "near", "heading")
+    terms = ("nearer", "stacked")
     metrics = ("error", "heading", "speed")
     entries = (
         Entry("way", 2, shove.WAY_UNIT),
@@ -95,7 +128,9 @@ class SpringStack(Task, kernels=(evaluate, compact)):
     )
     period = 0.04
     finest = 0.04 / 32
-    hold = 12
+    hold = HOLD
+    wins = True
+    memory = (0.0, 0.0)
     checks_starts = False
     limits = np.full(2, shove.FORCE)
 
@@ -233,9 +268,11 @@ class SpringStackEnv(SpringEnv, gym.Env, task=SpringStack):
 
     ## Rewards
     Seen from above, e is the distance between the centres of box and block, φ the angle between them, and a
-    the distance between ball and box. With N = [L(e; 0.03, 0.3) + G(e; 0.03, 0.5)]/2, the reward is E [0.05
-    G(a; 0.3, 0.5) + 0.95 N (1 + G(φ; 0.05, 0.8))/2] ([G, L, E](../environments.md#shared-definitions)).
-    Multiplied out, its terms are `reward_approach`, `reward_near` and `reward_heading`.
+    the distance between ball and box. With N = [L(e; 0.03, 0.3) + G(e; 0.03, 0.5)]/2, P = 0.05 G(a; 0.3,
+    0.5) + 0.95 N (1 + G(φ; 0.05, 0.8))/2 is at most 1 ([G, L](../environments.md#shared-definitions)).
+    `reward_nearer` is 0.2 times what P exceeds its largest value in the episode by; `reward_stacked` is 0.8
+    in the step in which the episode ends with success. So an episode that succeeds returns at least 0.8, any
+    other at most 0.2.
 
     ## Starting State
     Everything is at rest. The middle of the box is U(0.5, 0.9) m from the edge, and U(−0.3, 0.3) m along the
@@ -244,10 +281,10 @@ class SpringStackEnv(SpringEnv, gym.Env, task=SpringStack):
     m from the edge's middle, parallel to the shelf. `reset(options={"heading": …})` sets the turn of the box.
 
     ## Episode End
-    Termination: the middle of box or ball is less than 0.1 m above that of the block, or box or block is
-    tipped over. Truncation: 300 steps, 12 s. `info["is_success"]`: e < 0.08 m, |φ| < 0.2 rad, and the box
-    moves slower than 0.1 m/s (plus 0.2 m times its rate of turning), for the last 12 steps. Such a box rests
-    on the block alone.
+    Termination: success; the middle of box or ball is less than 0.1 m above that of the block; or box or
+    block is tipped over. Truncation: 300 steps, 12 s. `info["is_success"]`: e < 0.08 m, |φ| < 0.2 rad, and
+    the box moves slower than 0.1 m/s (plus 0.2 m times its rate of turning), for the last 12 steps. Such a
+    box rests on the block alone.
 
     ## Information
     `error` e [m], `heading` φ [rad], `speed` [m/s], `pairs_…`.

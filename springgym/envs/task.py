@@ -84,7 +84,8 @@ class Task:
 
     After a step, ``move`` comes first, then ``evaluate``, which sees the old ``s.memory``, then ``remember``,
     and the observation last. At the start of an episode, the memory is `memory`, and ``remember`` is called
-    once.
+    once. In a step of several control periods, ``move`` and ``remember`` are called after each of them,
+    ``evaluate`` after the last one.
 
     For several bodies, m holds the measures of each: scalars (n, bodies), vectors (n, bodies, 3).
     """
@@ -107,6 +108,8 @@ class Task:
     """the K numbers of the memory before the first call of ``remember``"""
     period: ClassVar[float] = 0.02
     """control period [s]"""
+    periods: ClassVar[int] = 1
+    """number of control periods of a step of the environment: an action may decide more than one"""
     finest: ClassVar[float] = math.inf
     """largest automatic step [s]: impacts may need shorter steps than stability"""
     damping_every: ClassVar[int] = 1
@@ -144,7 +147,9 @@ class Task:
             cls.__signature__ = inspect.Signature([*[*own.values()][1:], *modes])  # type: ignore[attr-defined]
 
     def __init__(self, **modes: Unpack[Modes]) -> None:
-        self.observation = chosen("observation", modes.pop("observation", "particles"), self.observations)
+        self.observation = chosen(
+            "observation", modes.pop("observation", self.observations[0]), self.observations
+        )
         self.action = chosen("action", modes.pop("action", next(iter(self.actions))), self.actions)
         if modes:
             raise TypeError(f"{type(self).__name__} has no argument {next(iter(modes))!r}")
@@ -178,8 +183,8 @@ class Task:
         raise NotImplementedError
 
     def observed_particles(self) -> ObservedParticles:
-        """Return what is observed of the particles."""
-        raise NotImplementedError
+        """Return what is observed of the particles; nothing where `observations` lacks "particles"."""
+        return ObservedParticles((), 1.0, 1.0)
 
     def draw(self, rng: Generator, options: ResetOptions, factors: Factors) -> Drawn:
         """Draw the numbers that determine the start of an episode."""
@@ -230,6 +235,11 @@ class Task:
     def marks(self, m: Measures, s: Situation) -> Marks:
         """Return the marks to draw. The arguments belong to one copy."""
         raise NotImplementedError
+
+    @property
+    def action_period(self) -> float:
+        """Return the time from one action to the next [s]."""
+        return self.periods * self.period
 
     @property
     def observation_space(self) -> spaces.Box:

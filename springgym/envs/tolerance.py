@@ -144,7 +144,7 @@ def largest_error(episodes: Episodes) -> float:
             ends = {name: reach[int(rng.integers(2))] for name, reach in episodes.ranges.items()}
             episodes.begin(np.array([n]), [rng], {"randomize": ends} if ends else None)
         goes_on = np.arange(first, first + copies) < EPISODES
-        for _ in range(PERIODS):
+        for _ in range(math.ceil(PERIODS / episodes.task.periods)):
             actions = np.stack([rng.uniform(-1, 1, episodes.action.shape[1]) for rng in generators])
             result, _ = episodes.step(actions)
             if goes_on.any():

@@ -100,6 +100,7 @@ def played(agent: Agent, seed: int) -> Motion:
     cycles = inner.episodes.steps // every
     parts = min(cycles, max(1, round(task.period / INTERVAL)))
     rows, bodies, positions, marks, touching = [], [], [], [], []
+    times, before = [0.0], simulator.state()
 
     def keep() -> None:
         rows.append(simulator.readout.rows[0].copy())
@@ -109,18 +110,14 @@ def played(agent: Agent, seed: int) -> Motion:
         if (found := contacts_of(simulator)) is not None:
             touching.append(found)
 
-    keep()
-    total, over = 0.0, False
-    times = [0.0]
-    while not over:
-        before, start = simulator.state(), times[-1]
-        observation, reward, terminated, truncated, info = env.step(policy(alone(observation))[0])
-        total, over = total + float(reward), terminated or truncated
-        after = simulator.state()
+    def repeat() -> None:
+        """Take the same control period again, to see what is between."""
+        nonlocal before
+        start, after = times[-1], simulator.state()
         acting = {name: values for name, values in after.items() if name.startswith(ACTUATORS)}
         simulator.restore(sealed(before | acting))
         taken = 0
-        for n in range(1, parts):  # the same period again, to see what is between
+        for n in range(1, parts):
             until = every * round(n * cycles / parts)
             simulator.advance(until - taken, check=False, read=True)
             taken = until
@@ -130,12 +127,20 @@ def played(agent: Agent, seed: int) -> Motion:
         simulator.read()
         keep()
         times.append(start + task.period)
+        before = after
+
+    keep()
+    inner.episodes.each_period = repeat
+    total, over = 0.0, False
+    while not over:
+        observation, reward, terminated, truncated, info = env.step(policy(alone(observation))[0])
+        total, over = total + float(reward), terminated or truncated
     m, x = measures.view(np.stack(rows)), np.stack(positions)
     of_bodies = [measures.view(own) for own in np.stack(bodies, axis=1)]
     look, camera = task.look(), task.camera()
     away = np.subtract(camera.eye, camera.target)
     env.close()
-    steps = round(times[-1] / task.period)
+    steps = round(times[-1] / task.action_period)
     return Motion(
         title=f"{agent.env_id}: {agent.name}",
         times=np.array(times),
@@ -155,7 +160,7 @@ def played(agent: Agent, seed: int) -> Motion:
         camera=camera,
         note=lacking(task.scene),
         summary=(
-            f"{steps} steps of {task.period:g} s · return {total:.4g}, {total / steps:.3f} a step · "
+            f"{steps} steps of {task.action_period:g} s · return {total:.4g}, {total / steps:.3f} a step · "
             f"{SUCCESS[info.get('is_success')]}largest strain {m.strain.max():.1e}"
         ),
     )

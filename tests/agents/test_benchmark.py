@@ -1,5 +1,6 @@
 """The benchmark: a row for every run, none run twice, none lost by a kill."""
 
+import itertools
 import json
 import os
 import shutil
@@ -14,6 +15,7 @@ import results
 import runs
 import train
 from conftest import AGENTS, HERE
+from stable_baselines3 import PPO
 from test_train import PYTHONPATH, assert_same_run, rows
 
 TOY = "toy_env:Toy-v0"
@@ -29,7 +31,7 @@ def configs(tmp_path_factory):
 
 def command(folder, configs, *options, algorithms=("zero", "linear", "ppo")):
     tasks = ["--tasks", TOY, "--algorithms", *algorithms]
-    asked = ["--runs", str(folder), "--configs", str(configs), "--episodes", "20"]
+    asked = ["--runs", str(folder), "--configs", str(configs), "--episodes", "20", "--seconds", "0"]
     return [*tasks, *asked, "--local", "--jobs", "2", *options]
 
 
@@ -103,6 +105,28 @@ def test_linear_control_goes_on_from_its_checkpoint(done, tmp_path, monkeypatch)
     assert rows(tmp_path / "run") == rows(done / "Toy-v0-linear-0")
     names = [folder / "agent.npz" for folder in (tmp_path / "run", done / "Toy-v0-linear-0")]
     assert names[0].read_bytes() == names[1].read_bytes()
+
+
+def test_a_run_of_seconds(tmp_path, monkeypatch):
+    """It learns for so long whatever its steps, without evaluations, and goes on where it was stopped."""
+    import toy_env
+    from recorder import Recorder
+
+    ticks, folder = itertools.count(), tmp_path / "run"
+    monkeypatch.setattr(Recorder, "clock", staticmethod(lambda: 0.1 * next(ticks)))  # of which learning calls
+    monkeypatch.setattr(toy_env, "interrupt_at", 2000)
+    config = ["--config", str(HERE / "toy_ppo.yaml"), "--set", "seconds=5", "anneal=true"]
+    assert train.main([TOY, "--run", str(folder), *config]) == 130
+    assert 1.5 < results.curve_of(folder)[-1][1] < 4.0
+    monkeypatch.setattr(toy_env, "interrupt_at", None)
+    assert train.main(["--resume", str(folder), "--episodes", "0"]) == 0
+    steps, seconds = benchmark.last_row(folder)
+    assert seconds == pytest.approx(5.0, abs=0.3)
+    assert steps == pytest.approx(512 * 50, rel=0.1)  # a rollout each time the clock is read
+    assert 5 <= len(results.curve_of(folder)) <= 10
+    assert PPO.load(folder / "model.zip").learning_rate.left < 0.05
+    assert train.main(["--resume", str(folder), "--episodes", "0"]) == 0
+    assert benchmark.last_row(folder)[0] == steps
 
 
 def start(arguments, **environment):
@@ -223,7 +247,7 @@ def test_a_cluster_that_loses_a_node(tmp_path):
     (tmp_path / "ppo.yaml").write_text(f"{text}SpringTop-v0: *toy\n")
     algorithms = ["ppo", "zero", "classical"]  # so the first two runs train at once
     asked = ["--tasks", TOY, "SpringTop-v0", "--algorithms", *algorithms, "--seeds", "2", "--episodes", "20"]
-    asked += ["--configs", str(tmp_path), "--set", "total_timesteps=65536"]
+    asked += ["--seconds", "0", "--configs", str(tmp_path), "--set", "total_timesteps=65536"]
     local, shared = tmp_path / "local", tmp_path / "cluster"
     assert benchmark.main([*asked, "--runs", str(local), "--local", "--jobs", "1"]) == 0
 
@@ -263,7 +287,7 @@ def without_seconds(folder):
     return found
 
 
-@pytest.mark.parametrize("protocol", [1, None])
+@pytest.mark.parametrize("protocol", [2, None])
 def test_rows_of_an_older_protocol_are_made_again(protocol, done, configs):
     (row,) = (row for row in json.loads((done / "baselines.json").read_text()) if row["algorithm"] == "zero")
     cell, plan = results.Cell(TOY, "zero", 0), benchmark.Plan(done, 20, (), configs)

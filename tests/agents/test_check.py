@@ -100,7 +100,7 @@ def better(row):
         (changed(config="00000000"), "a run of another task, algorithm, seed or configuration"),
         (changed(task="SpringRope-v9"), "no task 'SpringRope-v9'"),
         (changed(task="os:Rope-v0"), "no task 'os:Rope-v0'"),
-        (changed(protocol=1, probe=0.5), "its protocol is 1; this version knows 2"),
+        (changed(protocol=1, probe=0.5), "its protocol is 1; this version knows 3"),
         (changed(probe=[0.5]), "its task was another one: the probe is [0.5]"),
         (changed(task="SpringDetumble-v0"), "its task was another one"),
         (changed(commit=f"{COMMIT}-dirty"), "the tree must not differ"),
@@ -164,8 +164,8 @@ def test_a_curve_is_thinned_and_keeps_its_end(tmp_path):
     lines += [f"{100 * n},{n},{n / 1000},{'' if n % 2 else 0.5}" for n in range(1, 100)]
     (tmp_path / "progress.csv").write_text("\n".join(lines) + "\n")
     found = results.curve_of(tmp_path)
-    assert len(found) == 33
+    assert len(found) == 50
     assert found[-1] == [9900, 99.0, 0.099, None]
-    assert {b[0] - a[0] for a, b in pairwise(found)} == {300}
+    assert {b[0] - a[0] for a, b in pairwise(found)} == {200}
     (tmp_path / "progress.csv").write_text("\n".join(lines[:1]) + "\n")
     assert results.curve_of(tmp_path) == []

@@ -25,7 +25,6 @@ SCRIPTS = {
     "learning_time": (["SpringTop"],),
     "offline": (["SpringTop", "--data", "a"],),
     "plan": (["--tasks", "SpringTop"],),
-    "plan_rows": (["rows.json", "--tasks", "SpringTop"],),
     "rllib_ppo": (["SpringTop"],),
     "train": (["SpringTop"], ["SpringTop", "--algo", "linear"]),
     "transfer": (["SpringTop", "--local"],),

@@ -6,7 +6,6 @@ from dataclasses import replace
 import gymnasium as gym
 import numpy as np
 import plan
-import plan_rows
 import pytest
 import results
 
@@ -128,21 +127,21 @@ def test_intervals_of_success():
     assert results.wilson(0, 10) == pytest.approx((0.0, 0.2775), abs=1e-4)
 
 
-def test_every_environment_has_its_turn():
+def test_settings_are_of_environments():
     from springgym.registration import ENVIRONMENTS
 
-    assert sorted(plan_rows.CHEAPEST_FIRST) == sorted(row.id for row in ENVIRONMENTS)
-    assert set(plan.SETTINGS) <= set(plan_rows.CHEAPEST_FIRST)
-    for task in plan_rows.CHEAPEST_FIRST:
+    ids = [row.id for row in ENVIRONMENTS]
+    assert set(plan.SETTINGS) <= set(ids)
+    for task in ids:
         plan.planner_of(task)  # its settings are known
     assert plan.planner_of("SpringTopSparse-v0") == plan.planner_of(TASK)
 
 
 def test_rows_are_made_once_and_go_on(tmp_path, capsys, monkeypatch):
     """A row is skipped while nothing has changed; a stopped one goes on after the episodes that were kept."""
-    monkeypatch.setattr(plan_rows, "AT_ONCE", 1)
-    monkeypatch.setattr(plan_rows, "probe", lambda task: [0.5])
-    monkeypatch.setattr(plan_rows, "same_probe", lambda probe, task: probe == [0.5])
+    monkeypatch.setattr(plan, "AT_ONCE", 1)
+    monkeypatch.setattr(plan, "probe", lambda task: [0.5])
+    monkeypatch.setattr(plan, "same_probe", lambda probe, task: probe == [0.5])
     path, counted = tmp_path / "rows.json", []
 
     def play(task, planner, seeds):
@@ -153,11 +152,11 @@ def test_rows_are_made_once_and_go_on(tmp_path, capsys, monkeypatch):
         return [{"seed": s, "return": 0.25, "success": True, "steps": 10, "seconds": 0.5} for s in seeds]
 
     stopped = []
-    monkeypatch.setattr(plan_rows, "play_episodes", play)
-    asked = [str(path), "--tasks", TASK, "--episodes", "2"]
-    assert plan_rows.main(asked) == plan_rows.INTERRUPTED
+    monkeypatch.setattr(plan, "play_episodes", play)
+    asked = ["--json", str(path), "--tasks", TASK, "--episodes", "2"]
+    assert plan.main(asked) == plan.INTERRUPTED
     assert not path.exists()
-    assert plan_rows.main(asked) == plan_rows.main(asked) == 0
+    assert plan.main(asked) == plan.main(asked) == 0
     assert counted == [plan.HELD_OUT_SEED, plan.HELD_OUT_SEED + 1]
     (row,) = json.loads(path.read_text())
     assert (row["task"], row["algorithm"], row["episodes"]) == (TASK, "planner", 2)
@@ -167,12 +166,12 @@ def test_rows_are_made_once_and_go_on(tmp_path, capsys, monkeypatch):
     for old in ({"config": "0"}, {"protocol": 1}, {"probe": [0.6]}):
         path.write_text(json.dumps([row | old]))
         path.with_suffix(".parts.json").unlink()
-        assert plan_rows.main(asked) == 0
+        assert plan.main(asked) == 0
         assert (counted[-2:], json.loads(path.read_text())) == (counted[:2], [row])
     assert len(counted) == 8
     assert "s of one core a simulated second" in capsys.readouterr().out
     path.write_text("[{}]")
-    assert plan_rows.main(asked) == 2
+    assert plan.main(asked) == 2
     assert "does not hold rows of results" in capsys.readouterr().err
 
 
@@ -193,5 +192,5 @@ def test_episodes_of_a_task_are_played_ten_at_a_time(monkeypatch, capsys):
 
 def test_the_digest_tells_planners_apart():
     planner = plan.Planner()
-    assert plan_rows.digest(planner) == plan_rows.digest(plan.Planner())
-    assert plan_rows.digest(planner) != plan_rows.digest(replace(planner, colour=0.5))
+    assert plan.digest(planner) == plan.digest(plan.Planner())
+    assert plan.digest(planner) != plan.digest(replace(planner, colour=0.5))

@@ -19,11 +19,26 @@ def test_values_at_the_borders_count_in_part():
     )
 
 
-def test_profile():
-    np.testing.assert_allclose(
-        results.profile(np.array([0.0, 0.5, 0.5, 1.0]), np.array([0.0, 0.4, 0.5, 1.0])),
-        [0.75, 0.75, 0.25, 0.0],
-    )
+def row(algorithm, mean, steps=0, seconds=0.0, used=(), task=results.SUITE[0]):
+    curve = [[100_000, 0.4 * seconds, 0.1, 0.0], [300_000, 0.8 * seconds, 0.3, 0.0]]
+    own = {"algorithm": algorithm, "mean_return": mean, "steps": steps, "seconds": seconds, "used": used}
+    return {**own, "task": task, "curve": curve}
+
+
+def test_scores_are_shares_of_the_way_to_the_reference():
+    """At equal seconds they are of the end of a run, at equal steps of its curve; imitation stands apart."""
+    references = [row("random", 0.1), row("classical", 0.5), row("planner", 0.7)]
+    learned = [row("ppo", mean, 400_000, 602.0) for mean in (0.4, 0.7)]
+    learned += [row("ppo", 0.5, 350_000, 600.0, ("imitation",)), row("sac", 0.9, 150_000, 300.0)]
+    learned += [
+        row("sac", 0.9, 400_000, 600.0, task=results.SUITE[1]),
+        row("ppo", 0.9, 9, 9.0, task="Own-v0"),
+    ]
+    rows, first = references + learned, results.SUITE[0]
+    found = {name: own[first].tolist() for name, own in results.scores(rows, 1, 600.0).items()}
+    assert found == {("ppo",): pytest.approx([0.5, 1.0]), ("ppo", "imitation"): pytest.approx([2 / 3])}
+    found = {name: own[first].tolist() for name, own in results.scores(rows, 0, 200_000).items()}
+    assert found == {("ppo",): pytest.approx([1 / 6, 1 / 6]), ("ppo", "imitation"): pytest.approx([1 / 6])}
 
 
 @pytest.mark.parametrize("runs", [1, 3, 400])

@@ -430,7 +430,7 @@ def test_a_run_is_not_overwritten(finished, capsys):
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        ("algo: ppo", "algo: a2c", "algo: expected one of ppo, sac, tqc, crossq, her, linear, iql"),
+        ("algo: ppo", "algo: a2c", "algo: expected one of ppo, sac, tqc, her, linear, iql"),
         ("seed: 0", "sed: 0", "unknown key 'sed'; did you mean 'seed'"),
         ("gamma: 0.95", "gamma: 95", "gamma: must lie between"),
     ],

@@ -22,13 +22,14 @@ def command(tmp_path):
 
     def command(*options):
         asked = ["--runs", str(tmp_path / "tune"), "--configs", str(configs), "--seeds", "1"]
+        asked += ["--out", str(tmp_path / "trials"), "--seconds", "0"]
         return [TOY, *asked, *options, "--set", "total_timesteps=2048", "n_envs=64"]
 
     return command
 
 
 def study(tmp_path):
-    return json.loads((tmp_path / "tune" / "Toy-v0-ppo" / "study.json").read_text())
+    return json.loads((tmp_path / "trials" / "Toy-v0-ppo.json").read_text())
 
 
 @pytest.fixture

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import gymnasium as gym
 import numpy as np
 import pytest
 
 from springgym.envs import billiards
-from springgym.envs.billiards import CUE, FORCE, FRICTION, MASS, OBJECT, PERIOD, RADIUS
+from springgym.envs.billiards import CUE, FORCE, FRICTION, MASS, OBJECT, PERIOD, PERIODS, RADIUS
 from tests.envs.cases import started
 from tests.envs.playing import Policy, play
 from tests.envs.test_cheats import classical
 from tests.params import slow_but
 
-ENV, COPIES, G = "SpringBilliards-v0", 20, 9.81
-IDLE = np.zeros(2, np.float32)
+ENV, COPIES, G = "SpringBilliards-v0", 100, 9.81
 SLOWING = FRICTION * G
+
+Ways = tuple[np.ndarray, float, bool, dict[str, Any]]
 
 
 def laid(cue: tuple[float, float], other: tuple[float, float], pocket: tuple[float, float]) -> gym.Env:
@@ -25,54 +28,75 @@ def laid(cue: tuple[float, float], other: tuple[float, float], pocket: tuple[flo
     x = episodes.simulator.positions
     x[0, :, :2] = cue, other
     episodes.simulator.place(x, np.zeros_like(x))
-    episodes.goal[0, :2] = pocket
+    episodes.goal[0, :2], episodes.memory[0] = pocket, np.inf
     return env
 
 
-def velocity(env: gym.Env, body: int) -> np.ndarray:
-    return np.array(env.unwrapped.episodes._whole.measures.centre_velocity[0, body, :2])
+def struck(env: gym.Env, angle: float, size: float = 0.5) -> Ways:
+    """Return velocities (periods, balls, 2) after each control period of a stroke, and how it ends."""
+    episodes, velocities = env.unwrapped.episodes, []
+    episodes.each_period = lambda: velocities.append(episodes.seen[0].centre_velocity[0, :, :2].copy())
+    _, reward, terminated, _, info = env.step(size * np.array([np.cos(angle), np.sin(angle)]))
+    return np.array(velocities), float(reward), terminated, info
 
 
-def stroke(env: gym.Env, angle: float, size: float = 0.5) -> None:
-    env.step(size * np.array([np.cos(angle), np.sin(angle)]))
-
-
-def test_the_stroke_and_friction() -> None:
-    """v = (F/m − μ g) T, and μ g slows it: friction is met each step, and rounds nothing."""
-    env = laid((0.0, 0.0), (1.5, 1.5), (-1.0, 0.0))
-    stroke(env, 0.3)
+def test_an_episode_is_one_stroke() -> None:
+    """v = (F/m − μ g) T after the first control period; μ g slows it then, and the force is over."""
+    velocities, reward, terminated, info = struck(laid((0.0, 0.0), (1.5, 1.5), (-1.0, 0.0)), 0.3)
+    assert terminated
+    assert len(velocities) == PERIODS
     begun = (0.5 * FORCE / MASS - SLOWING) * PERIOD
     way = np.array([np.cos(0.3), np.sin(0.3)])
-    np.testing.assert_allclose(velocity(env, CUE), begun * way, rtol=2e-3)
-    for _ in range(40):
-        env.step(IDLE)
-    np.testing.assert_allclose(velocity(env, CUE), (begun - SLOWING * 40 * PERIOD) * way, rtol=5e-3)
+    np.testing.assert_allclose(velocities[0, CUE], begun * way, rtol=2e-3)
+    np.testing.assert_allclose(velocities[40, CUE], (begun - SLOWING * 40 * PERIOD) * way, rtol=5e-3)
+    assert not velocities[:, OBJECT].any()
+    assert info["away"] == np.hypot(2.5, 1.5)
+    assert not info["is_success"]
+    assert 0.0 < reward < 1e-3
 
 
-def test_there_is_one_stroke() -> None:
-    """The second one changes no bit; an action that is no stroke leaves it."""
-    pair = [laid((0.0, 0.0), (1.5, 1.5), (-1.0, 0.0)) for _ in range(2)]
-    for env, later in zip(pair, (IDLE, np.ones(2)), strict=True):
-        env.step(np.array([0.09, 0.0]))
-        assert (velocity(env, CUE) == 0.0).all()
-        stroke(env, 0.0)
-        for _ in range(10):
-            env.step(later)
-    assert velocity(pair[0], CUE)[0] > 1.0
-    np.testing.assert_array_equal(velocity(pair[0], CUE), velocity(pair[1], CUE))
+def test_copies_strike_as_single_environments_do() -> None:
+    """To the bit, though copies differ in when balls meet and fall."""
+    envs: Any = gym.make_vec(ENV, 3, vectorization_mode="vector_entry_point")
+    seen, _ = envs.reset(seed=4)
+    actions = classical(ENV)(gym.make_vec(ENV, 3, observation="frame").reset(seed=4)[0])
+    _, rewards, *_ = envs.step(actions)
+    x = envs.unwrapped.episodes.particles[0]
+    for n, action in enumerate(actions):
+        env = gym.make(ENV)
+        np.testing.assert_array_equal(env.reset(seed=4 + n)[0], seen[n])
+        assert env.step(action)[1] == rewards[n]
+        np.testing.assert_array_equal(env.unwrapped.episodes.particles[0][0], x[n])  # type: ignore[attr-defined]
+
+
+def test_each_control_period_is_filmed() -> None:
+    env = gym.make(ENV, render_mode="rgb_array_list")
+    env.reset(seed=0)
+    (start,) = env.render()  # type: ignore[misc]
+    env.step(np.array([0.5, 0.0]))
+    film: Any = env.render()
+    assert len(film) == PERIODS
+    assert (film[0] != start).any()
+    assert env.render() == []
+
+
+def test_the_error_is_the_largest_of_all_control_periods() -> None:
+    """The impact's, though nothing moves in the last one."""
+    found = []
+    for aim in (0.0, 1.0):
+        env = started(ENV, seed=0, error=True)
+        x = env.unwrapped.episodes.particles[0][0, :, :2]
+        bearing = np.arctan2(*(x[OBJECT] - x[CUE])[::-1]) + aim
+        found.append(struck(env, bearing)[-1]["step_error"])
+    assert found[0] > 10.0 * found[1] > 0.0
 
 
 def parted(aim: float, away: float = 0.6) -> tuple[np.ndarray, float]:
     """Velocity of a ball that another one, from ``away``, has hit, and the other's speed before that."""
-    env = laid((-away, 0.0), (0.0, 0.0), (-1.0, 1.0))
-    stroke(env, aim)
-    for _ in range(100):
-        before = np.linalg.norm(velocity(env, CUE))
-        env.step(IDLE)
-        if np.linalg.norm(velocity(env, OBJECT)) > 0.0:
-            env.step(IDLE)
-            return velocity(env, OBJECT), before
-    raise AssertionError("it has missed")
+    velocities, *_ = struck(laid((-away, 0.0), (0.0, 0.0), (-1.0, 1.0)), aim)
+    met = int(np.argmax(np.linalg.norm(velocities[:, OBJECT], axis=1) > 0.0))
+    assert met
+    return velocities[met + 1, OBJECT], float(np.linalg.norm(velocities[met - 1, CUE]))
 
 
 def test_a_full_hit() -> None:
@@ -95,47 +119,37 @@ def test_the_impact_makes_errors_larger(away: float) -> None:
 
 
 @pytest.mark.parametrize("step", [PERIOD, PERIOD / 4])
-def test_a_step_too_long_for_the_impact_ends_the_episode(step: float) -> None:
+def test_a_step_too_long_for_the_impact_earns_nothing(step: float) -> None:
     """Without springs no step is unstable; the balls must not pass through one another for that."""
     env = started(ENV, step=step, seed=0)
     x = env.unwrapped.episodes.particles[0][0, :, :2]
-    action = (x[OBJECT] - x[CUE]) / np.linalg.norm(x[OBJECT] - x[CUE])
-    for n in range(60):
-        *_, terminated, _, info = env.step(action if n == 0 else IDLE)
-        if terminated:
-            break
+    _, reward, terminated, info = struck(env, np.arctan2(*(x[OBJECT] - x[CUE])[::-1]), 1.0)
+    assert terminated
     assert info["diverged"]
     assert info["too_fast"] > 0
+    assert reward == 0.0
 
 
 def test_a_ball_in_the_pocket_stays_there() -> None:
     env = laid((-0.5, 0.0), (0.0, 0.0), (0.4, 0.0))
-    stroke(env, 0.0)
-    rewards = []
-    for _ in range(120):
-        _, reward, terminated, _, info = env.step(IDLE)
-        assert not terminated
-        rewards.append(reward)
-    assert env.unwrapped.episodes.goal[0, billiards.POTTED] == 1.0
-    assert rewards[-1] == 1.0
-    assert max(reward for reward in rewards if reward < 1.0) <= 0.2
+    velocities, reward, terminated, info = struck(env, 0.0)
+    assert terminated
     assert info["is_success"]
+    assert reward == pytest.approx(1.0 - 0.1 * 0.5**2 / 2, abs=1e-6)
     assert info["away"] < FRICTION * G / billiards.SOFT + 1e-4  # where friction holds it
+    assert np.linalg.norm(velocities[-1, OBJECT]) < 1e-3
 
 
 @pytest.mark.parametrize(("aim", "size"), [(0.3, 0.5), (0.0, 0.2), (0.0, 1.0)])
-def test_a_stroke_that_fails_ends_the_episode(aim: float, size: float) -> None:
+def test_a_stroke_that_fails(aim: float, size: float) -> None:
     """One that misses, one that is too weak, and one that drives the ball beyond the pocket and away."""
     env = laid((-0.5, 0.0), (0.0, 0.0), (0.5, 0.3 if size == 1.0 else 0.0))
-    stroke(env, aim, size)
-    for _ in range(300):
-        *_, terminated, _, info = env.step(IDLE)
-        if terminated:
-            break
+    _, reward, terminated, info = struck(env, aim, size)
     assert terminated
     assert not info["diverged"]
     assert not info["is_success"]
     assert info["away"] > billiards.POCKET
+    assert reward < 0.2
 
 
 # --- Ways around the task -------------------------------------------------------------------------------
@@ -146,7 +160,7 @@ def waiting(seen: np.ndarray) -> np.ndarray:
 
 
 def straight(seen: np.ndarray) -> np.ndarray:
-    """Strike straight at the second ball, and push on."""
+    """Strike straight at the second ball."""
     return seen[:, :2] / np.linalg.norm(seen[:, :2], axis=1, keepdims=True)
 
 

@@ -216,14 +216,16 @@ def on_the_block(env: gym.Env, aside: float) -> None:
 
 @pytest.mark.parametrize(("aside", "success"), [(0.0, True), (0.07, True), (0.1, False)])
 def test_a_box_on_the_block_is_stacked(aside: float, success: bool) -> None:
-    """The block carries it alone: nothing touches the shelf but the ball."""
-    env = started("SpringStack-v0", seed=0)
+    """The block carries it alone: nothing touches the shelf but the ball. That ends the episode, and pays."""
+    env, rewards, terminated = started("SpringStack-v0", seed=0), [], False
     on_the_block(env, aside)
-    for _ in range(20):
-        *_, terminated, _, info = env.step(np.zeros(2))
-        assert not terminated
-    assert info["is_success"] == success
+    while not terminated and len(rewards) < 20:
+        _, reward, terminated, _, info = env.step(np.zeros(2))
+        rewards.append(reward)
+    assert terminated == info["is_success"] == success
+    assert 0.0 < sum(rewards[:-1]) < 0.2
     if success:
+        assert (len(rewards), rewards[-1]) == (stack.HOLD, 0.8)
         simulator = env.unwrapped.episodes.simulator
         pairs = [{meeting.first, meeting.second} for meeting in simulator.scene.meetings]
         touching = simulator.pairs().touching[0]

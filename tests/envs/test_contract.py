@@ -109,7 +109,7 @@ def test_values_stay_in_bounds(env_id: str, options: dict[str, Any]) -> None:
 @pytest.mark.slow
 @each_case
 def test_values_stay_in_bounds_for_long(env_id: str, options: dict[str, Any]) -> None:
-    stays_in_bounds(env_id, options, 2000)
+    stays_in_bounds(env_id, options, 2000 // task_type(env_id).periods)
 
 
 def leaves(value: Any) -> list[np.ndarray]:
