@@ -1,8 +1,8 @@
 """Bodies that roll: a ball, an ellipsoid, a disk, a capsule. Their particles have a solid's inertia.
 
-The four particles of a ball, and the six of an ellipsoid or a disk, lie at S u about the centre of mass, where
-the unit vectors u are the corners of a regular tetrahedron, or of an octahedron, and S = √(3 C). They have
-equal masses. Their second moments Σ m X Xᵀ = M C are those of a solid with the mass M, whose inertia is
+The four particles of a ball, and the six of an ellipsoid or a disk, lie at S u about the centre of mass. The
+unit vectors u point to the corners of a regular tetrahedron, or of an octahedron, and S = √(3 C). The masses
+are equal. Their second moments Σ m X Xᵀ = M C are those of a solid with the mass M, whose inertia is
 M (tr C 1 − C). A spring joins every two. The body meets surfaces and other bodies with one round feature, see
 `springgym.bodies.round`.
 

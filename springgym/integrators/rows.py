@@ -285,7 +285,7 @@ def record_losses(n: int, ledger: Ledger, contacts: ContactRows) -> None:
 def motion_given(
     n: int, first: int, space: RowSpace, turning: Turning | None
 ) -> tuple[Vector, Vector, Vector]:
-    """Return by how much contact makes a body that turns faster [m/s], and spin faster [rad/s], and its point."""
+    """Return Δv [m/s] and Δω [rad/s] that contact gives a body that turns, and the point X of it."""
     faster = 0.0 * row(space.velocity, first)
     spin, point = faster, faster
     if turning is not None and turning.turns[n] and space.active[n]:

@@ -34,6 +34,11 @@ def column(askew: float = 1.0) -> Scene:
     return Scene(bodies=tuple(bodies), surfaces=(floor(),), contact=contact, collisions="all")
 
 
+def pair_of(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Return the pair of each two of `COUNT` blocks that all meet."""
+    return np.asarray(first * COUNT - first * (first + 1) // 2 + second - first - 1)
+
+
 def pushes_and_law(simulator: Simulator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the pair of each contact of two blocks, its force and what the law says of its gap [N]."""
     found, meetings = simulator.contacts(), simulator.scene.meetings

@@ -136,7 +136,7 @@ def degraded(policy: Policy, noise: float, bias: float) -> Policy:
 )
 def test_returns_rank_as_successes_do(env_id: str) -> None:
     """Of pairs of agents whose rates of success differ by more than chance: by a tenth or more."""
-    row, arguments = find(env_id)  # type: ignore[misc]
+    row, _ = find(env_id)  # type: ignore[misc]
     kinds = [(0.0, 0.0), (0.1, 0.0), (0.2, 0.0), (0.4, 0.0), (1.0, 0.0), (0.0, 0.05), (0.0, 0.1), (0.0, 0.2)]
     exact = make_controller("classical", env_id, {}, task_type(row.id)().action_space)
     played = [play(env_id, degraded(exact, *own), 50, observation="frame") for own in kinds]
