@@ -409,6 +409,8 @@ class Scene(ReadOnly):
             raise TypeError(f"bodies is {shown(self.bodies)}; it must be a tuple of Placed")
         if not self.bodies:
             return (Placed(**{name: getattr(self, name) for name in OWN}),)
+        if self._replaced():
+            return (Placed(**{name: getattr(self, name) for name in OWN}, name=self.bodies[0].name),)
         for own in fields(self):
             if own.name in OWN and getattr(self, own.name) is not own.default:
                 raise ValueError(
@@ -432,6 +434,19 @@ class Scene(ReadOnly):
                     "each Placed a name of its own"
                 )
         return bodies
+
+    def _replaced(self) -> bool:
+        """Return whether `dataclasses.replace` makes the scene from the fields of a scene of one body.
+
+        These fields repeat the contents of ``bodies``. A user who gives a body and ``bodies`` by mistake does
+        not also give the same positions or velocities twice. Such a scene is refused, because fields of the
+        `Placed` would be lost.
+        """
+        (first, *others) = self.bodies
+        if others or not isinstance(first, Placed) or self.body is not first.body:
+            return False
+        starts = (self.positions, first.positions), (self.velocities, first.velocities)
+        return all(given is not None for given, _ in starts) and any(given is own for given, own in starts)
 
     def _check_surfaces(self) -> None:
         if not isinstance(self.surfaces, Sequence):

@@ -38,7 +38,7 @@ from springgym.contact.solver import add_totals, prepare, solve, start_totals
 from springgym.contact.totals import entry_of, list_changing
 from springgym.contact.warm import keep_impulses, start_warm
 from springgym.core.compiling import OPTIONS, compiled
-from springgym.core.kinds import Ledger, Numbers, Ragged, Rows, Vector
+from springgym.core.kinds import Ledger, Ragged, Rows, Vector
 from springgym.core.lanes import all_rows, bodies_of, load, of_body, store
 from springgym.core.vectors import cross, dot, mass_centre, plus_scaled, row, set_row, vec
 from springgym.forces.ledger import CONTACT, FRICTION, record
@@ -153,7 +153,7 @@ def begin_rows(among: int, v: Rows, problem: Problem, collisions: Collisions) ->
 def problem_of(bodies: Bodies, span: Span, space: RowSpace) -> Problem:
     """Return what the impulses of a node follow from, before its contacts are found."""
     particles, collisions = bodies.terms.particles, bodies.terms.collisions
-    look(bodies, space, space.lists)
+    look(bodies.x, particles.mass, all_rows(bodies.x), all_rows(bodies.v), space, space.lists)
     return Problem(
         span,
         space.places,
@@ -166,26 +166,24 @@ def problem_of(bodies: Bodies, span: Span, space: RowSpace) -> Problem:
 
 
 @compiled
-def look(bodies: Bodies, space: RowSpace, lists: Lists | None) -> None:
-    """Copy positions and velocities of all particles as other bodies see them, if bodies collide."""
+def look(of: Any, mass: Any, x: Rows, v: Rows, space: RowSpace, lists: Lists | None) -> None:
+    """Copy positions and velocities of all particles ``of`` bodies as others see them, if bodies collide."""
     if lists is not None:
-        x, v = all_rows(bodies.x), all_rows(bodies.v)
         for i in range(x.shape[0]):
             set_row(space.places, i, row(x, i))
             set_row(space.speeds, i, row(v, i))
-        for n in range(bodies_of(bodies.x)):
-            own, mass = of_body(bodies, n), of_body(bodies, n).terms.particles.mass
-            see_ball(n, first_row(bodies.x, n), own.x, own.v, mass, space, space.contacts.turning)
+        see_balls(of, mass, space, space.contacts.turning)
 
 
 @compiled
-def see_ball(
-    body: int, first: int, x: Rows, v: Rows, mass: Numbers, space: RowSpace, turning: Turning | None
-) -> None:
-    """Let the first particle of a body stand for its centre of mass, if it is a ball."""
-    if turning is not None and turning.balls[body]:
-        set_row(space.places, first, mass_centre(x, mass))
-        set_row(space.speeds, first, mass_centre(v, mass))
+def see_balls(of: Any, mass: Any, space: RowSpace, turning: Turning | None) -> None:
+    """Let the first particle of each ball stand for its centre of mass."""
+    if turning is not None:
+        for n in range(bodies_of(of)):
+            if turning.balls[n]:
+                own, first = of_body(mass, n), first_row(of, n)
+                for rows in (space.places, space.speeds):
+                    set_row(rows, first, mass_centre(rows[first : first + own.size], own))
 
 
 @compiled

@@ -138,7 +138,7 @@ def test_a_scene_keeps_numbers_of_its_own() -> None:
     before = pickle.dumps(scene.forces)
     particles[:], anchor[:] = 7, np.inf
     assert pickle.dumps(scene.forces) == before
-    for kept in (scene, scene.with_(), pickle.loads(pickle.dumps(scene)), copy.deepcopy(scene)):
+    for kept in (scene, replace(scene), pickle.loads(pickle.dumps(scene)), copy.deepcopy(scene)):
         for field in kept.forces[0]:
             with pytest.raises(ValueError, match="read-only"):
                 field[0] = 1

@@ -28,7 +28,6 @@ from tests.collisions.stepped import FAR, full
 
 G = 9.81
 SURFACES = ("floor", "ramp")
-PARTNERS = ("floor", "ramp", "block", "mate")
 STRENGTH, REACH = 2e-4, 2e-3
 """c [N·m²] and Δ [m] of contacts that are hard beside the weight of a body."""
 

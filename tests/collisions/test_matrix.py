@@ -330,9 +330,9 @@ def test_rigid_cubes_that_fall_on_each_other_gain_no_energy() -> None:
 
 
 def crowd(dynamics: str, copies: int) -> Simulator:
-    """A stone, a cube and a ball fall onto a floor and onto each other."""
+    """A ball, a stone, a capsule and a cube fall onto each other and a floor."""
     bodies = []
-    for n, mover in enumerate(("stone", "cube", "ball")):
+    for n, mover in enumerate(("cube", "capsule", "stone", "ball")):
         of = body(mover, damping=5.0)
         x = of.positions @ rotation((1, 2, 0.5), 0.7) + (0.05 * n, 0.03 * n, 0.3 + 0.5 * n)
         bodies.append(Placed(of, x, np.tile((0.3, 0.1, -2.0), (len(x), 1)), name=mover))

@@ -10,12 +10,11 @@ import pytest
 from springgym.bodies import cube, rigid_velocities, rotation
 from springgym.scene import Scene, WrenchActuator
 from springgym.simulator import Simulator
-from springgym.surfaces import Bowl, Contact, Plane, floor, scales
+from springgym.surfaces import Bowl, Contact, floor, scales
 from tests.copies import check_calls
 from tests.forces.test_contact import DOWN, REACH, VARYING, WEIGHTLESS, beads
 
 BOWL = (Bowl((0.0, 0.0, 1.5), 1.6),)
-RAMP = (floor(), Plane((0.6, 0, 0), (-0.6, 0, 0.8)))
 
 
 ALIKE: Any = {"varying": VARYING}
