@@ -62,7 +62,7 @@ def rolling_ball(
     radius = feature.extent
     moment = number("moment", moment, 1e-3, 2 / 3)
     inertia = moment * mass * radius**2 * np.eye(3)
-    return _carrier("rolling ball", mass, inertia, np.zeros(3), feature, stiffness, damping, TETRAHEDRON)
+    return _carrier("rolling ball", mass, inertia, TETRAHEDRON, feature, stiffness, damping)
 
 
 def ellipsoid(
@@ -104,7 +104,8 @@ def ellipsoid(
     else:
         given = array("inertia", inertia, (3,), (3, 3))
         tensor = np.diag(given) if given.ndim == 1 else given
-    return _carrier("ellipsoid", mass, tensor, centre, feature, stiffness, damping)
+    about = _carrier("ellipsoid", mass, tensor, OCTAHEDRON, feature, stiffness, damping)
+    return about.with_(positions=about.positions + centre, lengths=about.lengths)
 
 
 def disk(
@@ -141,7 +142,7 @@ def disk(
     thickness = number("thickness", thickness, radius / 100, 2 * radius)
     across = mass * (radius**2 / 4 + thickness**2 / 12)
     inertia = np.diag([across, across, mass * radius**2 / 2])
-    return _carrier("disk", mass, inertia, np.zeros(3), rim(radius), stiffness, damping)
+    return _carrier("disk", mass, inertia, OCTAHEDRON, rim(radius), stiffness, damping)
 
 
 def capsule(
@@ -198,13 +199,12 @@ def _carrier(
     name: str,
     mass: float,
     inertia: np.ndarray,
-    centre: np.ndarray,
+    corners: np.ndarray,
     feature: Round,
     stiffness: float,
     damping: float,
-    corners: np.ndarray = OCTAHEDRON,
 ) -> Body:
-    """Make the particles that carry a feature, with a mass, an inertia tensor and a centre of mass."""
+    """Make the particles that carry a feature, with a mass and an inertia tensor."""
     size = float(np.abs(inertia).max())
     if np.abs(inertia - inertia.T).max() > 1e-12 * size:
         raise ValueError(f"inertia is {inertia.tolist()}; it must be symmetric")
@@ -219,7 +219,7 @@ def _carrier(
     arms = (axes * np.sqrt(3 * moments)) @ axes.T
     return Body(
         name=name,
-        positions=centre + corners @ arms,
+        positions=corners @ arms,
         masses=np.full(len(corners), mass / len(corners)),
         springs=np.array(list(combinations(range(len(corners)), 2))),
         stiffness=stiffness,  # type: ignore[arg-type]

@@ -174,19 +174,19 @@ def last_gap(
 
 @compiled
 def meet(
-    start: Number, free: Number, span: Span, c: Number, reach: Number, beta: Number, guess: Number, on: Mask
+    gaps: tuple[Number, Number, Number], span: Span, c: Number, reach: Number, beta: Number, on: Mask
 ) -> tuple[Number, Number]:
     """Solve one contact for a step, where it is ``on``; elsewhere the numbers have no meaning.
 
-    ``start`` is the gap h₀ [m] that the step begins with, ``free`` the gap a [m] that all else would end it
-    with; ``c`` is the strength times W [m³/s²], ``beta`` is β, and ``guess`` where the step may end [m], 0 if
-    that is not known. The `Span` says how long the step is, and how long it lasts after the node.
+    ``gaps`` are h₀, that the step begins with, a, that all else would end it with, and where it may end, 0 if
+    that is not known [m]; ``c`` is the strength times W [m³/s²], ``beta`` is β. The `Span` says how long the
+    step is, and how long it lasts after the node.
 
     Returns
     -------
     J L W, the change of the gap's rate, and J W, what it would be without loss [m/s]
     """
-    unit = 1.0 / reach
+    unit, (start, free, guess) = 1.0 / reach, gaps
     first = maximum(start * unit, least_gap(free))
     strength, pace = span.whole * c * (unit * unit), reach / (SLOW * span.whole)
     end = last_gap(first, free * unit, span.out * strength * unit, pace, beta, guess * unit, on)

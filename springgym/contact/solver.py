@@ -193,7 +193,8 @@ def solve_row(v: Rows, k: int, problem: Problem) -> None:
     meets = select(going > 0.5, minimum(start, free), FAR) < reach
     if any_lane(select(meets, 1.0, going * old) > 0.0):  # what was given may have to be taken back
         c, beta = strength_of(k, problem) * inverse, beta_of(k, inverse, problem, problem.pairs.loss)
-        change, _ = meet(start, free, span, c, reach, beta, select(old > 0.0, last, 0.0), meets)
+        gaps = start, free, select(old > 0.0, last, 0.0)
+        change, _ = meet(gaps, span, c, reach, beta, meets)
         new = select(meets, change / (inverse + TINY), 0.0)
         new = select(going > 0.5, new, old)
         store(contacts.impulse, k, new)
