@@ -183,6 +183,11 @@ def rope_trolley(task: Task, observations: np.ndarray) -> np.ndarray:
     return _saturated(-np.einsum("k,nka->na", _rope_gain(task.period)[0], x), task.limits)
 
 
+FREE_TOP = (10.0, 0.375, 0.125, 1.094)
+"""Of the free top: mass [kg], height of the centre of mass above the tip, and of the crown above that [m],
+and moment of inertia across the axis [kg·m²]."""
+
+
 @cache
 def _free_top_gain(period: float) -> np.ndarray:
     """Find the gain for x = n_x, n_y, ω_x, ω_y, and position and velocity of the centre, near the upright.
@@ -190,7 +195,7 @@ def _free_top_gain(period: float) -> np.ndarray:
     The floor carries the weight at the tip, l below the centre of mass, and the crown is h − l above it:
     I₁ω⊥' = Mgl n×z + (h − l) z×F − I₃ω₃ n',  n' = ω×n,  M X'' = F.
     """
-    mass, low, high, moment = 10.0, 0.375, 0.125, 1.094
+    mass, low, high, moment = FREE_TOP
     whirl, fall = 1.25 * free_top.WANTED / moment, mass * G * low / moment
     drift, control = np.zeros((8, 8)), np.zeros((8, 2))
     drift[0, 3], drift[1, 2] = 1.0, -1.0
@@ -202,11 +207,21 @@ def _free_top_gain(period: float) -> np.ndarray:
     return regulator(drift, control, np.array([10.0, 10, 1, 1, 20, 20, 1, 1]), 1e-4, period)
 
 
-def free_top_push(task: Task, observations: np.ndarray) -> np.ndarray:
-    """Control SpringFreeTop with a linear-quadratic regulator; the ring speeds up by 4/s (ω_wanted − ω₃)."""
-    seen = task.seen(observations)
-    moving = [seen["axis"][:, :2], seen["across"][:, :2], seen["centre"], seen["centre_velocity"]]
-    push = -np.hstack(moving) @ _free_top_gain(task.period).T
+def free_top_push(task: free_top.SpringFreeTop, observations: np.ndarray) -> np.ndarray:
+    """Control SpringFreeTop with a linear-quadratic regulator; the ring speeds up by 4/s (ω_wanted − ω₃).
+
+    The regulator, for a floor without friction, acts about a push that friction would hold: μMg towards the
+    middle from 0.1 m on, falling to 0 at 0.05 m, with the lean F h/(Mgl) for which the weight balances it.
+    The way that the regulator sees is at most 0.1 m.
+    """
+    seen, (mass, low, high, _) = task.seen(observations), FREE_TOP
+    centre, friction = seen["centre"], task.contact.friction
+    away = np.linalg.norm(centre, axis=1, keepdims=True)
+    inwards = -centre / np.maximum(away, 1e-9)
+    held = friction * np.clip(away / 0.05 - 1.0, 0.0, 1.0) * inwards  # over Mg
+    leaning = seen["axis"][:, :2] + (low + high) / low * held
+    moving = [leaning, seen["across"][:, :2], -np.minimum(away, 0.1) * inwards, seen["centre_velocity"]]
+    push = mass * G * held - np.hstack(moving) @ _free_top_gain(task.period).T
     speeding = 4.0 * (free_top.WANTED - seen["spin"])
     return np.hstack([_saturated(push, task.limits[:2]), _saturated(speeding, free_top.RING_ACCELERATION)])
 

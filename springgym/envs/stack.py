@@ -65,8 +65,8 @@ def turned_of(m: Measures, c: int) -> float:
 @compiled
 def error_of(m: Measures, c: int) -> float:
     """Return the distance of the box from the block, seen from above [m]."""
-    way = m.centre[c, BOX] - m.centre[c, BLOCK]
-    return math.hypot(way[0], way[1])
+    box, block = m.centre[c, BOX], m.centre[c, BLOCK]
+    return math.hypot(box[0] - block[0], box[1] - block[1])
 
 
 @kernel

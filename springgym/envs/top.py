@@ -79,7 +79,7 @@ class SpringTop(Task, kernels=(evaluate, compact)):
 
     def __init__(self, hard: bool = False, body: BodyOptions = None, **modes: Unpack[Modes]) -> None:
         super().__init__(**modes)
-        hard = flag("hard", hard)
+        self.hard = hard = flag("hard", hard)
         solid = isinstance(body, Mapping) and "material" in body
         self.body: Body = made(solid_top, body, **SOLID) if solid else made(top, body)
         self.checks_starts = body is not None
@@ -92,8 +92,8 @@ class SpringTop(Task, kernels=(evaluate, compact)):
         self.impulse = heavier * IMPULSE / (float(self.body.positions[self.upper, 2]) if solid else 1.0)
         self._across = self.torque * np.array([1.0, 1.0, 0.0])
         self._along = self.torque * np.array([0.0, 0.0, 1.0])
-        slowest = 40.0 if self.action == "impulse" else 30.0
-        self.spins = (20.0 if hard else slowest, 60.0)
+        slowest = (32.0, 40.0) if self.action == "impulse" else (20.0, 30.0)
+        self.spins = (slowest[0] if hard else slowest[1], 60.0)
         self._shape = stretched_shapes(self.body, (0, 0, 1), FASTEST, self.body.parts["tip"])
         self.parameters = np.array([self.action != "impulse"], float)
         self.limits = np.full(3, self.impulse if self.action == "impulse" else self.torque)
@@ -120,6 +120,8 @@ class SpringTop(Task, kernels=(evaluate, compact)):
     def draw(self, rng: np.random.Generator, options: ResetOptions, factors: Factors) -> Drawn:
         low, high = (0.1, -math.pi, self.spins[0]), (0.6, math.pi, self.spins[1])
         tilt, azimuth, spin = uniform(rng, low, high)
+        if self.hard:  # slow tops that lean farther cannot be saved
+            tilt = low[0] + (tilt - low[0]) * min(0.2 + 0.06 * (spin - 20.0), 1.0)
         tilt = number(options, "tilt", tilt, 0.0, FALLEN)
         azimuth = number(options, "azimuth", azimuth, -math.pi, math.pi)
         return azimuth, tilt, number(options, "spin", spin, -FASTEST, FASTEST), *varied_top(factors)
@@ -211,7 +213,9 @@ class SpringTopEnv(SpringEnv, gym.Env, task=SpringTop):
     `tilt` [rad], `spin` ω₃ and `precession` |ω⊥| [rad/s].
 
     ## Arguments
-    - `hard=True`: spin U(20, 60) rad/s and torques up to 10 N·m.
+    - `hard=True`: spin U(20, 60) rad/s (with impulses U(32, 60)) and torques up to 10 N·m. The largest
+      tilt is 0.2 + 0.03 (ω/(rad/s) − 20) where that is less than 0.6, as slow tops that lean farther cannot
+      be saved.
     - `body={"scaled": {0: 1.1}}`: an unbalanced top, with a ring particle 10 % heavier; beyond some 20 % it
       wobbles too much for success.
     - `body={"height": 1.25}`: an elongated top (1 m), whose weight exerts a larger torque at the same spin.

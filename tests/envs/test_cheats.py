@@ -135,7 +135,7 @@ def degraded(policy: Policy, noise: float, bias: float) -> Policy:
     "env_id", [pytest.param(one, marks=slow_unless(one in KINDS)) for one in ALL_IDS if "Sparse" not in one]
 )
 def test_returns_rank_as_successes_do(env_id: str) -> None:
-    """Of pairs of agents whose rates of success differ by more than chance: by a tenth or more."""
+    """Of pairs of agents whose rates of success in 50 episodes differ by two standard errors or more."""
     row, _ = find(env_id)  # type: ignore[misc]
     kinds = [(0.0, 0.0), (0.1, 0.0), (0.2, 0.0), (0.4, 0.0), (1.0, 0.0), (0.0, 0.05), (0.0, 0.1), (0.0, 0.2)]
     exact = make_controller("classical", env_id, {}, task_type(row.id)().action_space)
@@ -143,7 +143,21 @@ def test_returns_rank_as_successes_do(env_id: str) -> None:
     success, earned = (
         np.array([getattr(own, of).mean() for own in played]) for of in ("successes", "returns")
     )
-    more = success[:, None] - success > 0.1
+    more = success[:, None] - success > 0.2
     assert np.count_nonzero(more) >= 5
     ranked = np.sign(earned[:, None] - earned)[more]
     assert ranked.mean() >= 0.9  # Goodman and Kruskal's γ
+
+
+@pytest.mark.parametrize(
+    "env_id",
+    [
+        "SpringTopHard-v0",
+        "SpringTopImpulseHard-v0",
+        pytest.param("SpringFreeTopRough-v0", marks=pytest.mark.slow),
+    ],
+)
+def test_starts_can_be_met(env_id: str) -> None:
+    """Slow tops that lean too far fall whatever is done, and a tip that sticks has to be pushed off."""
+    exact = make_controller("classical", env_id, {}, task_type("SpringTop-v0")().action_space)
+    assert play(env_id, exact, 200, observation="frame").successes.mean() >= 0.97
