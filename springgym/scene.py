@@ -524,7 +524,8 @@ class Scene(ReadOnly):
         impacts.
 
         The softest body decides it, see `springgym.surfaces.contact.faithful_speed`. Faster impacts leave
-        energy in vibrations. `restitution_at` estimates their restitution.
+        energy in vibrations. `restitution_at` estimates their restitution. Steps limit it, too, see
+        `Simulator.faithful_speed`.
         """
         found = [math.inf]
         if self.surfaces and isinstance(self.contact, Contact) and self.contact.restitution > 0:
@@ -537,6 +538,14 @@ class Scene(ReadOnly):
                 strained = [body for body in moving if not shape(body).turns]
                 if strained:
                     found.append(faithful_speed(met.reach, *strained))
+        return min(found)
+
+    @cached_property
+    def least_reach(self) -> float:
+        """The least reach Δ [m] of contact between bodies and with surfaces; infinite without contact."""
+        found = [float(self.meetings.reach.min())] if self.meetings else [math.inf]
+        if self.surfaces:
+            found += [scales(self.contact, body)[1] for body in self._different]
         return min(found)
 
     def _different_meetings(self) -> list[Meeting]:

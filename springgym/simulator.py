@@ -24,6 +24,7 @@ from springgym.checks import FLOAT, HUGE, INDEX, MANY, TINY
 from springgym.contact import totals
 from springgym.contact.overlap import outlines, tell_shown
 from springgym.contact.records import Collisions
+from springgym.contact.solver import QUICK
 from springgym.contact.totals import RESOLVED, PairReadings
 from springgym.contacts import Contacts, PairSums
 from springgym.core.blocks import (
@@ -329,6 +330,16 @@ class Simulator:
         if not relative + absolute >= TINY:
             raise ValueError(f"tolerance is {tolerance}; one of the two must be more than 0")
         return Control(self.step, float(relative), float(absolute), self._blocks(COUNTS))
+
+    @cached_property
+    def faithful_speed(self) -> float:
+        """The speed [m/s] up to which all impacts meet their restitution, as far as these steps resolve them.
+
+        It is that of the scene, and at most 0.2 Δ a step, with the least reach Δ: faster impacts rebound
+        faster than asked. Infinite without impacts.
+        """
+        faithful = self.scene.faithful_speed
+        return min(faithful, QUICK * self.scene.least_reach / self.step) if faithful < math.inf else faithful
 
     @cached_property
     def _phase(self) -> Phase:
@@ -1095,11 +1106,13 @@ class Simulator:
                 yield block, min(block + blocks, last), some, taken + some == steps
 
     def __repr__(self) -> str:
+        fast = self.faithful_speed
+        rebounds = f", rebounds in such steps as asked up to {fast:.3g} m/s" if fast < math.inf else ""
         return (
             f"Simulator({self.copies} × {self.scene!r}, {self.dynamics}, "
             f"ω_max {stability.highest_frequency(self.scene):.5g} rad/s, {self.integrator.name}, "
             f"step {self.step:g} s of at most {self.largest_step:.5g} s, "
-            f"damping every {self.damping_every}, {self.dtype})"
+            f"damping every {self.damping_every}, {self.dtype}{rebounds})"
         )
 
     def __setattr__(self, name: str, value: object) -> None:

@@ -31,6 +31,15 @@ def test_faithful_speed_of_cubes() -> None:
     assert "rebounds as asked up to 1.49 m/s" in repr(cubes(1e5))
 
 
+def test_steps_limit_the_faithful_speed() -> None:
+    """An impact moves by a fifth of Δ a step at most."""
+    for step, speed in ((7e-4, 0.2 * 0.005 / 7e-4), (1e-4, cubes(1e5).faithful_speed)):
+        simulator = Simulator(cubes(1e5), step=step)
+        assert simulator.faithful_speed == pytest.approx(speed)
+        assert f"as asked up to {speed:.3g} m/s)" in repr(simulator)
+    assert Simulator(Scene(cube())).faithful_speed == math.inf
+
+
 def test_softest_contact_counts() -> None:
     """Of several contacts; surfaces have theirs; a body that is held does not vibrate."""
     soft, stiff = cube(stiffness=1e5), cube(stiffness=1e7)
