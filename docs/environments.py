@@ -408,7 +408,7 @@ These hold for all environments; their pages tell the rest.
   effort of actions a gives the factor E = 1 − 0.1 mean(a²).
 - **Divergence**: if the simulation diverges, the episode terminates with reward 0 and `info["diverged"]`.
 - **Success**: `info["is_success"]`. An episode that ends by failure is no success.
-- **Balls that roll** are solid spheres, carried by six particles with 15 springs.
+- **Balls that roll** are solid spheres, carried by four particles with six springs.
 - **Version**: all environments are in their initial version.
 
 `info` also holds:

@@ -106,7 +106,7 @@ def array(
         value.__class__ is np.ndarray
         and value.dtype is FLOAT
         and (low, high) == (-HUGE, HUGE)
-        and _fits(value.shape, shapes)
+        and fits(value.shape, shapes)
         and sum_of_squares(value) <= HUGE  # which bounds each number
     ):
         return value
@@ -243,7 +243,7 @@ def _range(what: str, low: float, high: float) -> str:
 
 def _shaped(name: str, value: object, shapes: tuple[tuple[int | None, ...], ...]) -> np.ndarray:
     """Return a value as an array of one of some shapes, whatever it holds."""
-    if value.__class__ is np.ndarray and _fits(value.shape, shapes):
+    if value.__class__ is np.ndarray and fits(value.shape, shapes):
         return value
     try:
         given = np.asarray(value)
@@ -256,12 +256,12 @@ def _shaped(name: str, value: object, shapes: tuple[tuple[int | None, ...], ...]
         raise TypeError(f"{name} is {shown(value)}; it must not hold numbers and bools side by side")
     if given.ndim == 0 and given.dtype.kind not in "iufb" and () not in shapes:
         raise TypeError(_wrong(name, value, _shapes(shapes)))
-    if _fits(given.shape, shapes):
+    if fits(given.shape, shapes):
         return given
     raise ValueError(f"{name} is {shown(value)}, of shape {given.shape}; it must be {_shapes(shapes)}")
 
 
-def _fits(given: tuple[int, ...], shapes: tuple[tuple[int | None, ...], ...]) -> bool:
+def fits(given: tuple[int, ...], shapes: tuple[tuple[int | None, ...], ...]) -> bool:
     """Return whether a shape is one of the allowed ones."""
     if given in shapes:
         return True

@@ -12,14 +12,11 @@ from springgym.core.blocks import numbers
 from springgym.core.compiling import kernel
 from springgym.core.kinds import Ragged
 from springgym.scene import Scene
-from springgym.surfaces import Surface, by_kind, scales
+from springgym.surfaces import by_kind, gradients, scales
 from springgym.terms import Terms
 
 NONE = -1
 """In place of a number: no body, no surface, no contact."""
-
-DIFFERENCE = 1e-4
-"""Share of Δ over which the height above a surface is differentiated."""
 
 ROUNDING = 1e-9
 """Smallest impulse [N·s] of a particle that is reported, as a share of its momentum; less is rounding."""
@@ -102,13 +99,8 @@ def sum_pairs(totals: np.ndarray, reach: np.ndarray, sums: np.ndarray) -> None:
             gap = reach[pair] if gap > reach[pair] else gap
             if not math.isnan(least) and not gap >= least:  # one that is not a number is told
                 least = gap
-        sums[0, c], sums[1, c], sums[2, c], sums[3, c], sums[4, c] = (
-            touching,
-            impulse,
-            least,
-            misses,
-            too_fast,
-        )
+        for n, total in enumerate((touching, impulse, least, misses, too_fast)):
+            sums[n, c] = total
 
 
 class Here(NamedTuple):
@@ -215,7 +207,8 @@ def _with_surfaces(scene: Scene, here: Here) -> Contacts:
     normal = np.empty((len(surface), 3))
     for n, one in enumerate(scene.surfaces):
         mine = surface == n
-        normal[mine] = _gradient(one, at[mine], DIFFERENCE * reach[particle[mine]])
+        slope = gradients(one, at[mine], reach[particle[mine]])
+        normal[mine] = slope / np.linalg.norm(slope, axis=1, keepdims=True)
     gap = heights[surface, 1, lane, particle]
     impulse = _told_apart(lane * len(reach) + particle, normal, given[lane, particle])
     point = at - (0.5 * gap + radius[particle])[:, None] * normal
@@ -243,17 +236,11 @@ def _ways(scene: Scene, here: Here) -> tuple[np.ndarray, ...]:
         kicked = before + half * acceleration
     change = after - (kicked + half * acceleration)
     change = np.where(np.abs(change) < ROUNDING * (np.abs(after) + np.abs(before)), 0.0, change)
-    mass = _values(terms.particles.mass)
+    mass = terms.particles.mass
+    mass = mass.values if isinstance(mass, Ragged) else mass
     mass = numbers(mass)[here.block] if mass.dtype.names else mass[:, None]
     ways = (begin, begin + half * before, end, mass[:, None] * change)
     return tuple(np.moveaxis(of, -1, 0) for of in ways)
-
-
-def _gradient(surface: Surface, places: np.ndarray, step: np.ndarray) -> np.ndarray:
-    """Return the unit normals (n, 3) of a surface at places (n, 3), by differences over steps (n,) [m]."""
-    steps = step[:, None, None] * np.eye(3)
-    rise = surface.height(places[:, None] + steps) - surface.height(places[:, None] - steps)
-    return np.asarray(rise / np.linalg.norm(rise, axis=-1, keepdims=True))
 
 
 def _told_apart(particle: np.ndarray, normal: np.ndarray, given: np.ndarray) -> np.ndarray:
@@ -272,8 +259,3 @@ def _told_apart(particle: np.ndarray, normal: np.ndarray, given: np.ndarray) -> 
         shares = np.abs(pushes) / whole if whole > 0 else np.full(len(rows), 1 / len(rows))
         impulse[rows] = pushes[:, None] * normal[rows] + shares[:, None] * rubbed
     return impulse
-
-
-def _values(rows: np.ndarray | Ragged) -> np.ndarray:
-    """Return the array of rows of one body or of several."""
-    return rows.values if isinstance(rows, Ragged) else rows

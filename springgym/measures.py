@@ -82,29 +82,13 @@ FIELDS = {name: 3 if name in VECTORS else 1 for name in Measures._fields}
 """Names and sizes of the measures, in the order they are stored in."""
 
 SIZE = sum(FIELDS.values())
-OFFSETS = dict(zip(FIELDS, accumulate(FIELDS.values(), initial=0), strict=False))
+AT: Any = Measures(*list(accumulate(FIELDS.values(), initial=0))[:-1])  # type: ignore[arg-type]
 """The column at which each measure starts in a row."""
 
-COLUMNS = tuple((..., n if FIELDS[name] == 1 else slice(n, n + FIELDS[name])) for name, n in OFFSETS.items())
+COLUMNS = tuple(
+    (..., n if size == 1 else slice(n, n + size)) for n, size in zip(AT, FIELDS.values(), strict=True)
+)
 """The indices of each measure in rows."""
-
-# The same as constants, for compiled functions.
-(
-    KINETIC,
-    GRAVITY,
-    ELASTIC,
-    CONTACT,
-    STRAIN,
-    CENTRE,
-    CENTRE_VELOCITY,
-    MOMENTUM,
-    ANGULAR_MOMENTUM,
-    ANGULAR_VELOCITY,
-    SIDE,
-    AXIS,
-    LEDGER,
-) = tuple(OFFSETS.values())[: -ENTRIES - 1]
-ENERGY, BALANCE = LEDGER + ENTRIES, LEDGER + ENTRIES + 1
 
 
 class MeasuresOfBodies:
@@ -197,11 +181,11 @@ def measure_block(x: Rows, v: Rows, ledger: Ledger, out: Numbers, markers: Marke
             kinetic = kinetic + 0.5 * load(mass, i) * dot(row(v, i), row(v, i))
     gravity, elastic, contact, strain = potential_energy(x, terms)
     contact = plus_stored(contact, terms.body, terms.collisions)
-    store(out, KINETIC, kinetic)
-    store(out, GRAVITY, gravity)
-    store(out, ELASTIC, elastic)
-    store(out, CONTACT, contact)
-    store(out, STRAIN, sqrt(strain))
+    store(out, AT.kinetic, kinetic)
+    store(out, AT.gravity, gravity)
+    store(out, AT.elastic, elastic)
+    store(out, AT.contact, contact)
+    store(out, AT.strain, sqrt(strain))
     energy = kinetic + gravity + elastic + contact
     centre = mass_centre(x, mass)
     about = row(x, markers.pivot) if markers.pivot >= 0 else centre
@@ -211,21 +195,21 @@ def measure_block(x: Rows, v: Rows, ledger: Ledger, out: Numbers, markers: Marke
     across, share = cross(e3, sideways), ROUND_OFF * epsilon(kinetic)
     straight = dot(across, across) <= share * share * dot(sideways, sideways)
     e1 = choose(straight, 0.0 * e1, e1)
-    write(out, CENTRE, centre)
+    write(out, AT.centre, centre)
     velocity = mass_centre(v, mass)
-    write(out, CENTRE_VELOCITY, velocity)
-    write(out, MOMENTUM, total * velocity)
-    write(out, ANGULAR_MOMENTUM, spin)
-    write(out, ANGULAR_VELOCITY, solve_symmetric(inertia(x, mass, about), spin))
-    write(out, SIDE, e1)
-    write(out, AXIS, e3)
+    write(out, AT.centre_velocity, velocity)
+    write(out, AT.momentum, total * velocity)
+    write(out, AT.angular_momentum, spin)
+    write(out, AT.angular_velocity, solve_symmetric(inertia(x, mass, about), spin))
+    write(out, AT.side, e1)
+    write(out, AT.axis, e3)
     balance = energy
     for entry in range(ENTRIES):
         entered = 0.0 * kinetic if ledger is None else load(ledger, entry)
-        store(out, LEDGER + entry, entered)
+        store(out, AT.work + entry, entered)
         balance = balance - entered if entry == WORK else balance + entered
-    store(out, ENERGY, energy)
-    store(out, BALANCE, balance)
+    store(out, AT.energy, energy)
+    store(out, AT.balance, balance)
 
 
 @compiled
@@ -259,17 +243,17 @@ def read_bodies(block: int, phase: Phase, reading: Reading, terms: Nested) -> No
             value = load(own, n)
             if body > 0:
                 before = load(whole, n)
-                value = maximum(before, value) if n == STRAIN else before + value
+                value = maximum(before, value) if n == AT.strain else before + value
             store(whole, n, value)
     mass = terms.particles.mass.values
     centre = mass_centre(x.values, mass)
     spin = angular_momentum(x.values, v.values, mass, centre)
-    write(whole, CENTRE, centre)
-    write(whole, CENTRE_VELOCITY, mass_centre(v.values, mass))
-    write(whole, ANGULAR_MOMENTUM, spin)
-    write(whole, ANGULAR_VELOCITY, solve_symmetric(inertia(x.values, mass, centre), spin))
-    write(whole, SIDE, 0.0 * centre)
-    write(whole, AXIS, 0.0 * centre)
+    write(whole, AT.centre, centre)
+    write(whole, AT.centre_velocity, mass_centre(v.values, mass))
+    write(whole, AT.angular_momentum, spin)
+    write(whole, AT.angular_velocity, solve_symmetric(inertia(x.values, mass, centre), spin))
+    write(whole, AT.side, 0.0 * centre)
+    write(whole, AT.axis, 0.0 * centre)
     width = len(space[0, 0]["lanes"])
     for copy in range(block * width, min((block + 1) * width, readout.rows.shape[0])):
         for n in range(SIZE):

@@ -182,10 +182,7 @@ def reason_of(error: NumbaError) -> str:
 
 
 def add_own_forces(x: Rows, force: Rows, own: Forces | None, body: int) -> None:
-    """Add the forces [N] of your own that act on a body to ``force`` (N, 3)."""
-    for one in own or ():
-        if one.body == body:
-            one.force.add(x, force, one.force)
+    """Add the forces [N] of your own that act on a body to ``force`` (N, 3): Numba compiles the overload."""
 
 
 @overload(add_own_forces, jit_options={**OPTIONS, "forceinline": True})
@@ -208,12 +205,7 @@ def _add_own_forces(x: Rows, force: Rows, own: Forces, body: int) -> Callable[..
 
 
 def own_energy(x: Rows, own: Forces | None, body: int) -> Number:
-    """Return the energy [J] of the forces of your own that act on a body."""
-    total = 0.0 * load(x, (0, 0))
-    for one in reversed(own or ()):
-        if one.body == body:
-            total = total + one.force.energy(x, one.force)
-    return total
+    """Return the energy [J] of the forces of your own that act on a body: Numba compiles the overload."""
 
 
 @overload(own_energy, jit_options={**OPTIONS, "forceinline": True})

@@ -14,9 +14,8 @@ from springgym.checks import HUGE, TINY
 from springgym.contact.cone import resistance_of
 from springgym.contact.lists import new_lists
 from springgym.contact.movers import new_turning
-from springgym.contact.overlap import Outlines, outlines
 from springgym.contact.pairs import longest_edge, most_contacts, packed_shapes, parallel
-from springgym.contact.records import ENTRIES, Collisions, Pairs, Resistance, RowSpace, Surfaces
+from springgym.contact.records import ENTRIES, Collisions, Pairs, RowSpace, Surfaces
 from springgym.contact.round import packed_rounds
 from springgym.contact.rows import new_contacts
 from springgym.contact.totals import empty_totals
@@ -32,7 +31,7 @@ from springgym.integrators.record import Integrator, workspace
 from springgym.own_forces import OfBody, to_compiled
 from springgym.rigid.node import ROWS, Company
 from springgym.scene import DriveActuator, Scene
-from springgym.surfaces import Contact, PaperContact, Surface, by_kind, coupled, loss_of, packed_kind, scales
+from springgym.surfaces import Contact, PaperContact, by_kind, coupled, loss_of, packed_kind, scales
 from springgym.surfaces.contact import RESISTANCES
 from springgym.terms import (
     Dampers,
@@ -137,6 +136,7 @@ def _shared(scene: Scene, options: Options) -> Terms:
     gravity = None
     if scene.gravity is not None:
         gravity = options.parameter({"gravity"}, np.array(scene.gravity, float))
+    packed = friction = loss = law = resistance = None
     if not surfaces:
         of_pairs = {"friction", "restitution"} if _as_the_scene_says(scene).any() else set()
         if unused := varying & {"friction", "restitution", "strength"} - of_pairs:
@@ -145,45 +145,30 @@ def _shared(scene: Scene, options: Options) -> Terms:
                 + ("" if unused == {"strength"} else ", and no bodies that collide as its contact says")
             )
         kept = {name: options.blocks(1) for name in varying & of_pairs}  # that they vary is asked of these
-        return Terms(
-            None,  # type: ignore[arg-type]
-            gravity=gravity,
-            friction=kept.get("friction"),
-            loss=kept.get("restitution"),
-            own=tuple(own) or None,
-        )
-    friction = loss = law = None
-    if contact.friction > 0 or "friction" in varying:
-        friction = options.parameter({"friction"}, np.array([contact.friction]))
-    if isinstance(contact, PaperContact):
-        if "restitution" in varying:
-            raise ValueError("'restitution' cannot vary: the paper's contact has no restitution")
-        law = PaperLaw(contact.damping, options.step)
-    elif contact.restitution < 1 or "restitution" in varying:
-        loss = options.parameter({"restitution"}, loss_of([contact.restitution]))
+        friction, loss = kept.get("friction"), kept.get("restitution")
+    else:
+        kinds = (packed_kind(kind, [surfaces[n] for n in same]) for kind, same in by_kind(surfaces).items())
+        packed = Surfaces(tuple(kinds), np.zeros(1), 1.0, None, coupled(surfaces) or None)
+        if contact.friction > 0 or "friction" in varying:
+            friction = options.parameter({"friction"}, np.array([contact.friction]))
+        if isinstance(contact, PaperContact):
+            if "restitution" in varying:
+                raise ValueError("'restitution' cannot vary: the paper's contact has no restitution")
+            law = PaperLaw(contact.damping, options.step)
+        else:
+            resistance = resistance_of(*(np.array([getattr(contact, name)]) for name in RESISTANCES))
+            if contact.restitution < 1 or "restitution" in varying:
+                loss = options.parameter({"restitution"}, loss_of([contact.restitution]))
     return Terms(
         None,  # type: ignore[arg-type]
         gravity=gravity,
-        surfaces=surfaces_of(surfaces),
+        surfaces=packed,
         friction=friction,
-        resistance=_resistance(contact),
+        resistance=resistance,
         loss=loss,
         paper_law=law,
         own=tuple(own) or None,
     )
-
-
-def _resistance(contact: Contact | PaperContact) -> Resistance | None:
-    """Return what resists the turning of round features on surfaces; None if nothing does."""
-    if isinstance(contact, PaperContact):
-        return None
-    return resistance_of(*(np.array([getattr(contact, name)]) for name in RESISTANCES))
-
-
-def surfaces_of(surfaces: tuple[Surface, ...]) -> Surfaces:
-    """Return surfaces in the form for compiled functions, without the values for each body."""
-    kinds = tuple(packed_kind(kind, [surfaces[n] for n in same]) for kind, same in by_kind(surfaces).items())
-    return Surfaces(kinds, np.zeros(1), 1.0, None, coupled(surfaces) or None)
 
 
 def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Options) -> Packed:
@@ -301,7 +286,7 @@ def pack_pairs(scene: Scene, options: Options) -> Pairs:
         loss=options.parameter({"restitution"} & varying, loss_of(restitutions)) if loses else None,
         radius=np.array([shape.radius for shape in scene.shapes]),
         single=np.array([len(body.masses) == 1 for body in bodies]),
-        shapes=packed_shapes(scene.shapes, scene.starts[:-1].tolist()) if len(met) else None,
+        shapes=packed_shapes(scene.shapes, scene.starts[:-1]) if len(met) else None,
         most=most_contacts(met, scene.shapes)[0] if len(met) else 0,
     )
 
@@ -393,15 +378,11 @@ def rigid_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> Company:
         bodies=lanes(count, ROWS, 3),
         loads=lanes(count, 2, 3),
         begin=lanes(particles, 3),
+        here=lanes(particles, 3),
         end=lanes(particles, 3),
         idle=lanes(particles, 3),
         rows=row_space(scene, pairs, True, dtype),
     )
-
-
-def pack_outlines(scene: Scene) -> Outlines:
-    """Return what of bodies may be shown in others."""
-    return outlines(scene.shapes, scene.starts[:-1].tolist(), len(scene.positions))
 
 
 def _actuators(part: Scene, scene: Scene, blocks: Callable[..., np.ndarray]) -> dict[str, Any]:
@@ -535,11 +516,11 @@ def vary_pairs(
     arrays = {"friction": pairs.friction, "restitution": pairs.loss, "strength": pairs.strength}
     for name, array in arrays.items():
         if name in given[0] and array is not None and array.dtype.names:
-            rows, value = get_copies(array, index), given[0][name][:, None]
+            rows, value = get_copies(array, index), given[0][name]
             if name == "strength":
                 rows[:, pairs.among :] = np.stack([own[name] for own in given], axis=1)
             else:
-                rows[:, of] = loss_of(value) if name == "restitution" else value
+                rows[:, of] = (loss_of(value) if name == "restitution" else value)[:, None]
             set_copies(array, index, rows)
 
 

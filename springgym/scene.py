@@ -487,8 +487,11 @@ class Scene(ReadOnly):
                 )
 
     def _check_heights(self, positions: np.ndarray, copies: np.ndarray | None = None) -> None:
-        if self.surfaces and not self._well_above(positions):
-            self._check_each(positions, copies)
+        if not self.surfaces or self._well_above(positions):
+            return
+        for placed, own in zip(self.bodies, self.slices, strict=True):
+            reach, of = scales(self.contact, placed.body)[1], self._of(placed)
+            check_heights(self.surfaces, reach, positions[..., own, :], placed.free, placed.body, copies, of)
 
     def _well_above(self, positions: np.ndarray) -> bool:
         """Return whether all particles are well above all surfaces; False for round features."""
@@ -506,12 +509,6 @@ class Scene(ReadOnly):
         """Return how far above surfaces each particle must start at least, (N,) [m]; pinned ones anywhere."""
         each = [NEAREST * scales(self.contact, body)[1] + body.radius for body in self._different]
         return np.where(self.free, self.of_particles([each[kind] for kind in self.kinds]), -np.inf)
-
-    def _check_each(self, positions: np.ndarray, copies: np.ndarray | None) -> None:
-        for placed, own in zip(self.bodies, self.slices, strict=True):
-            reach = scales(self.contact, placed.body)[1]
-            of = self._of(placed)
-            check_heights(self.surfaces, reach, positions[..., own, :], placed.free, placed.body, copies, of)
 
     def _check_apart(self, positions: np.ndarray, copies: np.ndarray | None = None) -> None:
         if not self.meetings:
@@ -583,8 +580,9 @@ class Scene(ReadOnly):
             If `Placed.check_start` refuses the start of a body, a particle is behind a surface, or bodies
             that collide overlap.
         """
-        doubtful = {0} if len(self.bodies) == 1 else set(self._held)
-        short = None if len(self.bodies) == 1 else too_short(self.springs, positions)
+        several = len(self.bodies) > 1
+        doubtful = {n for n, placed in enumerate(self.bodies) if placed.pinned} if several else {0}
+        short = too_short(self.springs, positions) if several else None
         if short is not None:
             springs = np.flatnonzero(short.any(axis=tuple(range(positions.ndim - 2))))
             ends = np.cumsum([len(placed.body.springs) for placed in self.bodies])
@@ -594,7 +592,7 @@ class Scene(ReadOnly):
             try:
                 placed.check_start(positions[..., own, :], velocities[..., own, :], copies)
             except ValueError as error:
-                if len(self.bodies) == 1:
+                if not several:
                     raise
                 raise ValueError(f"body {placed.name!r}: {error}") from error
         self._check_heights(positions, copies)
@@ -623,11 +621,6 @@ class Scene(ReadOnly):
     def slices(self) -> tuple[slice, ...]:
         """Return for each body the slice of its particles."""
         return tuple(slice(first, last) for first, last in pairwise(self.starts.tolist()))
-
-    @cached_property
-    def _held(self) -> frozenset[int]:
-        """Return the indices of the bodies with pinned particles."""
-        return frozenset(n for n, placed in enumerate(self.bodies) if placed.pinned)
 
     def of_particles(self, each: Sequence[Any]) -> np.ndarray:
         """Return for each particle the value of its body, (N, …), given a value for each body."""

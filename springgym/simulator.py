@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, DTypeLike
 from springgym import checks, contacts, measures, packing, stability
 from springgym.checks import FLOAT, HUGE, INDEX, MANY, TINY
 from springgym.contact import totals
-from springgym.contact.overlap import tell_shown
+from springgym.contact.overlap import outlines, tell_shown
 from springgym.contact.records import Collisions
 from springgym.contact.totals import RESOLVED, PairReadings
 from springgym.contacts import Contacts, PairSums
@@ -241,7 +241,9 @@ class Simulator:
         options = Options(self.integrator, self.step, self.damping_every, varying, self._blocks)
         self._terms, self._twin, self._packed = pack(scene, self._kind.rigid, options)
         self._workspace = self._workspaces()
-        self._outlines = packing.pack_outlines(scene)
+        for term, axes in (((self._terms, self._twin), 3), (tuple(self._workspace[:1]), 2)):
+            _check_rows(term, axes)
+        self._outlines = outlines(scene.shapes, scene.starts)
         self._boxes = np.zeros((len(shares), bodies + 1, 2, 3))
         self._shown = np.zeros((self.copies, len(scene.meetings)), bool)
         self._varying = sorted(varying)
@@ -779,7 +781,7 @@ class Simulator:
 
     def _check(self) -> None:
         """Raise an error if a copy has diverged, and warn of strain and rounding, by what was read last."""
-        strain = self.readout.rows[:, measures.STRAIN]
+        strain = self.readout.rows[:, measures.AT.strain]
         strained = ~(strain <= self.strain_limit)
         diverged = strained | ~np.isfinite(self.readout.rows).all(axis=1)
         if diverged.any():
@@ -808,7 +810,7 @@ class Simulator:
         collisions = self._terms.collisions
         assert collisions is not None
         told = PairReadings(*(of[copy] for of in totals.read_pairs(collisions, self.copies)))
-        resolved = totals.resolved_speeds(collisions, self.step)
+        resolved = RESOLVED / self.step * collisions.pairs.reach
         n = int(np.argmax((told.fastest > resolved) | (told.misses > 0) | (told.overflow > 0)))
         first, second = (repr(self.scene.bodies[of[n]].name) for of in collisions.pairs[1:3])
         met = f"bodies {first} and {second}" if n < collisions.pairs.among else f"body {first} and a surface"
@@ -938,7 +940,8 @@ class Simulator:
         if self._terms.own is not None:
             raise ValueError("the shadow energy is not known with forces of your own")
         self.read()
-        x, v, energy = self.readout.positions, self.readout.velocities, self.readout.rows[:, measures.ENERGY]
+        rows, x, v, _ = self.readout
+        energy = rows[:, measures.AT.energy]
         for packed, own in zip(self._packed, self.scene.slices, strict=True):
             energy = energy + packing.shadow_difference(packed, x[:, own], v[:, own], self.step, self._nodes)
         return energy
@@ -1241,3 +1244,10 @@ def _blocks_in(name: str, term: Nested) -> Iterator[tuple[str, np.ndarray]]:
     elif isinstance(term, tuple):
         for key, part in zip(getattr(term, "_fields", range(len(term))), term, strict=True):
             yield from _blocks_in(f"{name}.{key}", part)
+
+
+def _check_rows(term: Nested, axes: int) -> None:
+    """Refuse arrays of rows of another length than three, by which compiled functions find them."""
+    for name, array in _blocks_in("term", term):
+        if array.ndim == axes and array.shape[-1] != 3:
+            raise ValueError(f"{name} has rows of {array.shape[-1]} numbers; they must have 3")

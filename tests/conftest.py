@@ -95,13 +95,7 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object
         return (yield)
 
 
-LONGEST = (
-    "colliding",
-    "tests/forces/test_round.py",
-    "duels",
-    "tests/test_rigid_collisions.py",
-    "tests/envs/test_contract.py",
-)
+LONGEST = ("colliding", "tests/forces/test_round.py", "duels", "tests/envs/test_contract.py")
 """What runs first, so that no process is left with it at the end."""
 
 

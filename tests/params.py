@@ -24,7 +24,3 @@ def slow_but(values: Iterable[Any], *usual: Any) -> list[Any]:
         pytest.param(*(value if isinstance(value, tuple) else (value,)), marks=slow_unless(value in usual))
         for value in values
     ]
-
-
-each_dynamics = pytest.mark.parametrize("dynamics", slow_but(["springs", "rigid"], "springs"))
-"""Bodies of springs in every run, rigid ones in slow runs."""

@@ -163,10 +163,11 @@ def test_multiply_add_rounds_once(width: int, dtype: Any, data: st.DataObject) -
 
 
 @kernel
-def choose_rows(rows: Any, own: Any, pairs: Any, shared: Any, out: Any) -> None:
+def choose_rows(rows: Any, own: Any, pairs: Any, shared: Any, out: Any) -> Any:
     n = load(rows, 0)
     store_each(out, (n, 1), load_each(own, (n, 2)))
     store_each(rows, load_each(pairs, (n, 1)), load_each(shared, n))
+    return load(pairs, (3, 1))
 
 
 @pytest.mark.parametrize("differ", [0, 1, None])
@@ -189,7 +190,7 @@ def test_each_copy_has_a_row_of_its_own(width: int, dtype: Any, differ: int | No
     numbers(own)[:] = random.random(numbers(own).shape)
     pairs = random.integers(1, count, (count, 2)).astype(np.uint32)
     shared = random.random(count)
-    choose_rows(rows, own, pairs, shared, out)
+    assert choose_rows(rows, own, pairs, shared, out) == pairs[3, 1]
     assert (numbers(out)[n, 1, lanes] == numbers(own)[n, 2, lanes]).all()
     assert np.count_nonzero(numbers(out)) == width
     assert (numbers(rows)[pairs[n, 1], lanes] == shared[n].astype(dtype)).all()

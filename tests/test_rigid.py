@@ -12,6 +12,7 @@ from springgym import rigid
 from springgym.bodies import Body, box, cube, rigid_velocities, rope, rotation, start, top
 from springgym.scene import DriveActuator, Scene, ThrustActuator, WrenchActuator
 from springgym.simulator import Simulator
+from springgym.surfaces import PaperContact, floor
 from springgym.theory import free_body, pendulum
 from springgym.theory import top as heavy_top
 from springgym.theory.frames import carry
@@ -411,6 +412,7 @@ def test_a_step_beyond_the_limit_of_the_swing_is_refused_and_one_below_it_is_sta
         assert simulator.measure().axis[0, 2] < -0.9
 
 
+ABOVE = Scene(cube(), np.add(cube().positions, (0, 0, 1)), surfaces=(floor(),))
 LINE = Body("dumbbell", np.array([(0, 0, 0), (1, 0, 0)]), 1.0, [(0, 1)], 1e5, 0.0)
 
 
@@ -424,6 +426,8 @@ LINE = Body("dumbbell", np.array([(0, 0, 0), (1, 0, 0)]), 1.0, [(0, 1)], 1e5, 0.
         (Scene(BRICK, pinned=(0,), drive=DriveActuator(0, 1.0)), {}, "no drive"),
         (Scene(BRICK), {"varying": ("lengths",)}, "lengths cannot vary"),
         (Scene(BRICK), {"integrator": "rk4"}, "'rk4' for rigid dynamics"),
+        (ABOVE, {"integrator": "suzuki"}, "back in time"),
+        (ABOVE.with_(contact=PaperContact()), {}, "the paper's contact"),
         (Scene(BRICK), {"dynamics": "stiff"}, "dynamics is 'stiff'; it must be one of 'springs', 'rigid'"),
     ],
 )

@@ -75,7 +75,6 @@ print(duel.action_space("first").low)
 SpringTopEnv(observation="wrong")  # type: ignore[arg-type]
 SpringTopEnv(hard="yes")  # type: ignore[arg-type]
 SpringTopVectorEnv(2, autoreset_mode="never")  # type: ignore[arg-type]
-SpringTopVectorEnv(2, action="push")  # type: ignore[arg-type]
 parallel("SpringDuel-v0", opponent="script")  # type: ignore[call-arg]
 springgym.nonsense  # type: ignore[attr-defined]
 scene = springgym.Scene("top")  # type: ignore[arg-type]
@@ -94,9 +93,8 @@ def test_a_type_checker_knows_the_package(tmp_path):
     for name in springgym.__all__:  # what is Any would pass
         lines.append(f"_{name}: int = springgym.{name}  # type: ignore[assignment]")
     for row in ENVIRONMENTS:
-        for kind in ("Env", "VectorEnv"):
-            lines.append(f"from springgym.envs.{row.module} import {row.name}{kind}")
-            lines.append(f"{row.name}{kind}(nonsense=1)  # type: ignore[call-arg]")
+        lines.append(f"from springgym.envs.{row.module} import {row.name}Env")
+        lines.append(f"{row.name}Env(nonsense=1)  # type: ignore[call-arg]")
     client = tmp_path / "client.py"
     client.write_text("\n".join(lines) + "\n")
     checked = subprocess.run(

@@ -1,8 +1,10 @@
-"""Bodies that roll: a ball, an ellipsoid, a disk, a capsule. Each has six particles with a solid's inertia.
+"""Bodies that roll: a ball, an ellipsoid, a disk, a capsule. Their particles have a solid's inertia.
 
-The particles lie at ± the columns of S = √(3 C) about the centre of mass, and each has a sixth of the mass M.
-Their second moments Σ m X Xᵀ = M C are those of a solid whose inertia is M (tr C 1 − C). A spring joins every
-two. The body meets surfaces and other bodies with one round feature, see `springgym.bodies.round`.
+The four particles of a ball, and the six of an ellipsoid or a disk, lie at S u about the centre of mass. The
+unit vectors u point to the corners of a regular tetrahedron, or of an octahedron, and S = √(3 C). The masses
+are equal. Their second moments Σ m X Xᵀ = M C are those of a solid with the mass M, whose inertia is
+M (tr C 1 − C). A spring joins every two. The body meets surfaces and other bodies with one round feature, see
+`springgym.bodies.round`.
 
 Two particles of a capsule lie at the ends of its axis, at ± l/2. The other four lie at (± b, 0, h) and
 (0, ± b, −h), with b² = 3 Cₓₓ and h² = 3/2 C_zz − l²/8, so that the second moments are those of the solid. It
@@ -23,6 +25,13 @@ from springgym.checks import TINY, array, number
 SOLID = 0.4
 """Moment of inertia of a solid ball, as a share of m r²."""
 
+TETRAHEDRON = np.array([[-(2**0.5), -1, -(6**0.5)], [-(2**0.5), -1, 6**0.5], [8**0.5, -1, 0], [0, 3, 0]]) / 3
+"""Corners (4, 3), at the distance 1. The first two are one above the other; the third lies on the x axis's
+side."""
+
+OCTAHEDRON = np.concatenate([np.eye(3), -np.eye(3)])
+"""Corners (6, 3)."""
+
 
 def rolling_ball(
     radius: float = 0.1,
@@ -31,7 +40,7 @@ def rolling_ball(
     stiffness: float = 1e5,
     damping: float = 10.0,
 ) -> Body:
-    """Make a ball that rolls: six particles inside a sphere, with which it meets surfaces and other bodies.
+    """Make a ball that rolls: four particles inside a sphere, with which it meets surfaces and other bodies.
 
     Parameters
     ----------
@@ -53,7 +62,7 @@ def rolling_ball(
     radius = feature.extent
     moment = number("moment", moment, 1e-3, 2 / 3)
     inertia = moment * mass * radius**2 * np.eye(3)
-    return _carrier("rolling ball", mass, inertia, np.zeros(3), feature, stiffness, damping)
+    return _carrier("rolling ball", mass, inertia, TETRAHEDRON, feature, stiffness, damping)
 
 
 def ellipsoid(
@@ -95,7 +104,8 @@ def ellipsoid(
     else:
         given = array("inertia", inertia, (3,), (3, 3))
         tensor = np.diag(given) if given.ndim == 1 else given
-    return _carrier("ellipsoid", mass, tensor, centre, feature, stiffness, damping)
+    about = _carrier("ellipsoid", mass, tensor, OCTAHEDRON, feature, stiffness, damping)
+    return about.with_(positions=about.positions + centre, lengths=about.lengths)
 
 
 def disk(
@@ -132,7 +142,7 @@ def disk(
     thickness = number("thickness", thickness, radius / 100, 2 * radius)
     across = mass * (radius**2 / 4 + thickness**2 / 12)
     inertia = np.diag([across, across, mass * radius**2 / 2])
-    return _carrier("disk", mass, inertia, np.zeros(3), rim(radius), stiffness, damping)
+    return _carrier("disk", mass, inertia, OCTAHEDRON, rim(radius), stiffness, damping)
 
 
 def capsule(
@@ -189,12 +199,12 @@ def _carrier(
     name: str,
     mass: float,
     inertia: np.ndarray,
-    centre: np.ndarray,
+    corners: np.ndarray,
     feature: Round,
     stiffness: float,
     damping: float,
 ) -> Body:
-    """Make the six particles that carry a feature, with a mass, an inertia tensor and a centre of mass."""
+    """Make the particles that carry a feature, with a mass and an inertia tensor."""
     size = float(np.abs(inertia).max())
     if np.abs(inertia - inertia.T).max() > 1e-12 * size:
         raise ValueError(f"inertia is {inertia.tolist()}; it must be symmetric")
@@ -209,11 +219,11 @@ def _carrier(
     arms = (axes * np.sqrt(3 * moments)) @ axes.T
     return Body(
         name=name,
-        positions=centre + np.concatenate([arms.T, -arms.T]),
-        masses=np.full(6, mass / 6),
-        springs=np.array(list(combinations(range(6), 2))),
+        positions=corners @ arms,
+        masses=np.full(len(corners), mass / len(corners)),
+        springs=np.array(list(combinations(range(len(corners)), 2))),
         stiffness=stiffness,  # type: ignore[arg-type]
         damping=damping,  # type: ignore[arg-type]
-        markers=(5, 2, 0),
+        markers=(5, 2, 0) if corners is OCTAHEDRON else (0, 1, 2),
         rounds=(feature,),
     )

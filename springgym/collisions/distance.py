@@ -21,6 +21,14 @@ def _share(along: np.ndarray, square: np.ndarray) -> np.ndarray:
     return np.clip(along / (square + SMALL), 0.0, 1.0)
 
 
+def _above(r: np.ndarray, u: np.ndarray, w: np.ndarray) -> np.ndarray:
+    """Return which points, at ``r`` from its corner, are above or below a triangle of sides ``u``, ``w``."""
+    uu, uw, ww, e, f = _dot(u, u), _dot(u, w), _dot(w, w), _dot(r, u), _dot(r, w)
+    scale = uu * ww - uw * uw + SMALL
+    s, t = (ww * e - uw * f) / scale, (uu * f - uw * e) / scale
+    return np.asarray((s >= 0) & (t >= 0) & (s + t <= 1))
+
+
 def point_segment(points: np.ndarray, segments: np.ndarray) -> np.ndarray:
     """Return distances (k, P, S) [m]."""
     start, way = segments[:, None, :, 0], (segments[:, :, 1] - segments[:, :, 0])[:, None]
@@ -35,10 +43,7 @@ def point_surface(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     r = points[:, :, None] - a
     normal = np.cross(u, w)
     height = _dot(r, normal / (np.linalg.norm(normal, axis=-1) + SMALL)[..., None])
-    uu, uw, ww, e, f = _dot(u, u), _dot(u, w), _dot(w, w), _dot(r, u), _dot(r, w)
-    scale = uu * ww - uw * uw + SMALL
-    s, t = (ww * e - uw * f) / scale, (uu * f - uw * e) / scale
-    square = np.where((s >= 0) & (t >= 0) & (s + t <= 1), height**2, np.inf)
+    square = np.where(_above(r, u, w), height**2, np.inf)
     for start, way in ((a, u), (a, w), (a + u, w - u)):
         q = points[:, :, None] - start
         foot = q - _share(_dot(q, way), _dot(way, way))[..., None] * way
@@ -73,8 +78,5 @@ def pierced(segments: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     through = low * high < 0
     share = np.where(through, low / np.where(through, low - high, 1.0), 0.0)
     r = start + share[..., None] * (end - start) - a
-    uu, uw, ww, e, f = _dot(u, u), _dot(u, w), _dot(w, w), _dot(r, u), _dot(r, w)
-    scale = uu * ww - uw * uw + SMALL
-    s, t = (ww * e - uw * f) / scale, (uu * f - uw * e) / scale
-    through &= (s >= 0) & (t >= 0) & (s + t <= 1)
+    through &= _above(r, u, w)
     return np.where(through, np.minimum(np.abs(low), np.abs(high)), 0.0)

@@ -107,15 +107,6 @@ class Meetings(ReadOnly):
         """Mask (pairs,) of the pairs that collide by this very contact."""
         return np.array([own is contact for own in self.contacts], bool)[self.how]
 
-    def numbers(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-        """Return the pairs (n,) of bodies ``first`` < ``second`` (n,); −1 for those that never meet."""
-        if not len(self):
-            return np.full(len(first), -1)
-        most = int(self.second.max()) + 1
-        ordered, asked = self.first * most + self.second, first * most + second
-        found = np.minimum(np.searchsorted(ordered, asked), len(self) - 1)
-        return np.where((ordered[found] == asked) & (second < most), found, -1)
-
 
 class BodyRef(NamedTuple):
     """A body of a scene, as far as collisions know of it."""

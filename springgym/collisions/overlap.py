@@ -1,15 +1,11 @@
 """Check that bodies start apart: no vertex inside, no edge through a face, none nearer than 1e-3 Δ.
 
-Few pairs of boxes around bodies are compared one by one. Many boxes are sorted by where they begin along an
-axis: only those that begin before another ends can overlap it (sweep and prune: Cohen et al. 1995,
-doi:10.1145/199404.199437). Bodies whose boxes overlap, and which the plane of no face separates, are compared
-feature by feature.
+Bodies whose boxes overlap, and which the plane of no face separates, are compared feature by feature.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,9 +20,6 @@ CHUNK = 100_000
 
 BOXES = 1_000_000
 """Pairs of boxes looked at in one go: some 100 MB of numbers."""
-
-FEW = 10_000
-"""Up to so many pairs of bodies are compared without sorting, which takes longer."""
 
 ROUNDING = 1.001
 """Boxes are grown a little more than must be: rounding decides nothing."""
@@ -83,16 +76,7 @@ def check_apart(
     wide = (ROUNDING * (np.array([shape.radius for shape in shapes]) + 0.5 * NEAREST * reaches))[:, None]
     low = np.minimum.reduceat(x, starts[:-1], axis=1) - wide
     high = np.maximum.reduceat(x, starts[:-1], axis=1) + wide
-    if len(met) * len(x) <= FEW:
-        first, second = met.first, met.second
-        apart = (low[:, first] > high[:, second]) | (low[:, second] > high[:, first])
-        pair, copy = np.nonzero(~apart.any(axis=2).T)
-    else:
-        copy, first, second = overlapping(low, high)
-        pair = met.numbers(first, second)
-        rows = np.flatnonzero(pair >= 0)
-        rows = rows[np.lexsort((copy[rows], pair[rows]))]
-        copy, pair = copy[rows], pair[rows]
+    pair, copy = overlapping(met, low, high)
     first, second, least = met.first[pair], met.second[pair], NEAREST * met.reach[pair]
     late = ~(_nearest(shapes, starts, x, copy, (first, second), least) >= least)
     wrong = int(late.argmax()) if late.any() else len(pair)
@@ -155,41 +139,17 @@ def separation(shapes: tuple[Shape, Shape], first: np.ndarray, second: np.ndarra
     return widest - shapes[0].radius - shapes[1].radius
 
 
-def overlapping(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Find which boxes (k, bodies, 3) overlap: their copies, and their bodies, the smaller number first."""
-    swept = min((_begun(low[..., axis], high[..., axis]) for axis in range(3)), key=lambda of: of[2].sum())
-    ordered, place, count = swept
-    bodies, begins, ends = low.shape[1], low.reshape(-1, 3), high.reshape(-1, 3)
-    all_before = np.cumsum(count)
-    ends_of_chunks = np.searchsorted(all_before, np.arange(BOXES, all_before[-1], BOXES))
-    found = []
-    for start, behind in pairwise([0, *np.unique(ends_of_chunks).tolist(), len(count)]):
-        several = count[start:behind]
-        one = np.repeat(np.arange(start, behind), several)
-        turn = np.arange(len(one)) - np.repeat(np.cumsum(several) - several, several)
-        other = ordered[place[one] + 1 + turn]
-        meet = ((begins[one] <= ends[other]) & (begins[other] <= ends[one])).all(axis=1)
-        found.append(np.sort([one[meet], other[meet]], axis=0))
-    one, other = np.concatenate(found, axis=1)
-    return one // bodies, one % bodies, other % bodies
-
-
-def _begun(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Order intervals (k, bodies) of each copy by where they begin.
-
-    The intervals in this order, numbered through all copies; the place of each; and how many of the next ones
-    begin before it ends.
-    """
-    count = low.size
-    copy = np.repeat(np.arange(len(low)), low.shape[1])
-    ends = np.arange(2 * count) >= count
-    order = np.lexsort((ends, np.concatenate([low.ravel(), high.ravel()]), np.tile(copy, 2)))
-    begun = np.empty(2 * count, int)
-    begun[order] = np.cumsum(~ends[order])
-    place = begun[:count] - 1
-    ordered = np.empty(count, int)
-    ordered[place] = np.arange(count)
-    return ordered, place, begun[count:] - begun[:count]
+def overlapping(met: Meetings, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Find the pairs (n,) of bodies whose boxes (k, bodies, 3) overlap, and the copies in which they do."""
+    found, chunk = [], max(1, BOXES // len(met))
+    for start in range(0, len(low), chunk):
+        begins, ends = low[start : start + chunk], high[start : start + chunk]
+        apart = (begins[:, met.first] > ends[:, met.second]) | (begins[:, met.second] > ends[:, met.first])
+        copy, pair = np.nonzero(~apart.any(axis=2))
+        found.append((pair, copy + start))
+    pair, copy = np.concatenate(found, axis=1)
+    order = np.lexsort((copy, pair))
+    return pair[order], copy[order]
 
 
 def _of_bodies(x: np.ndarray, copy: np.ndarray, starts: np.ndarray, bodies: np.ndarray) -> np.ndarray:

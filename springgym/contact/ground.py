@@ -48,9 +48,14 @@ class Grounded(NamedTuple):
 def find_ground(rows: int, own: Grounded, rounds: Rounds | None) -> int:
     """List the contacts of a body with surfaces behind ``rows`` others, and return how many that makes."""
     if rounds is not None:
+        nothing, flat = 0.0 * row(own.x, 0), own.surfaces.coupled is None
         for e in range(rounds.first.size):
+            begin, end = at(e, nothing, own.begin, rounds), at(e, nothing, own.end, rounds)
+            least = NEAR * own.surfaces.reach + rounds.size[e]
             for k in range(count(own.surfaces.kinds)):
-                rows = add_feature(rows, e, k, own, rounds, own.contacts.turning)
+                low = minimum(height(k, begin, own.surfaces), height(k, end, own.surfaces))
+                if not flat or any_lane(low < least):  # of its centre
+                    rows = add_feature(rows, e, k, own, rounds, own.contacts.turning)
         if rounds.first.size > 0:
             return rows
     for i in range(own.x.shape[0]):

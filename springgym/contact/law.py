@@ -91,25 +91,15 @@ def mean_force(start: Number, end: Number, on: Mask) -> tuple[Number, Number, Nu
 
 
 @compiled
-def last_gap(start: Number, free: Number, gain: Number, pace: Number, beta: Number, on: Mask) -> Number:
-    """Return the gap y at which a step ends, the root of the equation at the head of this file.
+def first_guess(start: Number, free: Number, gain: Number, pace: Number, beta: Number, on: Mask) -> Number:
+    """Return a first guess of the gap that `last_gap` finds: exact without loss, of what begins in reach.
 
-    In units of Δ, ``start`` is σ = h₀/Δ, ``free`` is α = a/Δ, ``gain`` is γ = c G/Δ³, and ``pace`` is
-    Δ/(τ w): ρ = (y − σ) pace is the gap's mean rate over w. With F̄ = c/Δ² N/D, the equation is
-
-        (y − α) D = γ N (1 − β ρ/√q),    q = 1 + ρ².
-
-    It has no quotient of y but that of the root, and in a round of Newton's method the one division by the
-    slope takes that with it. Whether y < σ is known from both sides at σ. The first guess is that of a round
-    at σ, where ρ = 0, if it finds |ρ| < 1, as of contacts that rest; else the solution for rates far above
-    w, with L = 1 + β or 1 − β, which is exact without loss, and on the side of σ where the solution is. A
-    round that would leave the bracket halves it.
+    It is that of a round of Newton's method at σ, where ρ = 0, if it finds |ρ| < 1, as of contacts that rest;
+    else the solution for rates far above w, with L = 1 + β or 1 − β, on the side of σ where the solution is.
     """
     inside, nearer = start < 1.0, maximum(1.0 - start, 0.0)
-    closing = (start - free) * start * start > gain * nearer * (1.0 + start)
+    closing = closes(start, free, gain)
     energy = nearer * nearer / start
-    low = select(closing, maximum(free, 0.0), start)
-    high = select(closing, minimum(start, 1.0), maximum(maximum(start, free) + 0.5 + gain * energy, 1.0))
     strength = gain * select(closing, 1.0 + beta, 1.0 - beta)
     end = positive_root(strength - free, strength / start)
     leaving = select(on, select(inside, end, 0.0), 0.0) > 1.0
@@ -118,12 +108,45 @@ def last_gap(start: Number, free: Number, gain: Number, pace: Number, beta: Numb
     force, square, moved = gain * (1.0 - start * start), start * start, start - free
     calm = (force - moved * square) / (square + (moved + gain) * start + force * beta * pace)
     rests = select(inside, select(beta > 0.0, maximum(calm, -1.0 * calm) * pace, 1.0), 1.0) < 1.0
-    end = minimum(maximum(select(rests, start + calm, end), low), high)
+    return select(rests, start + calm, end)
+
+
+@compiled
+def closes(start: Number, free: Number, gain: Number) -> Mask:
+    """Return whether a step ends nearer than it begins: known from both sides at σ."""
+    return (start - free) * start * start > gain * maximum(1.0 - start, 0.0) * (1.0 + start)
+
+
+@compiled
+def last_gap(
+    start: Number, free: Number, gain: Number, pace: Number, beta: Number, guess: Number, on: Mask
+) -> Number:
+    """Return the gap y at which a step ends, the root of the equation at the head of this file.
+
+    In units of Δ, ``start`` is σ = h₀/Δ, ``free`` is α = a/Δ, ``gain`` is γ = c G/Δ³, and ``pace`` is
+    Δ/(τ w): ρ = (y − σ) pace is the gap's mean rate over w. With F̄ = c/Δ² N/D, the equation is
+
+        (y − α) D = γ N (1 − β ρ/√q),    q = 1 + ρ².
+
+    It has no quotient of y but that of the root, and in a round of Newton's method the one division by the
+    slope takes that with it. It begins at a ``guess`` above 0, else at `first_guess`. A round that would
+    leave the bracket halves it.
+    """
+    inside, nearer = start < 1.0, maximum(1.0 - start, 0.0)
+    closing = closes(start, free, gain)
+    low = select(closing, maximum(free, 0.0), start)
+    farthest = maximum(start, free) + 0.5 + gain * nearer * nearer / start
+    high = select(closing, minimum(start, 1.0), maximum(farthest, 1.0))
+    hard = select(inside, beta, 1.0) > 0.0
+    end, one = guess, 1.0 + 0.0 * free
+    unknown = select(on, select(hard, select(guess > 0.0, 0.0, one), one), 0.0) > 0.5
+    if any_lane(unknown):
+        end = select(unknown, first_guess(start, free, gain, pace, beta, on), end)
+    end = minimum(maximum(end, low), high)
     least, finest, zero = least_gap(free), 4 * epsilon(free), 0.0 * free
     enough = select(beta > 0.0, zero + FOUND, EXACT) + 16 * epsilon(free)
     slow = select(beta > 0.0, zero + 1.0 / pace, 0.0)
-    hard = select(inside, beta, 1.0) > 0.0
-    active = select(on, select(hard, 1.0 + 0.0 * free, 0.0), 0.0)
+    active = select(on, select(hard, one, 0.0), 0.0)
     if any_lane(active > 0.5):
         for _ in range(ROUNDS):
             here = maximum(end, least)
@@ -151,22 +174,22 @@ def last_gap(start: Number, free: Number, gain: Number, pace: Number, beta: Numb
 
 @compiled
 def meet(
-    start: Number, free: Number, span: Span, c: Number, reach: Number, beta: Number, on: Mask
+    gaps: tuple[Number, Number, Number], span: Span, c: Number, reach: Number, beta: Number, on: Mask
 ) -> tuple[Number, Number]:
     """Solve one contact for a step, where it is ``on``; elsewhere the numbers have no meaning.
 
-    ``start`` is the gap h₀ [m] that the step begins with, ``free`` the gap a [m] that all else would end it
-    with; ``c`` is the strength times W [m³/s²], ``beta`` is β. The `Span` says how long
-    the step is, and how long it lasts after the node.
+    ``gaps`` are h₀, that the step begins with, a, that all else would end it with, and where it may end, 0 if
+    that is not known [m]; ``c`` is the strength times W [m³/s²], ``beta`` is β. The `Span` says how long the
+    step is, and how long it lasts after the node.
 
     Returns
     -------
     J L W, the change of the gap's rate, and J W, what it would be without loss [m/s]
     """
-    unit = 1.0 / reach
+    unit, (start, free, guess) = 1.0 / reach, gaps
     first = maximum(start * unit, least_gap(free))
     strength, pace = span.whole * c * (unit * unit), reach / (SLOW * span.whole)
-    end = last_gap(first, free * unit, span.out * strength * unit, pace, beta, on)
+    end = last_gap(first, free * unit, span.out * strength * unit, pace, beta, guess * unit, on)
     n, d, _, _ = mean_force(first, end, on)
     rate = (end - first) * pace
     root = sqrt(1.0 + rate * rate)

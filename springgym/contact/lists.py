@@ -7,6 +7,8 @@ what a copy has, and in which order, does not depend on the others.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import DTypeLike
 
@@ -29,52 +31,27 @@ def new_lists(pairs: Pairs, particles: int, dtype: DTypeLike) -> Lists:
     vertices, triangles, edges = (int(n) + 1 for n in most)
     candidates = max(triangles, edges) + CANDIDATES * (vertices + edges)
 
-    def lanes(*shape: int) -> np.ndarray:
-        return aligned_zeros(shape, dtype)
-
+    of_copies: tuple[tuple[Any, ...], ...] = (
+        ("origin shift", particles, 3),
+        ("along", particles),
+        ("moved bend turning margin ahead travelled", bodies),
+        ("mean_shift mean low high", bodies, 3),
+        ("listed gap nearest reach", count),
+        ("vertex vertex_particle", vertices),
+        ("point", vertices, 3),
+        ("triangle square", triangles),
+        ("triangle_particles", 3 * triangles),
+        ("corner first second normal products sizes", triangles, 3),
+        ("edge", edges),
+        ("edge_particles", 2 * edges),
+        ("start way", edges, 3),
+        ("crossed crossing", pairs.most),
+    )
+    numbers = {"watched": count, "close": count, "used": 4, "length": 2}
+    ends = {"ends": (count, 3, 3), "faces": (vertices, 2), "partners": (edges, 2)}
     return Lists(
-        origin=lanes(particles, 3),
-        shift=lanes(particles, 3),
-        moved=lanes(bodies),
-        mean_shift=lanes(bodies, 3),
-        bend=lanes(bodies),
-        mean=lanes(bodies, 3),
-        turning=lanes(bodies),
-        low=lanes(bodies, 3),
-        high=lanes(bodies, 3),
-        along=lanes(particles),
-        listed=lanes(count),
-        gap=lanes(count),
-        nearest=lanes(count),
-        reach=lanes(count),
-        watched=np.zeros(count, np.int64),
-        margin=lanes(bodies),
-        ahead=lanes(bodies),
-        travelled=lanes(bodies),
-        close=np.zeros(count, np.int64),
+        **{name: aligned_zeros(tuple(shape), dtype) for names, *shape in of_copies for name in names.split()},
+        **{name: np.zeros(shape, np.int64) for name, shape in (numbers | ends).items()},
         kept=np.zeros(1, np.bool_),
-        used=np.zeros(4, np.int64),
-        ends=np.zeros((count, 3, 3), np.int64),
-        vertex=lanes(vertices),
-        vertex_particle=lanes(vertices),
-        point=lanes(vertices, 3),
-        triangle=lanes(triangles),
-        triangle_particles=lanes(3 * triangles),
-        corner=lanes(triangles, 3),
-        first=lanes(triangles, 3),
-        second=lanes(triangles, 3),
-        normal=lanes(triangles, 3),
-        square=lanes(triangles),
-        products=lanes(triangles, 3),
-        sizes=lanes(triangles, 3),
-        edge=lanes(edges),
-        edge_particles=lanes(2 * edges),
-        start=lanes(edges, 3),
-        way=lanes(edges, 3),
         candidate=np.arange(candidates),
-        faces=np.zeros((vertices, 2), np.int64),
-        partners=np.zeros((edges, 2), np.int64),
-        crossed=lanes(pairs.most),
-        crossing=lanes(pairs.most),
-        length=np.zeros(2, np.int64),
     )

@@ -111,13 +111,6 @@ def gather(body: int, out: Rows, x: Rows, v: Rows, mass: Numbers, turning: Turni
 
 
 @compiled
-def change_of(body: int, i: int, x: Rows, faster: Vector, twist: Vector, turning: Turning) -> Vector:
-    """Return by how much particle ``i`` at ``x`` (N, 3) gets faster, as v and L of its body change."""
-    spun = multiplied(row(turning.turn, 2 * body), row(turning.turn, 2 * body + 1), twist)
-    return faster + cross(spun, row(x, i) - row(turning.point, body))
-
-
-@compiled
 def turned(body: int, late: int, moment: Vector, turning: Turning) -> Vector:
     """Return I⁻¹ times a vector, at the node or, if ``late``, at the end of the step."""
     n = 2 * (body + late * turning.turns.size)

@@ -15,14 +15,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from springgym.bodies import surface
 from springgym.collisions import Shape
+from springgym.contact.pairs import joined
 from springgym.core.compiling import compiled, kernel
+from springgym.core.kinds import Vector
+from springgym.core.vectors import cross, dot, row, vec
 
 ASKEW = (0.31, 0.47, 3.1)
 """A way out of a body, in its sizes: along no plane or edge that a body is likely to have."""
-
-Point = tuple[float, float, float]
 
 
 class Outlines(NamedTuple):
@@ -36,44 +36,20 @@ class Outlines(NamedTuple):
     """(3, bodies + 1) where each body's faces, lines and particles begin, and the end"""
 
 
-def outlines(shapes: Sequence[Shape], first: Sequence[int], particles: int) -> Outlines:
-    """Return the outlines of all bodies, whose particles begin at ``first`` among those of the scene."""
-    faces = [of.triangles + n for of, n in zip(shapes, first, strict=True)]
-    lines = [
-        (surface.all_edges(of.triangles) if len(of.triangles) else of.edges) + n
-        for of, n in zip(shapes, first, strict=True)
-    ]
-    start = np.array(
-        [np.cumsum([0, *map(len, faces)]), np.cumsum([0, *map(len, lines)]), [*first, particles]]
-    )
-    return Outlines(
-        np.concatenate(faces).astype(np.int64).reshape(-1, 3),
-        np.concatenate(lines).astype(np.int64).reshape(-1, 2),
-        start.astype(np.int64),
-    )
+def outlines(shapes: Sequence[Shape], starts: np.ndarray) -> Outlines:
+    """Return the outlines of all bodies, whose particles begin at ``starts`` (bodies + 1,), with the end."""
+    (faces, lines), start = joined(shapes, starts[:-1], ("triangles", "lines"), np.int64)
+    return Outlines(faces, lines, np.vstack([start, starts]))
 
 
 @compiled
-def corner(x: np.ndarray, i: int) -> Point:
-    """Return where a particle is [m]."""
-    return x[i, 0], x[i, 1], x[i, 2]
-
-
-@compiled
-def volume(a: Point, b: Point, c: Point, d: Point) -> float:
+def volume(a: Vector, b: Vector, c: Vector, d: Vector) -> float:
     """Return six times the volume of a tetrahedron [m³], with a sign."""
-    u = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    v = c[0] - a[0], c[1] - a[1], c[2] - a[2]
-    w = d[0] - a[0], d[1] - a[1], d[2] - a[2]
-    return (
-        u[0] * (v[1] * w[2] - v[2] * w[1])
-        + u[1] * (v[2] * w[0] - v[0] * w[2])
-        + u[2] * (v[0] * w[1] - v[1] * w[0])
-    )
+    return dot(b - a, cross(c - a, d - a))
 
 
 @compiled
-def goes_through(p: Point, q: Point, a: Point, b: Point, c: Point) -> bool:
+def goes_through(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> bool:
     """Tell whether the line p q goes through the face a b c."""
     for axis in range(3):
         if max(p[axis], q[axis]) < min(a[axis], b[axis], c[axis]):
@@ -87,12 +63,12 @@ def goes_through(p: Point, q: Point, a: Point, b: Point, c: Point) -> bool:
 
 
 @compiled
-def inside(p: Point, x: np.ndarray, body: int, size: float, of: Outlines) -> bool:
+def inside(p: Vector, x: np.ndarray, body: int, size: float, of: Outlines) -> bool:
     """Tell whether a point is inside the faces of a body of some size [m]: by how many a way out crosses."""
-    out = p[0] + ASKEW[0] * size, p[1] + ASKEW[1] * size, p[2] + ASKEW[2] * size
+    out = p + size * vec(ASKEW[0], ASKEW[1], ASKEW[2])
     times = 0
     for n in range(of.start[0, body], of.start[0, body + 1]):
-        a, b, c = corner(x, of.faces[n, 0]), corner(x, of.faces[n, 1]), corner(x, of.faces[n, 2])
+        a, b, c = row(x, of.faces[n, 0]), row(x, of.faces[n, 1]), row(x, of.faces[n, 2])
         if goes_through(p, out, a, b, c):
             times += 1
     return times % 2 == 1
@@ -102,13 +78,13 @@ def inside(p: Point, x: np.ndarray, body: int, size: float, of: Outlines) -> boo
 def reaches_into(x: np.ndarray, own: int, other: int, box: np.ndarray, of: Outlines) -> bool:
     """Tell whether a line of a body goes through a face of another, in the ``box`` (2, 3) that both share."""
     for k in range(of.start[1, own], of.start[1, own + 1]):
-        p, q = corner(x, of.lines[k, 0]), corner(x, of.lines[k, 1])
+        p, q = row(x, of.lines[k, 0]), row(x, of.lines[k, 1])
         near = True
         for axis in range(3):
             near = near and max(p[axis], q[axis]) >= box[0, axis] and min(p[axis], q[axis]) <= box[1, axis]
         if near:
             for n in range(of.start[0, other], of.start[0, other + 1]):
-                a, b, c = corner(x, of.faces[n, 0]), corner(x, of.faces[n, 1]), corner(x, of.faces[n, 2])
+                a, b, c = row(x, of.faces[n, 0]), row(x, of.faces[n, 1]), row(x, of.faces[n, 2])
                 if goes_through(p, q, a, b, c):
                     return True
     return False
@@ -149,7 +125,7 @@ def tell_shown(
                         size = 0.0
                         for axis in range(3):
                             size = max(size, boxes[other, 1, axis] - boxes[other, 0, axis])
-                        point = corner(here, of.start[2, own])
+                        point = row(here, of.start[2, own])
                         through = reaches_into(here, own, other, both, of)
                         found[copy, p] = through or inside(point, here, other, size, of)
                 whether = whether or found[copy, p]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from springgym.bodies import Body
 from springgym.collisions import Meetings, Shape
@@ -19,14 +20,9 @@ PARALLEL = 2.0
 MOST_PARALLEL = 0.2
 
 
-def packed_shapes(shapes: Sequence[Shape], first: Sequence[int]) -> Shapes:
+def packed_shapes(shapes: Sequence[Shape], first: np.ndarray) -> Shapes:
     """Return the features of all bodies, whose particles begin at ``first`` among those of the scene."""
-    kinds = [
-        [getattr(shape, name) + n for shape, n in zip(shapes, first, strict=True)]
-        for name in ("vertices", "triangles", "edges")
-    ]
-    start = np.array([np.cumsum([0, *map(len, kind)]) for kind in kinds])
-    vertices, triangles, edges = (np.concatenate(kind).astype(np.uint32) for kind in kinds)
+    (vertices, triangles, edges), start = joined(shapes, first, ("vertices", "triangles", "edges"), np.uint32)
     rods = np.array([not len(shape.triangles) and len(shape.edges) > 0 for shape in shapes])
     balls = np.array([not len(shape.triangles) and not len(shape.edges) for shape in shapes])
     return Shapes(
@@ -38,6 +34,18 @@ def packed_shapes(shapes: Sequence[Shape], first: Sequence[int]) -> Shapes:
         rods if rods.any() else None,
         balls if balls.any() else None,
     )
+
+
+def joined(
+    shapes: Sequence[Shape], first: np.ndarray, kinds: Sequence[str], dtype: DTypeLike
+) -> tuple[list[np.ndarray], np.ndarray]:
+    """Return kinds of features of all bodies, by the numbers of the scene's particles, and where each begins.
+
+    The latter (kinds, bodies + 1) says where each body's features begin among all, and the end.
+    """
+    each = [[getattr(of, kind) + n for of, n in zip(shapes, first, strict=True)] for kind in kinds]
+    start = np.array([np.cumsum([0, *map(len, features)]) for features in each])
+    return [np.concatenate(features).astype(dtype) for features in each], start
 
 
 def longest_edge(body: Body, shape: Shape) -> float:

@@ -94,7 +94,7 @@ def impulses(
             touching = minimum(start, ahead) < reach
             gain, impulse = nothing[0], nothing[0]
             if any_lane(touching):
-                gain, impulse = meet(start, ahead, span, c * square, reach, beta, touching)
+                gain, impulse = meet((start, ahead, nothing[0]), span, c * square, reach, beta, touching)
                 gain, impulse = select(touching, gain, 0.0), select(touching, impulse, 0.0)
                 if terms.friction is not None:
                     one, length = select(touching, 1.0 + nothing[0], 0.0), sqrt(inverse_square)

@@ -77,6 +77,8 @@ class Rounds(NamedTuple):
     """(carriers, 3) B [1/m]"""
     matrix: np.ndarray
     """(3 features, 3) rows of A [m²]"""
+    size: np.ndarray
+    """(features,) the largest semi-axis [m]"""
 
 
 class Shapes(NamedTuple):
@@ -465,6 +467,8 @@ class WarmStart(NamedTuple):
     """(rows, 3) the impulse of friction [N·s]; None if no pair rubs"""
     couple: np.ndarray | None
     """(rows, 3) the angular impulse of the couple [N·m·s]; None if no turning is resisted"""
+    kept: np.ndarray
+    """(1,) 1 if a row is filled, else 0"""
 
 
 TOUCHING, IMPULSE, GAP, ENERGY, CONTACT, FRICTION, MISSES, FAST, OVERFLOW, FASTEST = range(10)

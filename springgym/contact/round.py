@@ -61,6 +61,7 @@ def packed_rounds(body: Body) -> Rounds:
         base=np.concatenate(base),
         slope=np.ascontiguousarray(np.concatenate(slope)),
         matrix=np.array([feature.matrix for feature in body.rounds]).reshape(-1, 3),
+        size=np.array([np.sqrt(np.linalg.norm(feature.matrix, 2)) for feature in body.rounds]),
     )
 
 

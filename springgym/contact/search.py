@@ -475,7 +475,7 @@ def locate(p: int, seen: Search, triangles: Indices, edges: Indices) -> None:
         for k in range(lists.ends[p, EDGES, 0], lists.ends[p, EDGES, 2]):
             start = row_each(x, load(lists.edge_particles, 2 * k))
             way = row_each(x, load(lists.edge_particles, 2 * k + 1)) - start
-            none, away = load(lists.edge, k) < 0.0, (k + 1.0) * far  # no two of them in one place
+            none, away = load(lists.edge, k) < 0.0, (k + 2.0) * far  # no two there, nor where vertices are
             set_row(lists.start, k, choose(none, vec(away, away, away), start))
             set_row(lists.way, k, choose(none, 0.0 * way, way))
 

@@ -173,14 +173,12 @@ def solve(v: Rows, sweeps: int, enough: float, tapers: bool, problem: Problem) -
         for m in range(contacts.length[ROWS]):
             k = contacts.length[ROWS] - 1 - m if turn % 2 == 1 else m
             solve_row(v, k, problem)
-        if turn == 0:
-            if tapers:
-                taper(v, problem, problem.pairs.shapes)
-        else:
-            going = select(load(contacts.change, 0) > enough, load(contacts.going, 0), 0.0)
-            store(contacts.going, 0, going)
-            if not any_lane(going > 0.5):
-                break
+        if turn == 0 and tapers:
+            taper(v, problem, problem.pairs.shapes)
+        going = select(load(contacts.change, 0) > enough, load(contacts.going, 0), 0.0)
+        store(contacts.going, 0, going)
+        if not any_lane(going > 0.5):
+            break
 
 
 @compiled
@@ -189,13 +187,14 @@ def solve_row(v: Rows, k: int, problem: Problem) -> None:
     span, contacts = problem.span, problem.contacts
     reach, inverse, old = reach_of(k, problem), load(contacts.inverse_mass, k), load(contacts.impulse, k)
     n, start = row(contacts.normal, k), load(contacts.start, k)
-    u = dot(n, velocity_between(v, k, 0, problem)) - inverse * old
-    free = load(contacts.gap, k) + span.out * u
+    last = load(contacts.gap, k) + span.out * dot(n, velocity_between(v, k, 0, problem))
+    free = last - span.out * inverse * old
     going = select(inverse > 0.0, load(contacts.going, 0), 0.0)
     meets = select(going > 0.5, minimum(start, free), FAR) < reach
     if any_lane(select(meets, 1.0, going * old) > 0.0):  # what was given may have to be taken back
         c, beta = strength_of(k, problem) * inverse, beta_of(k, inverse, problem, problem.pairs.loss)
-        change, _ = meet(start, free, span, c, reach, beta, meets)
+        gaps = start, free, select(old > 0.0, last, 0.0)
+        change, _ = meet(gaps, span, c, reach, beta, meets)
         new = select(meets, change / (inverse + TINY), 0.0)
         new = select(going > 0.5, new, old)
         store(contacts.impulse, k, new)

@@ -24,6 +24,8 @@ Overload: TypeAlias = Callable[..., Any]
 INLINE = {**OPTIONS, "forceinline": True}
 """Options of functions that differ by the kinds of surfaces: they are compiled into what calls them."""
 
+COMPILED = "Numba compiles an overload in place of this"
+
 
 @compiled
 def coefficient(of: Numbers, none: Number) -> Number:
@@ -38,7 +40,7 @@ def coefficient(of: Numbers, none: Number) -> Number:
 
 def count(kinds: Kinds) -> int:
     """Return how many surfaces there are of some kinds."""
-    return sum(kind[0].shape[0] for kind in kinds)
+    raise NotImplementedError(COMPILED)
 
 
 @overload(count, jit_options=INLINE)
@@ -52,19 +54,9 @@ def _count(kinds: Kinds) -> Overload:
     return of_first if len(kinds) == 1 else of_all
 
 
-def _found(k: int, kinds: Kinds) -> tuple[int, Any]:
-    """Return the number of surface ``k`` among those of its kind, and that kind."""
-    for kind in kinds[:-1]:
-        if k < kind[0].shape[0]:
-            return k, kind
-        k -= kind[0].shape[0]
-    return k, kinds[-1]
-
-
 def distance(k: int, place: Vector, kinds: Kinds) -> Number:
     """Return the height [m] of a place above surface ``k`` of some kinds."""
-    k, kind = _found(k, kinds)
-    return kind.height(place, k, kind)
+    raise NotImplementedError(COMPILED)
 
 
 @overload(distance, jit_options=INLINE)
@@ -88,8 +80,7 @@ def mean_gradient(k: int, begin: Vector, end: Vector, least: Number, kinds: Kind
 
     Of a way shorter than ``least`` [m] rounding would be all that is corrected.
     """
-    k, kind = _found(k, kinds)
-    return _mean_gradient_of_first(type(kind))(k, begin, end, least, (kind,))
+    raise NotImplementedError(COMPILED)
 
 
 def _mean_gradient_of_first(kind: Any) -> Overload:

@@ -112,11 +112,6 @@ def read_pairs(collisions: Collisions | None, copies: int, pairs: int | None = N
     )
 
 
-def resolved_speeds(collisions: Collisions, step: float) -> np.ndarray:
-    """Return the largest speed [m/s] of a contact that a step [s] resolves, of each pair (pairs,)."""
-    return RESOLVED / step * collisions.pairs.reach
-
-
 @kernel
 def tell_unresolved(totals: np.ndarray, reach: np.ndarray, step: float, found: np.ndarray) -> None:
     """Tell in which copies, ``found`` (copies,), bodies met in a way that a step [s] cannot resolve.

@@ -23,7 +23,7 @@ from springgym.contact.movers import push, push_turning
 from springgym.contact.records import FAR, ROWS, Pairs, Problem, WarmStart
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Rows, Vector
-from springgym.core.lanes import any_lane, load, load_each, nearest, select, store
+from springgym.core.lanes import any_lane, load, load_each, maximum, nearest, select, store
 from springgym.core.vectors import choose, dot, row, row_each, set_row, set_row_each
 
 ROWS_OF_A_BODY = 32
@@ -58,6 +58,7 @@ def new_warm_start(pairs: Pairs, bodies: int, blocks: Callable[..., np.ndarray])
         impulse=blocks(rows),
         friction=None if pairs.friction is None else blocks(rows, 3),
         couple=None if pairs.resistance is None else blocks(rows, 3),
+        kept=blocks(1),
     )
 
 
@@ -102,7 +103,7 @@ def is_of(key: Key, place: Number, table: WarmStart) -> Mask:
 @compiled
 def start_warm(v: Rows, problem: Problem, table: WarmStart | None) -> None:
     """Start each contact with its impulse of the last node, and change the velocities ``v`` (N, 3) by it."""
-    if table is not None:
+    if table is not None and any_lane(load(table.kept, 0) > 0.5):
         contacts = problem.contacts
         for k in range(problem.contacts.length[ROWS]):
             key = key_of(k, problem, table.pair.size)
@@ -157,12 +158,15 @@ def start_couple(v: Rows, k: int, at: Number, there: Mask, problem: Problem, kep
 def keep_impulses(problem: Problem, table: WarmStart | None) -> None:
     """Enter what all contacts gave, in place of what they gave at the last node."""
     if table is not None:
-        contacts, rows = problem.contacts, table.pair.size
-        for place in range(rows):
-            store(table.pair, place, 0.0)
+        contacts, rows, kept = problem.contacts, table.pair.size, load(table.kept, 0)
+        if any_lane(kept > 0.5):
+            for place in range(rows):
+                store(table.pair, place, 0.0)
+        kept = 0.0 * kept
         for k in range(problem.contacts.length[ROWS]):
             key, impulse = key_of(k, problem, rows), load(contacts.impulse, k)
             place, left = key.place, select(impulse > 0.0, 1.0 + 0.0 * impulse, 0.0)
+            kept = maximum(kept, left)
             for _ in range(PROBES):
                 if not any_lane(left > 0.5):
                     break
@@ -177,6 +181,7 @@ def keep_impulses(problem: Problem, table: WarmStart | None) -> None:
                         enter_row(table.couple, place, row(contacts.couple, k), enters)
                     left = select(enters, 0.0, left)
                 place = within_table(place + 1.0, rows)
+        store(table.kept, 0, kept)
 
 
 @compiled

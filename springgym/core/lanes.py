@@ -77,17 +77,22 @@ class _MaskModel(models.PrimitiveModel):
 # --- Arithmetic -------------------------------------------------------------------------------------
 
 
-def as_lanes(context, builder, value, given: types.Type, lanes: Lanes):
-    """Return ``value`` itself if it is `Lanes`, else `Lanes` that repeat the number."""
+def _in_all(builder, value, of: ir.Type):
+    """Put a number into every lane of a vector of some type, or leave it as it is."""
+    if not isinstance(of, ir.VectorType):
+        return value
+    zeros = ir.Constant(ir.VectorType(ir.IntType(32), of.count), [0] * of.count)
+    one = builder.insert_element(ir.Constant(of, ir.Undefined), value, ir.Constant(ir.IntType(32), 0))
+    return builder.shuffle_vector(one, ir.Constant(of, ir.Undefined), zeros)
+
+
+def as_lanes(context, builder, value, given: types.Type, of: types.Type):
+    """Return ``value`` itself if it is `Lanes`, else a number of some type, repeated if that is `Lanes`."""
     if isinstance(given, Lanes):
         return value
-    number = context.cast(builder, value, given, lanes.dtype)
-    if lanes.width == 1:
-        return number
-    vector = _llvm(lanes.dtype, lanes.width)
-    first = builder.insert_element(ir.Constant(vector, ir.Undefined), number, ir.Constant(ir.IntType(32), 0))
-    everywhere = ir.Constant(ir.VectorType(ir.IntType(32), lanes.width), [0] * lanes.width)
-    return builder.shuffle_vector(first, ir.Constant(vector, ir.Undefined), everywhere)
+    if not isinstance(of, Lanes):
+        return context.cast(builder, value, given, of)
+    return _in_all(builder, context.cast(builder, value, given, of.dtype), _llvm(of.dtype, of.width))
 
 
 def _common(arguments: tuple[types.Type, ...]):
@@ -259,16 +264,11 @@ def nearest(typingctx, value):
 @intrinsic
 def multiply_add(typingctx, a, b, c):
     """a b + c, rounded once, in each lane: one instruction where a product and a sum are two."""
-    lanes = _common((a, b, c))
-    result = lanes or types.float64
+    result = _common((a, b, c)) or types.float64
 
     def codegen(context, builder, sig, args):
-        def operand(value, given: types.Type):
-            if lanes:
-                return as_lanes(context, builder, value, given, lanes)
-            return context.cast(builder, value, given, result)
-
-        return _call(builder, "fma", *map(operand, args, sig.args))
+        each = zip(args, sig.args, strict=True)
+        return _call(builder, "fma", *(as_lanes(context, builder, v, t, result) for v, t in each))
 
     return result(a, b, c), codegen
 
@@ -324,7 +324,7 @@ def filled(typingctx, mask, value):
         lane = builder.cttz(bits, ir.Constant(ir.IntType(1), 0))  # the width if it holds in none: take any
         lane = builder.and_(lane, ir.Constant(lane.type, mask.width - 1))
         first = builder.extract_element(args[1], lane)
-        return builder.select(args[0], args[1], _in_all(builder, first, args[1]))
+        return builder.select(args[0], args[1], _in_all(builder, first, args[1].type))
 
     return value(mask, value) if isinstance(value, Lanes) else None, codegen
 
@@ -427,7 +427,7 @@ def _address(context, builder, array_type, value, indices: list[Any]) -> tuple[A
     element = _element(array_type)
     array = _unpacked(context, builder, array_type, value)
     extents = array.shape.copy()
-    if array_type.ndim == 2:
+    if array_type.ndim == 2 and isinstance(element, Lanes):
         three = ir.Constant(extents[1].type, 3)  # the second index is an axis: a constant offset
         if context.enable_boundscheck:
             _refuse(context, builder, "!=", extents[1], three, "rows of %lld numbers, not of %lld")
@@ -446,7 +446,8 @@ def _address(context, builder, array_type, value, indices: list[Any]) -> tuple[A
 def load(typingctx, array, index):
     """``array[index]`` for all copies of the block: `Lanes`, or the number if it is shared.
 
-    ``array`` is C-contiguous, of shape (rows,) with an integer index, or (rows, 3) with a pair.
+    ``array`` is C-contiguous, of shape (rows,) with an integer index, or with a pair of shape (rows, 3), or
+    (rows, columns) if it is shared.
     """
 
     def codegen(context, builder, sig, args):
@@ -471,26 +472,12 @@ def store(typingctx, array, index, value):
     return types.void(array, index, value), codegen
 
 
-def _in_all(builder, value, like):
-    """Put a whole number into every lane of a value like ``like``, or leave it as it is."""
-    if not isinstance(like.type, ir.VectorType):
-        return value
-    zeros = ir.Constant(ir.VectorType(ir.IntType(32), like.type.count), [0] * like.type.count)
-    one = builder.insert_element(ir.Constant(like.type, ir.Undefined), value, ir.Constant(ir.IntType(32), 0))
-    return builder.shuffle_vector(one, one, zeros)
-
-
 def _each(builder, value) -> list[Any]:
     """Return the value of each lane."""
     if not isinstance(value.type, ir.VectorType):
         return [value]
     lanes = (ir.Constant(ir.IntType(32), lane) for lane in range(value.type.count))
     return [builder.extract_element(value, lane) for lane in lanes]
-
-
-def _number_of(element: types.Type) -> types.Type:
-    """Return the type of one lane of an array's elements."""
-    return element.dtype if isinstance(element, Lanes) else element
 
 
 def _own_numbers(context, builder, sig, args, gathers: bool):
@@ -522,10 +509,10 @@ def _own_numbers(context, builder, sig, args, gathers: bool):
         place = builder.sext(row, lane.type)
         if axis is not None:
             across = ir.Constant(long, 3) if own else extents[1]
-            place = builder.mul(place, _in_all(builder, across, place))
-            place = builder.add(place, _in_all(builder, axis, place))
+            place = builder.mul(place, _in_all(builder, across, place.type))
+            place = builder.add(place, _in_all(builder, axis, place.type))
         if own:
-            place = builder.mul(place, _in_all(builder, ir.Constant(long, element.width), place))
+            place = builder.mul(place, _in_all(builder, ir.Constant(long, element.width), place.type))
             place = builder.add(place, lane)
         return place
 
@@ -541,7 +528,7 @@ def _gathered(builder, data, offset, number: types.Float):
     width = offset.type.count
     of, size = _llvm(number, width), number.bitwidth // 8
     places = ir.VectorType(_llvm(number, 1).as_pointer(), width)
-    first = _in_all(builder, builder.ptrtoint(data, offset.type.element), offset)
+    first = _in_all(builder, builder.ptrtoint(data, offset.type.element), offset.type)
     offset = builder.mul(offset, ir.Constant(offset.type, [size] * width))
     pointers = builder.inttoptr(builder.add(first, offset), places)
     mask = ir.Constant(ir.VectorType(ir.IntType(1), width), [1] * width)
@@ -567,7 +554,7 @@ def _same_row(context, builder, sig, args, lanes: Lanes) -> tuple[Any, Any]:
         index, axis = cgutils.unpack_tuple(builder, index)
         axes = [context.cast(builder, axis, sig.args[1][1], types.intp)]
     first = builder.extract_element(index, ir.Constant(ir.IntType(32), 0))
-    equal = builder.fcmp_ordered("==", index, _in_all(builder, first, index))
+    equal = builder.fcmp_ordered("==", index, _in_all(builder, first, index.type))
     bits = builder.bitcast(equal, ir.IntType(lanes.width))
     same = builder.icmp_unsigned("==", bits, ir.Constant(bits.type, -1))
     row = builder.fptosi(first, ir.IntType(64))
@@ -588,7 +575,8 @@ def load_each(typingctx, array, index):
     lanes = _rows_of(array, index)
 
     def each(context, builder, sig, args):
-        number = _number_of(_element(sig.args[0]))
+        element = _element(sig.args[0])
+        number = element.dtype if isinstance(element, Lanes) else element
         gathers = _as_intels() and lanes.width > 1 and number == lanes.dtype
         data, offset = _own_numbers(context, builder, sig, args, gathers)
         if gathers:

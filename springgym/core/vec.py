@@ -49,19 +49,12 @@ def _common(kinds: tuple[types.Type, ...]) -> types.Type | None:
     return found.pop() if found else types.float64
 
 
-def _cast(context, builder, value, given: types.Type, of: types.Type):
-    """Cast a number to the type of a component."""
-    if isinstance(of, Lanes):
-        return as_lanes(context, builder, value, given, of)
-    return context.cast(builder, value, given, of)
-
-
 def _components(context, builder, value, given: types.Type, of: types.Type) -> list[Any]:
     """Return the three components of a vector, or a number three times."""
     if isinstance(given, Vec):
         parts = [builder.extract_value(value, axis) for axis in range(3)]
-        return [_cast(context, builder, part, given.of, of) for part in parts]
-    return [_cast(context, builder, value, given, of)] * 3
+        return [as_lanes(context, builder, part, given.of, of) for part in parts]
+    return [as_lanes(context, builder, value, given, of)] * 3
 
 
 def _made(context, builder, kind: Vec, parts: list[Any]):
@@ -78,7 +71,7 @@ def vec(typingctx, x, y, z):
     of = _common((x, y, z))
 
     def codegen(context, builder, sig, args):
-        parts = [_cast(context, builder, v, t, of) for v, t in zip(args, sig.args, strict=True)]
+        parts = [as_lanes(context, builder, v, t, of) for v, t in zip(args, sig.args, strict=True)]
         return _made(context, builder, sig.return_type, parts)
 
     return of and Vec(of)(x, y, z), codegen

@@ -15,7 +15,7 @@ from springgym.core.compiling import compiled, kernel
 from springgym.envs.arrows import across, torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
-from springgym.envs.options import Autoreset, EnvOptions, Modes, number
+from springgym.envs.options import EnvOptions, Modes, number
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import angle_of, gaussian, height_above, long_tail, thrift
 from springgym.envs.starts import uniform
@@ -257,9 +257,3 @@ class SpringBalanceEnv(SpringEnv, gym.Env, task=SpringBalance):
 
 class SpringBalanceVectorEnv(SpringVectorEnv, gym.vector.VectorEnv, task=SpringBalance):
     """Run a native batch of `SpringBalanceEnv`."""
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self, num_envs: int = 1, *, autoreset_mode: Autoreset = ..., **options: Unpack[BalanceOptions]
-        ) -> None: ...

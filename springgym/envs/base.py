@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from springgym.checks import chosen, indices, instance, shown, whole
 from springgym.envs.episodes import NOT_BEGUN, Episodes, StartedEpisodes
-from springgym.envs.options import Settings, arguments, plain, refuse_unknown
+from springgym.envs.options import Autoreset, Settings, arguments, plain, refuse_unknown
 from springgym.envs.task import Task
 from springgym.envs.tolerance import SAFETY, Choice, chosen_for
 from springgym.guard import Guard, guarded
@@ -382,7 +382,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         num_envs: int = 1,
         *,
         render_mode: str | None = None,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        autoreset_mode: Autoreset = AutoresetMode.NEXT_STEP,
         **options: Any,
     ) -> None:
         num_envs = whole("num_envs", num_envs, 1)
@@ -743,14 +743,7 @@ def frame_rate(task: Task | type[Task]) -> float:
 
 def _seed(name: str, seed: object) -> int | None:
     """Return a seed as an int, however long it is: seeds that Gymnasium draws have 128 bits."""
-    if seed is None:
-        return None
-    must = f"{name} is {shown(seed)}; it must be a whole number, at least 0, or None"
-    if isinstance(seed, (bool, np.bool_)) or not isinstance(seed, (int, np.integer)):
-        raise TypeError(must)
-    if seed < 0:
-        raise ValueError(must)
-    return int(seed)
+    return None if seed is None else whole(name, seed, high=np.inf)
 
 
 def _of_copy(seen: Any, copy: Any) -> Any:

@@ -15,7 +15,7 @@ from springgym.core.kinds import Vector
 from springgym.envs.arrows import torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
-from springgym.envs.options import Autoreset, BodyOptions, EnvOptions, Modes, made, number
+from springgym.envs.options import BodyOptions, EnvOptions, Modes, made, number
 from springgym.envs.rewards import gaussian, thrift
 from springgym.envs.starts import any_rotation, direction, principal_axes
 from springgym.envs.task import Drawn, Factors, ResetOptions, Start, Task
@@ -237,9 +237,3 @@ class SpringDetumbleEnv(SpringEnv, gym.Env, task=SpringDetumble):
 
 class SpringDetumbleVectorEnv(SpringVectorEnv, gym.vector.VectorEnv, task=SpringDetumble):
     """Run a native batch of `SpringDetumbleEnv`."""
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self, num_envs: int = 1, *, autoreset_mode: Autoreset = ..., **options: Unpack[DetumbleOptions]
-        ) -> None: ...

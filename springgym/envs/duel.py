@@ -16,7 +16,7 @@ from springgym.core.compiling import compiled, kernel
 from springgym.envs import observation as observing
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import BOUND, Entry, ObservedParticles, Situation, values
-from springgym.envs.options import Autoreset, EnvOptions, Modes, number
+from springgym.envs.options import EnvOptions, Modes, number
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import angle_of, gaussian, thrift
 from springgym.envs.starts import above_bowl, standing, uniform, varied_top
@@ -404,9 +404,3 @@ class SpringDuelEnv(SpringEnv, gym.Env, task=SpringDuel):
 
 class SpringDuelVectorEnv(SpringVectorEnv, gym.vector.VectorEnv, task=SpringDuel):
     """Run a native batch of `SpringDuelEnv`."""
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self, num_envs: int = 1, *, autoreset_mode: Autoreset = ..., **options: Unpack[DuelOptions]
-        ) -> None: ...

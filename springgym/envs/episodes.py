@@ -815,7 +815,7 @@ def finish_step(
         total = 0.0
         for n in range(rows.shape[1]):
             total += rows[c, n]
-        sound = math.isfinite(total) and rows[c, measures.STRAIN] <= STRAIN_LIMIT
+        sound = math.isfinite(total) and rows[c, measures.AT.strain] <= STRAIN_LIMIT
         diverged[c] = unresolved[c] or not sound
         if diverged[c]:
             out[c, :] = 0.0

@@ -14,7 +14,7 @@ from springgym.core.compiling import kernel
 from springgym.envs.arrows import torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
-from springgym.envs.options import Autoreset, BodyOptions, EnvOptions, Modes, made, number
+from springgym.envs.options import BodyOptions, EnvOptions, Modes, made, number
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import angle_of, gaussian, spinning, thrift
 from springgym.envs.starts import above_bowl, standing, uniform, varied_top
@@ -261,9 +261,3 @@ class SpringFreeTopEnv(SpringEnv, gym.Env, task=SpringFreeTop):
 
 class SpringFreeTopVectorEnv(SpringVectorEnv, gym.vector.VectorEnv, task=SpringFreeTop):
     """Run a native batch of `SpringFreeTopEnv`."""
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self, num_envs: int = 1, *, autoreset_mode: Autoreset = ..., **options: Unpack[FreeTopOptions]
-        ) -> None: ...

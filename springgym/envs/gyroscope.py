@@ -17,7 +17,7 @@ from springgym.envs.arrows import across, torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.goals import Aim
 from springgym.envs.observation import Entry, ObservedParticles, Situation
-from springgym.envs.options import Autoreset, BodyOptions, EnvOptions, Modes, made, number
+from springgym.envs.options import BodyOptions, EnvOptions, Modes, made, number
 from springgym.envs.rewards import angle_between, angle_of, gaussian, long_tail, spinning, thrift
 from springgym.envs.starts import direction, tilted, uniform
 from springgym.envs.task import Drawn, Factors, ResetOptions, Start, Task
@@ -233,9 +233,3 @@ class SpringGyroscopeEnv(SpringEnv, gym.Env, task=SpringGyroscope):
 
 class SpringGyroscopeVectorEnv(SpringVectorEnv, gym.vector.VectorEnv, task=SpringGyroscope):
     """Run a native batch of `SpringGyroscopeEnv`."""
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self, num_envs: int = 1, *, autoreset_mode: Autoreset = ..., **options: Unpack[GyroscopeOptions]
-        ) -> None: ...

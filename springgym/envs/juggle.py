@@ -15,7 +15,7 @@ from springgym.core.compiling import compiled, kernel
 from springgym.envs.arrows import across, torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
-from springgym.envs.options import Autoreset, EnvOptions, Modes, number
+from springgym.envs.options import EnvOptions, Modes, number
 from springgym.envs.rewards import angle_of, gaussian, height_above, long_tail, thrift
 from springgym.envs.starts import uniform
 from springgym.envs.task import Drawn, Factors, ResetOptions, Start, Task, level
@@ -316,9 +316,3 @@ class SpringJuggleEnv(SpringEnv, gym.Env, task=SpringJuggle):
 
 class SpringJuggleVectorEnv(SpringVectorEnv, gym.vector.VectorEnv, task=SpringJuggle):
     """Run a native batch of `SpringJuggleEnv`."""
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self, num_envs: int = 1, *, autoreset_mode: Autoreset = ..., **options: Unpack[JuggleOptions]
-        ) -> None: ...

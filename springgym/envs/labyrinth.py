@@ -16,7 +16,7 @@ from springgym.checks import flag
 from springgym.core.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
-from springgym.envs.options import Autoreset, EnvOptions, Modes
+from springgym.envs.options import EnvOptions, Modes
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import gaussian, thrift
 from springgym.envs.task import Drawn, Factors, ResetOptions, Start, Task, at_rest
@@ -427,9 +427,3 @@ class SpringLabyrinthEnv(SpringEnv, gym.Env, task=SpringLabyrinth):
 
 class SpringLabyrinthVectorEnv(SpringVectorEnv, gym.vector.VectorEnv, task=SpringLabyrinth):
     """Run a native batch of `SpringLabyrinthEnv`."""
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self, num_envs: int = 1, *, autoreset_mode: Autoreset = ..., **options: Unpack[LabyrinthOptions]
-        ) -> None: ...

@@ -150,7 +150,7 @@ def columns(particles: ObservedParticles) -> Columns:
     scales: list[float] = []
     for name, scale in particles.appended.items():
         size = measures.FIELDS[name]
-        measured += range(measures.OFFSETS[name], measures.OFFSETS[name] + size)
+        measured += range(getattr(measures.AT, name), getattr(measures.AT, name) + size)
         scales += [scale] * size
     return Columns(
         entries,
@@ -174,7 +174,7 @@ def _of_each(scale: float | np.ndarray, particles: np.ndarray) -> np.ndarray:
 def along(row: np.ndarray, first: int, axis: int) -> float:
     """Return the component, along an axis of the body's triad, of the vector that starts at column
     ``first``."""
-    e1, e3 = row[measures.SIDE : measures.SIDE + 3], row[measures.AXIS : measures.AXIS + 3]
+    e1, e3 = row[measures.AT.side : measures.AT.side + 3], row[measures.AT.axis : measures.AT.axis + 3]
     total = 0.0
     for n in range(3):
         if axis == 0:
@@ -192,7 +192,7 @@ def point_to(row: np.ndarray, position: np.ndarray, out: np.ndarray) -> None:
     """Return the unit vector from the centre of mass to a position (3,)."""
     length = 0.0
     for axis in range(3):
-        out[axis] = position[axis] - row[measures.CENTRE + axis]
+        out[axis] = position[axis] - row[measures.AT.centre + axis]
         length += out[axis] ** 2
     for axis in range(3):
         out[axis] /= math.sqrt(length)
@@ -247,8 +247,8 @@ def observe_particles(
             i, axis = columns.entries[n]
             position, velocity = s.x[c, i, axis], s.v[c, i, axis]
             if columns.about == ABOUT_CENTRE:
-                position -= rows[c, measures.CENTRE + axis]
-                velocity -= rows[c, measures.CENTRE_VELOCITY + axis]
+                position -= rows[c, measures.AT.centre + axis]
+                velocity -= rows[c, measures.AT.centre_velocity + axis]
             elif columns.about == ABOUT_GOAL:
                 position -= s.goal[c, axis]
             observation[c, n] = position * columns.per_metre[n]

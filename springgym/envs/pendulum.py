@@ -15,7 +15,7 @@ from springgym.core.compiling import kernel
 from springgym.envs.arrows import across, torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
-from springgym.envs.options import Autoreset, BodyOptions, EnvOptions, Modes, made, number
+from springgym.envs.options import BodyOptions, EnvOptions, Modes, made, number
 from springgym.envs.rewards import angle_of, gaussian, spinning, thrift
 from springgym.envs.starts import uniform
 from springgym.envs.task import Drawn, Factors, ResetOptions, Start, Task, at_rest
@@ -208,9 +208,3 @@ class SpringPendulumEnv(SpringEnv, gym.Env, task=SpringPendulum):
 
 class SpringPendulumVectorEnv(SpringVectorEnv, gym.vector.VectorEnv, task=SpringPendulum):
     """Run a native batch of `SpringPendulumEnv`."""
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self, num_envs: int = 1, *, autoreset_mode: Autoreset = ..., **options: Unpack[PendulumOptions]
-        ) -> None: ...

@@ -15,7 +15,7 @@ from springgym.core.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.goals import Aim
 from springgym.envs.observation import Entry, ObservedParticles, Situation
-from springgym.envs.options import Autoreset, BodyOptions, EnvOptions, Modes, made, number
+from springgym.envs.options import BodyOptions, EnvOptions, Modes, made, number
 from springgym.envs.randomisation import weight_of
 from springgym.envs.rewards import gaussian, long_tail, thrift
 from springgym.envs.starts import tilted, uniform
@@ -245,9 +245,3 @@ class SpringRopeEnv(SpringEnv, gym.Env, task=SpringRope):
 
 class SpringRopeVectorEnv(SpringVectorEnv, gym.vector.VectorEnv, task=SpringRope):
     """Run a native batch of `SpringRopeEnv`."""
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self, num_envs: int = 1, *, autoreset_mode: Autoreset = ..., **options: Unpack[RopeOptions]
-        ) -> None: ...

@@ -555,13 +555,9 @@ def _checked_aims(given: object, goal_size: int) -> tuple[Aim, ...]:
         if not isinstance(each, (tuple, list)) or len(each) != 3:
             raise TypeError(f"aims[{n}] is {checks.shown(each)}; it must be an Aim(name, size, within)")
         name, size, within = each
-        aims.append(
-            Aim(
-                instance(f"aims[{n}].name", name, str),
-                checks.whole(f"aims[{n}].size", size, 1),
-                checks.number(f"aims[{n}].within", within, TINY),
-            )
-        )
+        size = checks.whole(f"aims[{n}].size", size, 1)
+        within = checks.number(f"aims[{n}].within", within, TINY)
+        aims.append(Aim(instance(f"aims[{n}].name", name, str), size, within))
     if aims and (total := sum(aim.size for aim in aims)) != goal_size:
         raise ValueError(f"aims have {total} numbers, and the goal that start gave has {goal_size}")
     return tuple(aims)
@@ -627,10 +623,7 @@ def _of_shape(name: str, given: object, shape: tuple[int | None, ...], kinds: st
         values = np.asarray(given)
     except ValueError:  # rows of several lengths
         values = np.array(None)
-    fits = values.shape == shape or (
-        values.ndim == len(shape) and all(n in (None, m) for n, m in zip(shape, values.shape, strict=True))
-    )
-    if values.dtype.kind not in kinds or not fits:
+    if values.dtype.kind not in kinds or not checks.fits(values.shape, (shape,)):
         must = str(tuple("D" if n is None else n for n in shape)).replace("'", "")
         error = TypeError if values.dtype.kind not in kinds else ValueError
         raise error(

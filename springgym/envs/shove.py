@@ -15,7 +15,7 @@ from springgym.core.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.goals import Aim
 from springgym.envs.observation import Entry, ObservedParticles, Situation
-from springgym.envs.options import Autoreset, EnvOptions, Modes, number
+from springgym.envs.options import EnvOptions, Modes, number
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import gaussian, long_tail, thrift
 from springgym.envs.starts import headed, uniform
@@ -31,7 +31,7 @@ from springgym.theory.contact import rest_height
 PUSHER, BOX = 0, 1
 """Indices of the bodies in the scene."""
 
-CORNERS = 6
+CORNERS = 4
 """Number of the first particle behind the pusher's, the first corner of the box."""
 
 SIDES = (0.3, 0.3, 0.2)  # of the box [m]
@@ -311,9 +311,3 @@ class SpringShoveEnv(SpringEnv, gym.Env, task=SpringShove):
 
 class SpringShoveVectorEnv(SpringVectorEnv, gym.vector.VectorEnv, task=SpringShove):
     """Run a native batch of `SpringShoveEnv`."""
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self, num_envs: int = 1, *, autoreset_mode: Autoreset = ..., **options: Unpack[ShoveOptions]
-        ) -> None: ...

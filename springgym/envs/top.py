@@ -15,7 +15,7 @@ from springgym.core.compiling import compiled, kernel
 from springgym.envs.arrows import across, torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
-from springgym.envs.options import Autoreset, BodyOptions, EnvOptions, Modes, made, number
+from springgym.envs.options import BodyOptions, EnvOptions, Modes, made, number
 from springgym.envs.rewards import angle_of, long_tail, spinning, thrift
 from springgym.envs.starts import standing, uniform, varied_top
 from springgym.envs.task import Drawn, Factors, ResetOptions, Start, Task
@@ -232,9 +232,3 @@ class SpringTopEnv(SpringEnv, gym.Env, task=SpringTop):
 
 class SpringTopVectorEnv(SpringVectorEnv, gym.vector.VectorEnv, task=SpringTop):
     """Run a native batch of `SpringTopEnv`."""
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self, num_envs: int = 1, *, autoreset_mode: Autoreset = ..., **options: Unpack[TopOptions]
-        ) -> None: ...

@@ -15,7 +15,7 @@ from springgym.core.compiling import compiled, kernel
 from springgym.envs.arrows import torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
-from springgym.envs.options import Autoreset, EnvOptions, Modes
+from springgym.envs.options import EnvOptions, Modes
 from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import gaussian, long_tail, thrift
 from springgym.envs.starts import headed, uniform
@@ -329,9 +329,3 @@ class SpringTowerEnv(SpringEnv, gym.Env, task=SpringTower):
 
 class SpringTowerVectorEnv(SpringVectorEnv, gym.vector.VectorEnv, task=SpringTower):
     """Run a native batch of `SpringTowerEnv`."""
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self, num_envs: int = 1, *, autoreset_mode: Autoreset = ..., **options: Unpack[TowerOptions]
-        ) -> None: ...

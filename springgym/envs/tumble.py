@@ -16,7 +16,7 @@ from springgym.envs.arrows import torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.goals import Aim
 from springgym.envs.observation import Entry, ObservedParticles, Situation
-from springgym.envs.options import Autoreset, EnvOptions, Modes, number
+from springgym.envs.options import EnvOptions, Modes, number
 from springgym.envs.rewards import angle_of, gaussian, long_tail, thrift
 from springgym.envs.starts import any_rotation, uniform
 from springgym.envs.task import Drawn, Factors, ResetOptions, Start, Task
@@ -298,9 +298,3 @@ class SpringTumbleEnv(SpringEnv, gym.Env, task=SpringTumble):
 
 class SpringTumbleVectorEnv(SpringVectorEnv, gym.vector.VectorEnv, task=SpringTumble):
     """Run a native batch of `SpringTumbleEnv`."""
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self, num_envs: int = 1, *, autoreset_mode: Autoreset = ..., **options: Unpack[TumbleOptions]
-        ) -> None: ...

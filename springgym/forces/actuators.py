@@ -145,18 +145,11 @@ def record_holding(v: Rows, force: Rows, drive: Drive | None, ledger: Ledger, we
 
 @compiled
 def drive_on(v: Rows, acceleration: Rows, drive: Drive | None) -> None:
-    """Set the driven particle's row of ``acceleration`` (N, 3)."""
+    """Set the driven particle's row of ``acceleration`` (N, 3) to the drive's, up to its largest speed."""
     if drive is not None and drive.particle >= 0:
-        set_row(acceleration, drive.particle, drive_acceleration(v, drive))
-
-
-@compiled
-def drive_acceleration(v: Rows, drive: Drive) -> Vector:
-    """Acceleration of the driven particle: what is asked for, but not beyond its largest speed."""
-    u, a = row(v, drive.particle), vector(drive.acceleration)
-    return vec(
-        limited(u[0], a[0], drive.speed), limited(u[1], a[1], drive.speed), limited(u[2], a[2], drive.speed)
-    )
+        for axis in range(3):
+            speed, asked = load(v, (drive.particle, axis)), load(drive.acceleration, axis)
+            store(acceleration, (drive.particle, axis), limited(speed, asked, drive.speed))
 
 
 @compiled

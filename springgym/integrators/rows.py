@@ -17,7 +17,7 @@ from numba.extending import overload
 
 from springgym.contact.ground import Grounded, find_ground, shift_arms
 from springgym.contact.law import Span
-from springgym.contact.movers import change_of, find_inertia, gather
+from springgym.contact.movers import find_inertia, gather, turned
 from springgym.contact.records import (
     ENERGY,
     ENTRIES,
@@ -40,7 +40,7 @@ from springgym.contact.warm import keep_impulses, start_warm
 from springgym.core.compiling import OPTIONS, compiled
 from springgym.core.kinds import Ledger, Ragged, Rows, Vector
 from springgym.core.lanes import all_rows, bodies_of, load, of_body, store
-from springgym.core.vectors import dot, mass_centre, plus_scaled, row, set_row, vec
+from springgym.core.vectors import cross, dot, mass_centre, plus_scaled, row, set_row, vec
 from springgym.forces.ledger import CONTACT, FRICTION, record
 from springgym.integrators.node import (
     Bodies,
@@ -55,6 +55,9 @@ from springgym.integrators.node import (
 
 SWEEPS = 2
 """Sweeps, there and back, in which impulses are found."""
+
+ENOUGH = 1e-3
+"""Share of Δ: a sweep that changes no gap by more is the last."""
 
 INLINE = {**OPTIONS, "forceinline": True}
 
@@ -119,7 +122,7 @@ def pass_rows(bodies: Bodies, span: Span, goes: bool, space: RowSpace) -> None:
                 begin(n, of_body(bodies, n), span, bodies.x, space, contacts.turning)
         begin_rows(among, velocity, problem, collisions)
         store(contacts.going, 0, 1.0)
-        solve(velocity, SWEEPS, 0.0, True, problem)
+        solve(velocity, SWEEPS, ENOUGH, True, problem)
     add_totals(velocity, problem, collisions.changing)
     keep_impulses(problem, collisions.warm)
     for n in range(bodies_of(bodies.x)):
@@ -150,7 +153,7 @@ def begin_rows(among: int, v: Rows, problem: Problem, collisions: Collisions) ->
 def problem_of(bodies: Bodies, span: Span, space: RowSpace) -> Problem:
     """Return what the impulses of a node follow from, before its contacts are found."""
     particles, collisions = bodies.terms.particles, bodies.terms.collisions
-    look(bodies, space, space.lists)
+    look(bodies.x, particles.mass, all_rows(bodies.x), all_rows(bodies.v), space, space.lists)
     return Problem(
         span,
         space.places,
@@ -163,25 +166,24 @@ def problem_of(bodies: Bodies, span: Span, space: RowSpace) -> Problem:
 
 
 @compiled
-def look(bodies: Bodies, space: RowSpace, lists: Lists | None) -> None:
-    """Copy positions and velocities of all particles as other bodies see them, if bodies collide."""
+def look(of: Any, mass: Any, x: Rows, v: Rows, space: RowSpace, lists: Lists | None) -> None:
+    """Copy positions and velocities of all particles ``of`` bodies as others see them, if bodies collide."""
     if lists is not None:
-        x, v = all_rows(bodies.x), all_rows(bodies.v)
         for i in range(x.shape[0]):
             set_row(space.places, i, row(x, i))
             set_row(space.speeds, i, row(v, i))
-        see_balls(bodies, space, space.contacts.turning)
+        see_balls(of, mass, space, space.contacts.turning)
 
 
 @compiled
-def see_balls(bodies: Bodies, space: RowSpace, turning: Turning | None) -> None:
+def see_balls(of: Any, mass: Any, space: RowSpace, turning: Turning | None) -> None:
     """Let the first particle of each ball stand for its centre of mass."""
     if turning is not None:
-        for n in range(bodies_of(bodies.x)):
+        for n in range(bodies_of(of)):
             if turning.balls[n]:
-                own, first = of_body(bodies, n), first_row(bodies.x, n)
-                set_row(space.places, first, mass_centre(own.x, own.terms.particles.mass))
-                set_row(space.speeds, first, mass_centre(own.v, own.terms.particles.mass))
+                own, first = of_body(mass, n), first_row(of, n)
+                for rows in (space.places, space.speeds):
+                    set_row(rows, first, mass_centre(rows[first : first + own.size], own))
 
 
 @compiled
@@ -244,23 +246,27 @@ def leave(
 ) -> None:
     """Let a body go on to the end of the step, and enter what it lost."""
     first, last, mass = first_row(x, n), own.terms.last, own.terms.particles.mass
+    turns = turning is not None and turning.turns[n]
+    faster, spin, point = motion_given(n, first, space, turning)
+    work = 0.0 * span.out
     for i in range(own.x.shape[0]):
         was, own.space.busy[i] = own.space.busy[i], active
+        after = row(space.velocity, first + i)
         if active:
             free = free_velocity(i, span, own)
-            after = after_contact(n, i, free, own, first, space, turning)
+            if turns:
+                after = free + (faster + cross(spin, row(own.x, i) - point))
             change = after - free
             others = before_contact(i, own.v, span, own)
             others = others - plus_scaled(row(own.v, i), span.lead, row(own.space.a, i))
-            record_cross_work(own.ledger, 0.5 * load(mass, i) * dot(others, change), own.terms.dampers)
+            work = work + load(mass, i) * dot(others, change)
             expect(i, 0.5 * change, last)
-        else:
-            after = row(space.velocity, first + i)
-            if was:
-                expect(i, vec(0.0, 0.0, 0.0), last)
+        elif was:
+            expect(i, vec(0.0, 0.0, 0.0), last)
         set_row(own.v, i, after)
         set_row(own.x, i, plus_scaled(row(own.x, i), span.out, after))
     if active:
+        record_cross_work(own.ledger, 0.5 * work, own.terms.dampers)
         record_losses(n, own.ledger, space.contacts)
 
 
@@ -274,15 +280,17 @@ def record_losses(n: int, ledger: Ledger, contacts: ContactRows) -> None:
 
 
 @compiled
-def after_contact(
-    n: int, i: int, free: Vector, own: Bodies, first: int, space: RowSpace, turning: Turning | None
-) -> Vector:
-    """Return the velocity of particle ``i`` of a body after a node [m/s]."""
-    if turning is not None and turning.turns[n]:
+def motion_given(
+    n: int, first: int, space: RowSpace, turning: Turning | None
+) -> tuple[Vector, Vector, Vector]:
+    """Return Δv [m/s] and Δω [rad/s] that contact gives a body that turns, and the point X of it."""
+    faster = 0.0 * row(space.velocity, first)
+    spin, point = faster, faster
+    if turning is not None and turning.turns[n] and space.active[n]:
         faster = row(space.velocity, first) - row(space.free, first)
         twist = row(space.velocity, first + 1) - row(space.free, first + 1)
-        return free + change_of(n, i, own.x, faster, twist, turning)
-    return row(space.velocity, first + i)
+        spin, point = turned(n, 0, twist, turning), row(turning.point, n)
+    return faster, spin, point
 
 
 @compiled

@@ -13,6 +13,12 @@ FAR = 1e9  # times its own distance that a camera goes out to keep something in 
 _NEAR = 1e-3  # m; nearer points, and those behind the eye, have no image
 
 
+def _toward(azimuth: float, elevation: float) -> NDArray[np.float64]:
+    """Return the unit vector (3,) of a direction by its angles, rad, see `Camera.framing`."""
+    level = np.cos(elevation)
+    return np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
+
+
 @dataclass(frozen=True)
 class Camera:
     """A pinhole camera whose picture keeps the world's z axis upright.
@@ -37,9 +43,7 @@ class Camera:
 
     def __post_init__(self) -> None:
         for name in ("eye", "target"):
-            point = np.array(getattr(self, name), dtype=float)
-            if point.shape != (3,) or not np.isfinite(point).all():
-                raise ValueError(f"Camera.{name} must be three finite numbers, got {point}")
+            point = array(f"Camera.{name}", getattr(self, name), (3,))
             object.__setattr__(self, name, tuple(point.tolist()))
         if not 0.0 < self.fov < np.pi:
             raise ValueError(f"Camera.fov must lie between 0 and pi rad, got {self.fov}")
@@ -83,8 +87,7 @@ class Camera:
         fov = number("fov", fov, TINY, np.pi)
         middle = array("center", center, (3,))
         distance = 0.5 * size / np.sin(0.5 * fov)
-        away = (np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation))
-        return cls(tuple(middle + distance * np.array(away)), tuple(middle), fov)
+        return cls(tuple(middle + distance * _toward(azimuth, elevation)), tuple(middle), fov)
 
     def keeping(self, points: ArrayLike, size: tuple[int, int], margin: float = 0.03) -> Camera:
         """Return this camera if it sees all of some points, else one from the same side that does.
@@ -155,10 +158,7 @@ class Camera:
         x = x[np.isfinite(x).all(axis=1)]
         if not len(x):
             raise ValueError("there is no finite point to fit into a picture")
-        away = np.array(
-            [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)]
-        )
-        basis = cls(tuple(away), (0.0, 0.0, 0.0), fov).axes()
+        basis = cls(tuple(_toward(azimuth, elevation)), (0.0, 0.0, 0.0), fov).axes()
         a, b, c = basis @ x.T
         up = np.tan(0.5 * fov) * (1.0 - 2.0 * margin)
         eye, reach = [0.0, 0.0], []

@@ -91,10 +91,6 @@ class Canvas:
         pixels = np.where((np.abs(pixels) < _FAR).all(-1, keepdims=True), pixels, np.nan)
         return pixels, depth
 
-    def pixels_per_meter(self, depth: ArrayLike) -> Array:
-        """Return the canvas pixels a metre across the view at a depth."""
-        return self.camera.pixels_per_radian(self.size[1]) / np.asarray(depth)
-
     def fill(self, colors: Array) -> None:
         """Colour the whole canvas by the pixels of the picture, (height, width, 3) in 0..255."""
         self.pygame.surfarray.blit_array(self._picture, np.rint(colors).astype(np.uint8).swapaxes(0, 1))
@@ -123,9 +119,9 @@ class Canvas:
             self._picture.blit(self.pygame.transform.smoothscale(region, size), (left, top))
         return self._picture
 
-    def lay(self, image: Any, corner: Any, area: Any = None) -> None:
-        """Blend an image, or an area of it, over the canvas."""
-        self._touch(self._surface.blit(image, corner, area))
+    def lay(self, image: Any, corner: Any) -> None:
+        """Blend an image over the canvas."""
+        self._touch(self._surface.blit(image, corner))
 
     def _touch(self, box: Any) -> None:
         if box.width and box.height:
@@ -159,7 +155,7 @@ class Canvas:
     ) -> None:
         """Paint lit round bars, or balls, between points (n, 2, 3), radius in m; see `triangles`."""
         size = np.broadcast_to(np.asarray(radius, float), len(ends))
-        half = size[:, None] * self.pixels_per_meter(self.image(ends)[1])
+        half = size[:, None] * (self.camera.pixels_per_radian(self.size[1]) / self.image(ends)[1])
         self._rods(ends, np.maximum(half, 0.5 * OVERSAMPLE), size, colors, alphas, through)
 
     def strokes(

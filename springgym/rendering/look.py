@@ -10,6 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from springgym.checks import TINY, array, number, whole, whole_array
+from springgym.records import read_only
 from springgym.surfaces.surface import Surface
 
 Color = tuple[int, int, int]
@@ -45,25 +47,6 @@ def two_tone(
     run = np.arange(count) * blocks // count
     table = np.array([colors[n % 2] for n in range(blocks - 1)] + [odd], dtype=np.uint8)
     return table[run]
-
-
-def _indices(name: str, value: ArrayLike, columns: int) -> NDArray[np.intp]:
-    table = np.array(value, dtype=np.intp).reshape(-1, columns)
-    if (table < 0).any():
-        raise ValueError(f"Look.{name} has a negative particle index: {table.min()}")
-    table.flags.writeable = False
-    return table
-
-
-def _colors(name: str, value: ArrayLike | None, default: Color, count: int) -> NDArray[np.uint8]:
-    table = np.array(default if value is None else value)
-    if table.size and not 0 <= table.min() <= table.max() <= 255:
-        raise ValueError(f"Look.{name} must lie in 0..255")
-    if table.shape not in ((3,), (count, 3)):
-        raise ValueError(f"Look.{name} must be one RGB colour or {count} of them, got shape {table.shape}")
-    table = np.ascontiguousarray(np.broadcast_to(table, (count, 3)).astype(np.uint8))
-    table.flags.writeable = False
-    return table
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,41 +106,32 @@ class Look:
     trace_length: int = 300
 
     def __post_init__(self) -> None:
-        def put(name: str, table: NDArray[Any]) -> None:
-            table.flags.writeable = False
-            object.__setattr__(self, name, table)
+        def put(name: str, table: NDArray[Any], *shape: int) -> None:
+            object.__setattr__(self, name, read_only(np.broadcast_to(table, shape) if shape else table))
+
+        def checked(name: str, *shapes: tuple[int | None, ...], **bounds: float) -> NDArray[np.float64]:
+            return array(f"Look.{name}", getattr(self, name), *shapes, **bounds)
 
         for name, columns in (("triangles", 3), ("bars", 2), ("springs", 2)):
-            put(name, _indices(name, getattr(self, name), columns))
-        radii = np.array(self.radii, dtype=float)
-        if radii.ndim != 1 or not (radii >= 0.0).all():
-            raise ValueError(f"Look.radii must be one length >= 0 for each particle, got {radii}")
-        put("radii", radii)
-        bars = len(np.asarray(self.bars))
-        bar_radius = np.array(self.bar_radius, dtype=float)
-        if bar_radius.shape not in ((), (bars,)) or not (bar_radius > 0.0).all():
-            raise ValueError(f"Look.bar_radius must be one or {bars} positive lengths")
-        put("bar_radius", np.array(np.broadcast_to(bar_radius, bars)))
+            table = whole_array(f"Look.{name}", getattr(self, name), (None, columns), (0,))
+            put(name, table.reshape(-1, columns))
+        put("radii", checked("radii", (None,), low=0.0))
+        triangles, bars, balls = (len(np.asarray(of)) for of in (self.triangles, self.bars, self.radii))
+        put("bar_radius", checked("bar_radius", (), (bars,), low=TINY), bars)
+        put("opacity", checked("opacity", (), (triangles,), low=TINY, high=1.0), triangles)
         for name, default, count in (
-            ("triangle_colors", BLUE, len(np.asarray(self.triangles))),
+            ("triangle_colors", BLUE, triangles),
             ("bar_colors", STEEL, bars),
-            ("ball_colors", SLATE, len(radii)),
+            ("ball_colors", SLATE, balls),
         ):
-            put(name, _colors(name, getattr(self, name), default, count))
-        opacity, triangles = np.array(self.opacity, dtype=float), len(np.asarray(self.triangles))
-        if opacity.shape not in ((), (triangles,)) or not ((opacity > 0.0) & (opacity <= 1.0)).all():
-            raise ValueError(f"Look.opacity must be one or {triangles} numbers in (0, 1], got {self.opacity}")
-        put("opacity", np.array(np.broadcast_to(opacity, triangles)))
-        skin = np.array(self.skin, dtype=float)
-        if skin.size and (skin.ndim != 2 or not np.isfinite(skin).all()):
-            raise ValueError(f"Look.skin must be finite weights (V, N), got shape {skin.shape}")
-        put("skin", skin)
-        if not self.strain_scale > 0.0:
-            raise ValueError(f"Look.strain_scale must be positive, got {self.strain_scale}")
-        if self.trace is not None and self.trace < 0:
-            raise ValueError(f"Look.trace must be a particle index >= 0, got {self.trace}")
-        if self.trace_length < 2:
-            raise ValueError(f"Look.trace_length must be at least 2, got {self.trace_length}")
+            given = default if getattr(self, name) is None else getattr(self, name)
+            table = array(f"Look.{name}", given, (3,), (count, 3), low=0, high=255)
+            put(name, table.astype(np.uint8), count, 3)
+        put("skin", checked("skin", (None, None), (0,)))
+        number("Look.strain_scale", self.strain_scale, TINY)
+        if self.trace is not None:
+            whole("Look.trace", self.trace)
+        whole("Look.trace_length", self.trace_length, 2)
 
     @property
     def particles(self) -> int:

@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from springgym.checks import chosen, whole_array
 from springgym.rendering.camera import Camera
 from springgym.rendering.canvas import Array, Canvas, import_pygame
 from springgym.rendering.ground import paint_background, paint_disk, paint_ring, paint_shadows
@@ -49,10 +50,8 @@ class Renderer:
         mode: Literal["rgb_array", "human"] = "rgb_array",
         fps: float = 50.0,
     ) -> None:
-        if mode not in ("rgb_array", "human"):
-            raise ValueError(f'mode must be "rgb_array" or "human", got {mode!r}')
-        if len(size) != 2 or min(size) < 16:
-            raise ValueError(f"size must be a width and a height of at least 16 pixels, got {size}")
+        chosen("mode", mode, ("rgb_array", "human"))
+        whole_array("size", size, (2,), low=16)
         self.look = look
         self.camera = camera
         self.scenery = scenery if scenery is not None else Scenery()

@@ -36,7 +36,7 @@ from springgym.core.vectors import choose, cross, dot, plus_scaled, row, set_row
 from springgym.forces.ledger import WORK, record
 from springgym.integrators.envelope import Block
 from springgym.integrators.record import Phase
-from springgym.integrators.rows import begin_rows, find_among, first_row, record_losses, tell_touching
+from springgym.integrators.rows import begin_rows, find_among, first_row, look, record_losses, tell_touching
 from springgym.rigid.body import read_state, set_particles
 from springgym.rigid.flight import angular_velocity, combine, components, fly, turned
 from springgym.rigid.kick import load_of_actuators, weight
@@ -95,6 +95,8 @@ class Company(NamedTuple):
     """(bodies, 2, 3) force and torque of the actuators, in body coordinates"""
     begin: Rows
     """(N, 3) positions of all particles where the step begins [m]"""
+    here: Rows
+    """(N, 3) positions at the node [m]"""
     end: Rows
     """(N, 3) positions where it would end, with the impulses found so far [m]"""
     idle: Rows
@@ -217,9 +219,9 @@ def reach(body: int, bodies: Phase, span: Span, space: Company, twin: Twin) -> N
     behind, nothing = first + x.shape[0], vec(zero, zero, zero)
     if not rigid.moves:
         for i in range(x.shape[0]):
-            for of in (rows.places, space.begin, space.end):
+            for of in (space.begin, space.here, space.end):
                 set_row(of, first + i, row(x, i))
-            set_row(rows.speeds, first + i, nothing)
+            set_row(space.idle, first + i, nothing)
         for n in range(2 * body, 2 * body + 2):
             for of in (rows.before, rows.free, rows.velocity, turning.turn):
                 set_row(of, n, nothing)
@@ -232,7 +234,7 @@ def reach(body: int, bodies: Phase, span: Span, space: Company, twin: Twin) -> N
         set_row(space.begin, first + i, row(x, i))
     start, seen = read_state(x, v, rigid, asymmetry, terms)
     state = fly(start, span.lead, rigid, asymmetry)
-    set_particles(rows.places[first:behind], rows.speeds[first:behind], state, seen)
+    set_particles(space.here[first:behind], space.idle[first:behind], state, seen)
     keep_state(state, seen, kept)
     there, solid = kept_state(kept, twin)
     set_loads(b, there.q, solid, terms.wrench, terms.thrust)
@@ -286,13 +288,12 @@ def fly_on(body: int, bodies: Phase, span: Span, space: Company, twin: Twin) -> 
 @compiled
 def grounded(body: int, bodies: Phase, space: Company, twins: Twin) -> Grounded:
     """Return a body as surfaces see it."""
-    terms = of_body(twins, body)[2]
-    first = first_row(bodies.x, body)
+    terms, first = of_body(twins, body)[2], first_row(bodies.x, body)
     behind = first + terms.particles.mass.size
     begin, end = Way(space.begin[first:behind], None, 0.0), Way(space.end[first:behind], None, 0.0)
     pair, free = terms.collisions.pairs.among + body, terms.particles.free
-    places = space.rows.places[first:behind]
-    return Grounded(pair, body, first, places, begin, end, free, terms.surfaces, space.rows.contacts)
+    here = space.here[first:behind]
+    return Grounded(pair, body, first, here, begin, end, free, terms.surfaces, space.rows.contacts)
 
 
 @compiled
@@ -322,14 +323,14 @@ def pass_together(phase: Phase, span: Span, goes: bool, space: Company, twins: T
             reach(body, phase, span, space, of_body(twins, body))
     else:
         for i in range(places.shape[0]):
-            set_row(rows.places, i, row(places, i))
-            set_row(rows.speeds, i, row(speeds, i))
+            set_row(space.here, i, row(places, i))
+            set_row(space.idle, i, row(speeds, i))
+    look(x, terms.particles.mass, space.here, space.idle, rows, rows.lists)
     inverse_mass = all_rows(terms.particles.inverse_mass)
     problem = Problem(
         span, rows.places, rows.before, inverse_mass, collisions.pairs, contacts, collisions.totals
     )
-    among = find_among(problem, rows, rows.lists)
-    contacts.length[CONTACTS] = among
+    among = contacts.length[CONTACTS] = find_among(problem, rows, rows.lists)
     if goes:
         for body in range(count):
             find_below(body, phase, span, space, twins, terms.surfaces)

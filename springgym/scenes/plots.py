@@ -150,15 +150,8 @@ def _clock(
         high = spots[np.argmin(spots[:, 1])]
         if all(np.abs((high - other) / (90, 34)).max() > 1 for other in taken):
             taken.append(high)
-            axes.annotate(
-                f"{recording.times[moment]:.2g} s",
-                high,
-                xytext=(0, 7),
-                textcoords="offset points",
-                ha="center",
-                fontsize=SMALL,
-                color=CENTRE,
-            )
+            time, (x, y) = f"{recording.times[moment]:.2g} s", high
+            _named(axes, x, y, time, CENTRE, (0, 7), ha="center", va="baseline")
 
 
 def _ruler(axes: Axes, camera: Camera, pixels: tuple[int, int], recording: Recording) -> None:
@@ -183,18 +176,12 @@ def _panel(figure: Figure, place: SubplotSpec, title: str, across: str, up: str,
     return axes
 
 
-def _named(axes: Axes, x: float, y: float, text: str, color: str, **options: Any) -> None:
-    """Write the name of a curve beside its end."""
-    axes.annotate(
-        text,
-        (x, y),
-        xytext=(4, 0),
-        textcoords="offset points",
-        va="center",
-        color=color,
-        fontsize=SMALL,
-        **options,
-    )
+def _named(
+    axes: Axes, x: float, y: float, text: str, color: str, aside: tuple[int, int] = (4, 0), **align: Any
+) -> None:
+    """Write a name ``aside`` [pt] of a point, by default to the right: that of a curve at its end."""
+    look: dict[str, Any] = {"va": "center", "color": color, "fontsize": SMALL, **align}
+    axes.annotate(text, (x, y), xytext=aside, textcoords="offset points", **look)
 
 
 def _legend(axes: Axes, below: bool = False) -> None:

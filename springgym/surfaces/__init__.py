@@ -29,6 +29,7 @@ from springgym.surfaces.pipe import Pipe as Pipe
 from springgym.surfaces.plane import Plane as Plane
 from springgym.surfaces.plane import floor as floor
 from springgym.surfaces.plane import incline as incline
+from springgym.surfaces.round import gradients as gradients
 from springgym.surfaces.round import heights as heights
 from springgym.surfaces.surface import Surface as Surface
 from springgym.surfaces.surface import by_kind as by_kind

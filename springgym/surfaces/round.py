@@ -12,7 +12,7 @@ from springgym.surfaces.plane import Plane
 from springgym.surfaces.surface import Surface
 
 TRIED = 1e-4
-"""Share of a feature's extent over which the height of a curved surface is differentiated."""
+"""Share of a feature's extent, or of Δ, over which the height of a curved surface is differentiated."""
 
 BENDS = 20
 """Number of iterations for the contact point of a feature and the normal of a curved surface there."""
@@ -40,13 +40,13 @@ def _height(body: Body, n: int, positions: np.ndarray, surface: Surface) -> np.n
     """Return the heights (…,) of round feature n of a body, see `springgym.contact.round`."""
     feature, (carriers, base, slope, extent) = body.rounds[n], _carried(body, n)
     x = positions[..., carriers, :]
-    normal = _gradient(surface, np.einsum("i,...ij->...j", base + slope @ feature.centre, x), extent)
+    normal = gradients(surface, np.einsum("i,...ij->...j", base + slope @ feature.centre, x), extent)
     height = np.full(x.shape[:-2], np.nan)
     for _ in range(1 if isinstance(surface, Plane) else BENDS):
         toward = np.einsum("...j,...ij,ik->...k", normal, x, slope)
         share = base + feature.support(toward) @ slope.T
         place = np.einsum("...i,...ij->...j", share, x)
-        height, normal = _surface_height(surface, place), _gradient(surface, place, extent)
+        height, normal = _surface_height(surface, place), gradients(surface, place, extent)
     return height
 
 
@@ -55,11 +55,11 @@ def _surface_height(surface: Surface, places: np.ndarray) -> np.ndarray:
     return np.asarray(surface.height(places.reshape(-1, 3))).reshape(places.shape[:-1])
 
 
-def _gradient(surface: Surface, places: np.ndarray, extent: float) -> np.ndarray:
-    """Return the gradients (…, 3) of a height at places (…, 3)."""
+def gradients(surface: Surface, places: np.ndarray, extent: float | np.ndarray) -> np.ndarray:
+    """Return gradients (…, 3) of a height at places (…, 3), by differences over `TRIED` × ``extent`` [m]."""
     if isinstance(surface, Plane):
         return np.broadcast_to(np.asarray(surface.normal), places.shape)
-    step = TRIED * extent
-    steps = step * np.eye(3)
+    step = np.asarray(TRIED * extent)[..., None]
+    steps = [step * axis for axis in np.eye(3)]
     slopes = [_surface_height(surface, places + d) - _surface_height(surface, places - d) for d in steps]
-    return np.stack(slopes, axis=-1) / (2 * step)
+    return np.asarray(np.stack(slopes, axis=-1) / (2 * step))

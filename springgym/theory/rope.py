@@ -93,14 +93,6 @@ def bounce_modes(masses: ArrayLike, stiffness: ArrayLike) -> Modes:
     return _chain_modes(masses, np.broadcast_to(np.asarray(stiffness, float), np.shape(masses)))
 
 
-def bounce_frequency_estimate(springs: int, stiffness: float, end_mass: float) -> float:
-    """Return the lowest bounce of light beads under a heavy end, about sqrt(k / (N m_end)), rad/s.
-
-    The springs are in series. The estimate is too high by a share of about (mass of the beads)/(6 m_end).
-    """
-    return math.sqrt(stiffness / (springs * end_mass))
-
-
 def _chain_modes(masses: ArrayLike, stiffness: Floats) -> Modes:
     """Return modes of masses in line from a wall: K_ii = k_i + k_{i+1}, K_{i,i+1} = -k_{i+1}."""
     root = np.sqrt(np.asarray(masses, float))

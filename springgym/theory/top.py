@@ -289,11 +289,6 @@ def nutation_frequency(top: HeavyTop, theta: float, precession: float) -> float:
     return math.sqrt(push**2 - 2 * push * turn * math.cos(theta) + turn**2)
 
 
-def fast_nutation_frequency(top: HeavyTop, omega3: float) -> float:
-    """Return the nutation of a fast top, I3 omega3 / I1, rad/s (Goldstein section 5.7)."""
-    return top.i3 * abs(omega3) / top.i1
-
-
 def nutation_period(top: HeavyTop, state: TopState) -> float:
     """Return the period of the tilt, T = 4 K(k) / sqrt(beta (u3 - u1)), k^2 = (u2 - u1)/(u3 - u1), s.
 

@@ -139,7 +139,7 @@ class Page:
     def _advance(self, elapsed: float) -> None:
         """Play on by a time of the clock on the wall [s]."""
         with self._lock:
-            self.time += elapsed * SPEEDS[self._speed_index()]
+            self.time += elapsed * float(Fraction(self._speed.value))
             if self.time > self.motion.times[-1]:
                 self.time = 0.0
             self._draw(read=self._frame % READ_EVERY == 0)
@@ -398,9 +398,6 @@ class Page:
                 self._chooser.value = name  # another may have been chosen that could not be made
 
     # --- Drawing ------------------------------------------------------------------------------------
-
-    def _speed_index(self) -> int:
-        return list(map(fraction, SPEEDS)).index(self._speed.value)
 
     def _draw(self, read: bool) -> None:
         with self._server.atomic():

@@ -20,9 +20,9 @@ from hypothesis import strategies as st
 from springgym import simulator as module
 from springgym.bodies import cube, rope, top
 from springgym.core import compiling
-from springgym.core.blocks import to_copies
+from springgym.core.blocks import aligned_zeros, block_dtype, to_copies
 from springgym.core.compiling import SameTypes, kernel
-from springgym.measures import OFFSETS, Measures
+from springgym.measures import AT, Measures
 from springgym.packing import PARAMETERS as VARYING
 from springgym.scene import DriveActuator, Scene, ThrustActuator, WrenchActuator
 from springgym.simulator import PrecisionWarning, SimulationDivergedError, Simulator
@@ -246,6 +246,14 @@ def test_the_clock_says_how_far_an_interrupted_call_got(
         assert np.array_equal(simulator.positions[of], fresh.positions[of])
         assert np.array_equal(simulator.velocities[of], fresh.velocities[of])
         assert simulator.time[of] == pytest.approx(fresh.time[of], rel=1e-13)
+
+
+def test_rows_of_other_lengths_than_three_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Kernels would take them for rows of three, and write behind them."""
+    pairs = aligned_zeros((4, 2), block_dtype(np.float64, 1))
+    monkeypatch.setattr(module.packing, "workspaces", lambda *_: [(pairs,)])
+    with pytest.raises(ValueError, match=r"term\.0\.0 has rows of 2 numbers; they must have 3"):
+        Simulator(Scene(cube()))
 
 
 def test_copies_of_a_thread_that_has_not_begun_are_left_where_they_are(
@@ -626,7 +634,7 @@ def test_strain_that_holds_no_shape_is_told_of_once_unless_it_is_meant() -> None
 
     def read(strain: float, **options: Any) -> Simulator:
         simulator = Simulator(scene, **options)
-        simulator.readout.rows[:, OFFSETS["strain"]] = strain
+        simulator.readout.rows[:, AT.strain] = strain
         return simulator
 
     read(0.29)._check()
@@ -640,7 +648,7 @@ def test_strain_that_holds_no_shape_is_told_of_once_unless_it_is_meant() -> None
         with pytest.raises(SimulationDivergedError, match=f"strain {strain}, strain_limit {limit or 0.5}"):
             read(strain, strain_limit=limit)._check()
     cord = Simulator(Scene(rope(), gravity=None))
-    cord.readout.rows[:, OFFSETS["strain"]] = 0.46  # a rope has no shape to lose
+    cord.readout.rows[:, AT.strain] = 0.46  # a rope has no shape to lose
     cord._check()
 
 

@@ -6,7 +6,6 @@ import numpy as np
 
 from springgym.bodies import Body, cube
 
-ABOUT = np.eye(3)
 CUBE = cube(damping=0.0)
 
 

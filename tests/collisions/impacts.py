@@ -30,7 +30,10 @@ def impacts(
     first: Body, second: Body, speed: float, copies: int, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """Positions and velocities (copies, N, 3) of bodies on their way to each other at a relative speed."""
-    radii = [np.linalg.norm(body.positions - body.centre, axis=1).max() for body in (first, second)]
+    radii = [
+        max(np.linalg.norm(body.positions - body.centre, axis=1).max(), body.swept / 2)
+        for body in (first, second)
+    ]
     way, side = (rng.normal(size=(copies, 3)) for _ in range(2))
     way /= np.linalg.norm(way, axis=1)[:, None]
     side -= (side * way).sum(1)[:, None] * way

@@ -13,9 +13,8 @@ from springgym.scene import Placed, Scene
 from springgym.simulator import Simulator
 from springgym.surfaces import Contact, PaperContact, Plane
 from springgym.theory.contact import energy
-from tests.collisions.cases import CUBE, approach
+from tests.collisions.cases import CUBE
 from tests.collisions.stepped import Stepped, full
-from tests.copies import check_contacts
 
 FLOOR = Plane((0, 0, 0), (0, 0, 1))
 BLOCK = cube(damping=200.0)
@@ -73,19 +72,6 @@ def test_what_rests_is_carried() -> None:
     assert (found.first[2] == -1).all()
     for own, others in zip(of_copy(one.simulator.contacts(), 0), of_copy(found, 0), strict=True):
         np.testing.assert_array_equal(own, others)
-
-
-@pytest.mark.parametrize("way", ["faces, turned", "corner on face, off centre", "crossed edges"])
-def test_impulses_are_what_changes_momenta(way: str) -> None:
-    x, v = approach(way, 2.0)
-    v[:8, 1] += 0.7
-    bodies = (Placed(CUBE, name="a"), Placed(CUBE, np.add(CUBE.positions, (3, 0, 0)), name="b"))
-    scene = Scene(bodies=bodies, gravity=None, collisions=Contact(friction=0.4, restitution=0.6))
-    simulator = full(scene, copies=2, unresolved="count")
-    simulator.place(np.stack([x, x]), np.stack([v, 0 * v]))
-    given = check_contacts(simulator, round(0.04 / simulator.step))
-    assert not given[:, 1].any()
-    assert (np.abs(given[:, 0, :2]).sum(axis=0) > (0.5, 0.02)).all()
 
 
 def test_where_balls_touch() -> None:

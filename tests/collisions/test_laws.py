@@ -17,18 +17,21 @@ SPAN = Span(STEP / 2, STEP / 2, STEP)
 
 
 @kernel
-def met(start: Any, free: Any, span: Any, c: Any, reach: Any, beta: Any, change: Any, lossy: Any) -> None:
+def met(gaps: Any, span: Any, c: Any, reach: Any, beta: Any, change: Any, lossy: Any) -> None:
+    start, free, guesses = gaps
     for n in range(start.size):
-        first, ahead, strength = load(start, n), load(free, n), load(c, n)
+        first, ahead, guess, strength = load(start, n), load(free, n), load(guesses, n), load(c, n)
         on = minimum(first, ahead) < reach
-        found, _ = meet(first, ahead, span, strength, reach, 0.0 * first, on)
+        found, _ = meet((first, ahead, guess), span, strength, reach, 0.0 * first, on)
         store(change, (n, 0), found)
-        found, elastic = meet(first, ahead, span, strength, reach, load(beta, n), on)
+        found, elastic = meet((first, ahead, guess), span, strength, reach, load(beta, n), on)
         store(lossy, (n, 0), found)
         store(lossy, (n, 1), elastic)
 
 
-def laws(start: np.ndarray, free: np.ndarray, c: np.ndarray, beta: np.ndarray) -> tuple[np.ndarray, ...]:
+def laws(
+    start: np.ndarray, free: np.ndarray, c: np.ndarray, beta: np.ndarray, guess: np.ndarray | float = 0.0
+) -> tuple[np.ndarray, ...]:
     """Changes of speed without and with loss, and the latter's push before its loss, each (COUNT,)."""
 
     def lanes(values: Any, *shape: int) -> np.ndarray:
@@ -37,7 +40,7 @@ def laws(start: np.ndarray, free: np.ndarray, c: np.ndarray, beta: np.ndarray) -
         return array
 
     change, lossy = lanes(0.0, 3), lanes(0.0, 3)
-    met(lanes(start), lanes(free), SPAN, lanes(c), REACH, lanes(beta), change, lossy)
+    met((lanes(start), lanes(free), lanes(guess)), SPAN, lanes(c), REACH, lanes(beta), change, lossy)
     return change["lanes"][:, 0, 0], lossy["lanes"][:, 0, 0], lossy["lanes"][:, 1, 0]
 
 
@@ -58,10 +61,12 @@ def random_impacts(seed: int) -> tuple[np.ndarray, ...]:
     return start, free, 10 ** rng.uniform(-1, 1.5, COUNT), rng.uniform(0, 1, COUNT)
 
 
-def test_the_root() -> None:
-    """The change is that of the discrete gradient between both heights, with loss, too."""
+@pytest.mark.parametrize("spread", [0.0, 1e-6, 1.0])
+def test_the_root(spread: float) -> None:
+    """The change is that of the discrete gradient between both heights, with loss, too, from any guess."""
     start, free, c, beta = random_impacts(0)
-    change, lossy, elastic = laws(start, free, c, beta)
+    guess = spread * REACH * np.random.default_rng(3).uniform(0, 1.2, COUNT)
+    change, lossy, elastic = laws(start, free, c, beta, guess)
     for found, d in ((change, 0.0 * beta), (lossy, beta)):
         end = free + SPAN.out * found
         assert (end > 0).all()

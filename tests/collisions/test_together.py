@@ -17,7 +17,7 @@ from springgym.simulator import Simulator
 from springgym.surfaces import Bowl, Contact, Plane
 from tests.collisions.impacts import impacts
 from tests.collisions.stepped import Stepped
-from tests.copies import check_calls, reported
+from tests.copies import reported
 
 FLOOR = (Plane(),)
 BLOCK = cube(0.5, damping=100.0)
@@ -38,36 +38,6 @@ def among(*placed: Placed, **more: Any) -> Scene:
 
 def put(body: Body, place: Any, name: str) -> Placed:
     return Placed(body, body.positions + np.asarray(place, float), name=name)
-
-
-@pytest.mark.slow
-def test_apart_nothing_changes() -> None:
-    """Bodies that could meet, but do not, go as those that cannot: to the bit, and with the same ledger.
-
-    One is so fast that it leaves the floor from within its reach to far out of it in a step.
-    """
-    body = cube(damping=30.0)
-    thrown = Placed(
-        body, body.positions + np.array([5, 0, 0.9]), np.tile([0.0, 0.0, -15.0], (8, 1)), name="b"
-    )
-    bodies = (put(body, (0, 0, 0.7), "a"), thrown)
-    contact = Contact(friction=0.4, restitution=0.6)
-    some, none = (
-        Stepped(among(*bodies, contact=contact, collisions=which)).simulator for which in ("all", None)
-    )
-    for simulator in (some, none):
-        simulator.actuate(**{"a.force": (3.0, 0.0, 0.0)})
-        simulator.advance(4000)
-    assert some.positions.tobytes() == none.positions.tobytes()
-    assert some.velocities.tobytes() == none.velocities.tobytes()
-    for a, b in zip(some.measure(), none.measure(), strict=True):
-        assert np.abs(a - b).max() < 1e-12
-    assert none.pairs().touching.shape == (2, 0)
-    assert not some.pairs().touching.any()
-    assert some.pairs().least_gap.min() == np.inf
-    assert (some.pair_sums().least_gap == some.scene.meetings.reach.min()).all()
-    with pytest.raises(ValueError, match="the scene has no bodies that collide, and so no pairs"):
-        none.pair_sums()
 
 
 @pytest.mark.slow
@@ -120,36 +90,6 @@ def test_block_that_pushes_another() -> None:
     assert np.abs(simulator.measure().balance - before).max() < 1e-5
 
 
-def kept(simulator: Simulator) -> float:
-    """Return what steps keep of the energy, with what the ledger says was lost [J]."""
-    measured = simulator.measure()
-    return float((simulator.shadow_energy() + measured.balance - measured.energy)[0])
-
-
-@pytest.mark.parametrize(
-    ("damping", "contact"), [(0.0, Contact()), (30.0, Contact(friction=0.5, restitution=0.5))]
-)
-def test_energy_of_what_bounces(damping: float, contact: Contact) -> None:
-    """On each other and a floor: what is kept and what was lost add up, to the square of the step."""
-    body = cube(damping=damping)
-    scene = among(put(body, (0, 0, 0.7), "a"), put(body, (0.1, 0.05, 1.9), "b"), contact=contact)
-    worst = []
-    for finer in (1, 4):
-        simulator = Stepped(scene, step=Stepped(scene).step / finer).simulator
-        found = [kept(simulator)]
-        for _ in range(100):
-            simulator.advance(int(0.01 / simulator.step))
-            found.append(kept(simulator))
-        told, measured = simulator.pairs(), simulator.measure()
-        assert told.impulse.min() > 1.0
-        worst.append(np.ptp(found))
-    lossy = contact.restitution < 1
-    assert (told.contact_loss.min() > 0.1, told.friction_loss.min() > 1e-4) == (lossy, lossy)
-    assert (measured.contact_loss[0] > told.contact_loss[0, 0]) == lossy
-    assert worst[0] < 3e-5 * found[0]
-    assert worst[1] < worst[0] / 8
-
-
 def test_start_amid_contact() -> None:
     """Bodies placed where they press each other part with what the barrier had; taken over, they have it."""
     scene = among(put(BLOCK, (0, 0, 2.0), "a"), put(BLOCK, (0, 0, 2.503), "b"))
@@ -177,23 +117,6 @@ def impacts_on_floor(copies: int) -> tuple[Scene, np.ndarray, np.ndarray]:
     return scene, x + np.array([0.0, 0.0, 2.0]), v
 
 
-def test_copies_do_not_know_of_each_other() -> None:
-    """A copy among others is as alone, on threads, and placed while others are under way."""
-    scene, x, v = impacts_on_floor(19)
-    many = Stepped(scene, copies=19, threads=2).simulator
-    many.place(x, v)
-    many.advance(600)
-    late = [3, 11]
-    many.place(x[late], v[late], late)
-    many.advance(900)
-    assert (many.pairs().impulse > 0).all()
-    for n in (0, 3, 8, 11, 18):
-        one = Stepped(scene, copies=1).simulator
-        one.place(x[n], v[n])
-        one.advance(900 if n in late else 1500)
-        assert reported(one, 0) == reported(many, n), n
-
-
 @pytest.mark.slow
 def test_how_bodies_meet_varies_copy_by_copy() -> None:
     """Friction and restitution of the scene's contact; a contact of their own stays."""
@@ -216,18 +139,6 @@ def test_how_bodies_meet_varies_copy_by_copy() -> None:
     own = Stepped(scene.with_(collisions=Contact(friction=0.2)), copies=3).simulator
     own.vary(None, friction=mu)
     assert (numbers(own._terms.collisions.pairs.friction) == 0.2).all()
-
-
-def test_calls_of_any_length() -> None:
-    scene, x, v = impacts_on_floor(2)
-    simulator = Stepped(scene).simulator
-    simulator.place(x, v)
-    check_calls(simulator, (1, 399, 1, 400, 399))
-    assert (simulator.pairs().impulse > 0).all()
-    simulator.place(x[1], v[1], [1])
-    told = simulator.pairs()
-    assert told.impulse[0, 0] > 0 == told.impulse[1, 0]
-    assert told.least_gap[1, 0] == np.inf
 
 
 def test_readings_add_up() -> None:

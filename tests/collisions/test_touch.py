@@ -7,12 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from springgym.bodies import Body, box, cube, rope
-from springgym.contact.records import CONTACT, FRICTION, MISSES, OVERFLOW, TOUCHING
+from springgym.bodies import Body, box, rope
+from springgym.contact.records import MISSES, OVERFLOW, TOUCHING
 from springgym.scene import Placed, Scene
 from springgym.surfaces import Contact
-from tests.collisions.cases import turned
-from tests.collisions.impacts import impacts, pair_scene
 from tests.collisions.stepped import Stepped
 
 BALL = Body("ball", [[0.0, 0.0, 0.0]], 1.0, [], 1.0, 0.0, radius=0.1)
@@ -70,84 +68,6 @@ def test_cradle() -> None:
     world = Stepped(balls(*places, contact=Contact(strength=HARD["strength"], reach=5e-4)), step=5e-5)
     world.run(5000)
     assert np.abs(world.v[0, :, 0] - [0, 0, 0, 0, 1]).max() < 1e-10
-
-
-@pytest.mark.parametrize("restitution", [0.9, 0.5, 0.2])
-def test_restitution(restitution: float) -> None:
-    """That asked for, to 4 (v h/Δ)² at any phase of a step, and what is lost is in the totals."""
-    errors = []
-    for share in (0.1, 0.05):
-        contact = Contact(restitution=restitution, **HARD)
-        scene = balls((0, 0, 0), (0.21, 0, 0), contact=contact)
-        world = Stepped(scene, step=share * REACH, copies=8)
-        late = np.linspace(0, world.step, 8, endpoint=False)[:, None, None]
-        world.place(scene.positions - late * scene.velocities, scene.velocities + 0 * late)
-        world.run(int(0.1 / world.step))
-        apart = world.v[:, 1, 0] - world.v[:, 0, 0]
-        errors.append(np.abs(apart - restitution).max())
-        lost = world.totals[:, 0, CONTACT]
-        assert 0.5 - 0.5 * (world.v**2).sum(axis=(1, 2)) == pytest.approx(lost, abs=1e-12)
-    assert errors[0] < 4 * 0.1**2
-    assert errors[1] < errors[0] / 2
-
-
-SLAB = box((8.0, 2.0, 0.4), mass=10.0)
-BLOCK = box((0.5, 0.5, 0.5), damping=100.0)
-MU = 0.5
-
-
-def on_slab(ratio: float, world: Stepped) -> np.ndarray:
-    """A slab tilted by tan φ = ratio μ, and a block on it at the height where its weight is in balance."""
-    tilt = np.arctan(ratio * MU)
-    strength, reach = float(world.pairs.strength[0]), float(world.pairs.reach[0])
-    high = np.sqrt(strength / (9.81 * np.cos(tilt) / 4 + strength / reach**2))
-    x = np.concatenate([SLAB.positions, BLOCK.positions + np.array([-1.0, 0.0, 0.45 + high])])
-    return np.asarray(x @ turned((1, np.degrees(tilt))).T)
-
-
-@pytest.mark.slow
-def test_block_on_a_tilted_slab() -> None:
-    """Below the limit it holds without creep; above it slides with g (sin φ − μ cos φ).
-
-    Contact takes the energy of what sways: without loss, the block would sway in place for ever.
-    """
-    ratios = np.array([0.9, 0.97, 1.03, 1.2])
-    scene = Scene(
-        bodies=(Placed(SLAB, pinned=tuple(range(8)), name="slab"), put(BLOCK, (0, 0, 0.6), "block")),
-        collisions=Contact(friction=MU, restitution=0.0),
-    )
-    world = Stepped(scene, copies=4)
-    x = np.array([on_slab(ratio, world) for ratio in ratios])
-    world.place(x, 0 * x)
-    speeds = []
-    for _ in range(2):
-        world.run(4800)
-        speeds.append(np.linalg.norm(world.v[:, 8:].mean(axis=1), axis=1))
-    tilt = np.arctan(ratios * MU)
-    pull = 9.81 * (np.sin(tilt) - MU * np.cos(tilt))
-    gained = (speeds[1] - speeds[0]) / (4800 * world.step)
-    assert speeds[1][:2].max() < 1e-8
-    assert np.abs(gained[2:] / pull[2:] - 1).max() < 1e-5
-    totals = world.totals[:, 0]
-    assert totals[:, TOUCHING].all()
-    assert not totals[:, [MISSES, OVERFLOW]].any()
-    way = np.linalg.norm(world.x[:, 8:].mean(axis=1) - x[:, 8:].mean(axis=1), axis=1)
-    assert totals[2:, FRICTION] == pytest.approx((MU * 9.81 * np.cos(tilt) * way)[2:], rel=1e-3)
-
-
-def test_loss_and_friction_are_in_the_totals() -> None:
-    """What random impacts of cubes lose is entered, and angular momentum is kept with friction, too."""
-    body = cube(damping=0.0)
-    world = Stepped(pair_scene(body, body, Contact(friction=0.5, restitution=0.8)), copies=32)
-    world.place(*impacts(body, body, 2.0, 32, np.random.default_rng(4)))
-    energy, momenta = world.energy(), world.momenta()
-    world.run(3300)
-    totals = world.totals[:, 0]
-    assert np.abs(world.momenta() - momenta).max() < 1e-12
-    assert (totals[:, [CONTACT, FRICTION]] > 0).all()
-    lost = energy - world.energy()
-    assert np.abs(lost - totals[:, CONTACT] - totals[:, FRICTION]).max() < 2e-3 * energy.min()
-    assert (lost > 0).all()
 
 
 @pytest.mark.slow

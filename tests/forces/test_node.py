@@ -10,12 +10,11 @@ import pytest
 from springgym.bodies import cube, rigid_velocities, rotation
 from springgym.scene import Scene, WrenchActuator
 from springgym.simulator import Simulator
-from springgym.surfaces import Bowl, Contact, Plane, floor, scales
+from springgym.surfaces import Bowl, Contact, floor, scales
 from tests.copies import check_calls
 from tests.forces.test_contact import DOWN, REACH, VARYING, WEIGHTLESS, beads
 
 BOWL = (Bowl((0.0, 0.0, 1.5), 1.6),)
-RAMP = (floor(), Plane((0.6, 0, 0), (-0.6, 0, 0.8)))
 
 
 ALIKE: Any = {"varying": VARYING}
@@ -44,22 +43,6 @@ def test_one_call_is_many_to_the_bit(surfaces: Any) -> None:
     simulator = fallen(surfaces, threads=2, **ALIKE)
     check_calls(simulator, [1, 2, 3, 50, 7] * 9 + [33])
     assert (simulator.measure().contact_loss > 0.1).all()
-
-
-@pytest.mark.own_kernels
-@pytest.mark.slow
-def test_a_copy_placed_amid_the_steps_of_others_is_as_one_alone() -> None:
-    """The directions of dampers' sweeps, and where nodes begin, are each copy's own."""
-    for before in (3, 4):
-        batch, alone = fallen(RAMP, 20, **ALIKE), fallen(RAMP, 1, **ALIKE)
-        batch.advance(before)
-        batch.place(alone.positions, alone.velocities, [7])
-        alone.advance(400)
-        batch.advance(400)
-        assert (batch.positions[7] == alone.positions[0]).all()
-        assert (batch.velocities[7] == alone.velocities[0]).all()
-        assert batch.measure().balance[7] == alone.measure().balance[0]
-        assert alone.measure().contact_loss[0] > 0.1
 
 
 @pytest.mark.parametrize("gravity", [WEIGHTLESS, DOWN], ids=["weightless", "falling"])
@@ -101,51 +84,6 @@ def test_an_untouched_floor_changes_free_flight_to_second_order() -> None:
         off.append(np.abs(ends[1] - ends[0]).max())
     assert 1e-9 < off[1] < 1e-5
     assert off[0] / off[1] == pytest.approx(4.0, rel=0.1)
-
-
-@pytest.mark.parametrize("restitution", [1.0, 0.5])
-def test_cube_loses_no_energy_that_is_not_in_the_books(restitution: float) -> None:
-    """A cube falls in 64 orientations at 5 m/s; shadow energy and losses together are constant."""
-    body = cube(damping=0.0)
-    how = Contact(friction=0.5 if restitution < 1 else 0.0, restitution=restitution)
-    draw = np.random.default_rng(0)
-    turns = [rotation(draw.normal(size=3), draw.uniform(0, np.pi)) for _ in range(64)]
-    positions = np.array([(body.positions - body.centre) @ turn.T for turn in turns])
-    positions[..., 2] += 1.5 * scales(how, body)[1] - positions[..., 2].min(axis=1, keepdims=True)
-    velocities = np.tile([0, 0, -5.0], (64, 8, 1))
-    scene = Scene(body, positions[0], velocities[0], gravity=WEIGHTLESS, surfaces=(floor(),), contact=how)
-    simulator = Simulator(scene, copies=64, varying=VARYING)
-    simulator.place(positions, velocities)
-    start = simulator.measure().balance
-    simulator.advance(round(0.3 / simulator.step))
-    found = simulator.measure()
-    error = np.abs((simulator.shadow_energy() + found.contact_loss + found.friction_loss) / start - 1)
-    assert (found.centre_velocity[:, 2] > 0).all()
-    assert np.median(error) < 2e-4
-    assert error.max() < 1e-3
-    assert (found.contact_loss > 1).all() == (restitution < 1)
-
-
-def test_what_rests_has_no_velocity() -> None:
-    """A cube held on a slope at 90 % of the limit: springs, gravity, contact and friction balance at the
-    node."""
-    body = cube(damping=20.0)
-    angle = np.arctan(0.9 * 0.5)
-    slope = Plane((0, 0, 0), (-np.sin(angle), 0, np.cos(angle)))
-    how = Contact(friction=0.5, restitution=0.5)
-    lying = body.positions - [0, 0, body.positions[:, 2].min() - scales(how, body)[1]]
-    scene = Scene(body, lying @ rotation([0, 1, 0], -angle).T, surfaces=(slope,), contact=how)
-    simulator = Simulator(scene, varying=VARYING, copies=2)
-    simulator.vary([0, 1], damping=np.outer([5.0, 50.0], np.ones(28)))
-    simulator.advance(round(8 / simulator.step))
-    first = simulator.measure()
-    simulator.advance(round(2 / simulator.step))
-    last = simulator.measure()
-    assert np.abs(last.centre - first.centre).max() < 1e-9
-    assert (last.kinetic < 1e-18).all()
-    for loss in ("friction_loss", "contact_loss"):
-        assert getattr(last, loss) - getattr(first, loss) == pytest.approx(np.zeros(2), abs=1e-9)
-    assert (last.contact > 1e-5).all()
 
 
 def test_to_dampers_rest_is_no_stretching() -> None:

@@ -13,6 +13,7 @@ from springgym import Simulator
 from springgym.bodies import (
     Body,
     Round,
+    capsule,
     cube,
     disk,
     ellipsoid,
@@ -25,6 +26,7 @@ from springgym.bodies import (
 )
 from springgym.bodies.rotations import rotating
 from springgym.bodies.round import points_of, weights
+from springgym.collisions import Pair
 from springgym.measures import Measures
 from springgym.scene import Placed, Scene
 from springgym.surfaces import (
@@ -36,24 +38,19 @@ from springgym.surfaces import (
     Surface,
     floor,
     heights,
-    incline,
     scales,
     waves,
 )
 from springgym.theory import rolling
 from springgym.theory.contact import force, rest_height
-from tests.copies import check_alone, check_contacts
+from tests.collisions.movers import FAR_PAIR
+from tests.collisions.stepped import full
 from tests.forces.rigid_rolling import Solid, motion
 from tests.params import slow_but
 
 G = 9.81
 BALL = rolling_ball(0.1, 1.0)
 GRIP = Contact(friction=0.5, restitution=0.5)
-RUBBING = ("friction", "restitution")
-VARYING = ("damping", *RUBBING)
-"""So that what a body or a floor does not have is a zero: one kernel for all on planes."""
-
-each_dynamics = pytest.mark.parametrize("dynamics", ["springs", "rigid"])
 
 
 def placed(
@@ -73,21 +70,24 @@ def placed(
     )
 
 
-def simulated(scene: Scene, dynamics: str = "springs", step: float | None = None) -> Simulator:
-    if dynamics == "springs":
-        return Simulator(scene, varying=VARYING, step=step)
-    return Simulator(scene, varying=RUBBING, dynamics="rigid", step=step or 1e-3)
+def simulated(of: Scene, dynamics: str = "springs", step: float | None = None) -> Simulator:
+    """A simulator of a body on planes shares the kernel of bodies that collide."""
+    if all(isinstance(surface, Plane) for surface in of.surfaces):
+        body = Placed(of.body, of.positions, of.velocities)
+        far = (Pair(1, 2, Contact(strength=1e-3, reach=1e-3)),)
+        of = Scene(bodies=(body, *FAR_PAIR), surfaces=of.surfaces, contact=of.contact, collisions=far)
+    return full(of, dynamics=dynamics, step=step or (None if dynamics == "springs" else 1e-3))
 
 
 def run(
     scene: Scene, duration: float, every: int = 20, dynamics: str = "springs", step: float | None = None
 ) -> tuple[np.ndarray, Measures]:
     """Times and measures (T, …) of a copy."""
-    simulator = simulated(scene, dynamics, step)
-    rows = [[np.array(field[0]) for field in simulator.measure()]]
-    for _ in range(round(duration / simulator.step / every)):
-        simulator.advance(every)
-        rows.append([np.array(field[0]) for field in simulator.measure()])
+    simulator, rows = simulated(scene, dynamics, step), []
+    for n in range(round(duration / simulator.step / every) + 1):
+        simulator.advance(every if n else 0)
+        found = simulator.measure(0)._replace(balance=simulator.measure().balance)
+        rows.append([np.array(field[0]) for field in found])
     return simulator.step * every * np.arange(len(rows)), Measures(*map(np.array, zip(*rows, strict=True)))
 
 
@@ -144,100 +144,19 @@ def test_bodies_have_the_inertia_they_are_said_to_have() -> None:
     assert BALL.size == BALL.swept == pytest.approx(0.2)
 
 
+@pytest.mark.parametrize(("radius", "length"), [(0.1, 0.3), (0.05, 0.01), (0.01, 1.0)])
+def test_capsules_have_the_inertia_of_solids(radius: float, length: float) -> None:
+    """That of the sum of thin disks."""
+    z = (np.arange(200_000) + 0.5) / 200_000 * (length / 2 + radius)
+    square = radius**2 - np.maximum(z - length / 2, 0.0) ** 2
+    about, along = np.average(square / 2, weights=square), np.average(z**2, weights=square)
+    body = capsule(radius, length, 2.0)
+    expected = 2.0 * np.diag([about / 2 + along, about / 2 + along, about])
+    np.testing.assert_allclose(body.inertia(), expected, rtol=1e-6, atol=1e-15)
+    np.testing.assert_allclose(body.centre, 0.0, atol=1e-15)
+
+
 # --- Balls ----------------------------------------------------------------------------------------------
-
-
-@each_dynamics
-@pytest.mark.parametrize(
-    ("angle", "friction", "moment"), [(0.2, 0.5, 0.4), (0.5, 0.5, 0.4), (0.5, 0.5, 0.6), (0.5, 0.1, 0.4)]
-)
-def test_ball_rolls_down_a_slope_or_skids(
-    angle: float, friction: float, moment: float, dynamics: str
-) -> None:
-    """A ball rolls with the acceleration g sin a/(1 + I/(m r²)), or slides with g (sin a − μ cos a)."""
-    contact, off = replace(GRIP, friction=friction), 1e-4 if dynamics == "rigid" else 1e-3
-    times, m = run(placed(rolling_ball(moment=moment), (incline(angle),), contact), 1.0, 20, dynamics)
-    down = np.array([-math.cos(angle), 0.0, -math.sin(angle)])
-    speed = m.centre_velocity @ down
-    rolls = friction > rolling.needed_friction(angle, moment)
-    expected = rolling.acceleration(angle, moment) if rolls else G * (math.sin(angle) - 0.1 * math.cos(angle))
-    assert np.polyfit(times, speed, 1)[0] == pytest.approx(expected, rel=off)
-    slip = speed[-1] + 0.1 * m.angular_velocity[-1, 1]
-    assert (abs(slip) < 2 * off * speed[-1]) == rolls
-    heat = friction * G * math.cos(angle) * np.trapezoid(speed + 0.1 * m.angular_velocity[:, 1], times)
-    assert m.friction_loss[-1] == pytest.approx(0.0 if rolls else heat, abs=2e-3 * m.kinetic[-1])
-    assert np.ptp(m.balance) < 2e-4 * m.kinetic[-1]
-
-
-@each_dynamics
-def test_ball_that_skids_rolls_with_five_sevenths_of_its_speed_and_goes_on(dynamics: str) -> None:
-    off = 2e-5 if dynamics == "rigid" else 1e-3
-    scene = placed(BALL, contact=replace(GRIP, friction=0.2), velocity=(2.0, 0, 0))
-    times, m = run(scene, 2.0, 20, dynamics)
-    late = times > 0.5
-    np.testing.assert_allclose(m.centre_velocity[late, 0], 10 / 7, rtol=off)
-    np.testing.assert_allclose(0.1 * m.angular_velocity[late, 1], 10 / 7, rtol=2 * off)
-    assert m.friction_loss[-1] == pytest.approx(0.5 * 2**2 * 2 / 7, rel=5 * off if off < 1e-3 else off)
-    assert np.ptp(m.friction_loss[late]) < 1e-5  # what rolls rubs nothing
-    assert np.ptp(m.centre_velocity[late, 0]) < 1e-3
-
-
-def test_ball_at_rest_stays() -> None:
-    """Nothing holds it in its place but that nothing pushes it: rounding of 1e-16 a step adds up."""
-    _, m = run(placed(BALL), 2.0)
-    assert np.abs(m.centre[-1, :2] - m.centre[0, :2]).max() < 1e-7
-    assert np.abs(m.angular_velocity[-1]).max() < 1e-6
-
-
-@pytest.mark.parametrize(
-    ("restitution", "dynamics", "within"),
-    [
-        *((e, "springs", 0.1 if e < 0.5 else 0.02) for e in (1.0, 0.8, 0.5, 0.2)),
-        *((e, "rigid", 0.01) for e in (1.0, 0.8, 0.5)),
-    ],
-)
-def test_ball_rebounds_with_its_restitution(restitution: float, dynamics: str, within: float) -> None:
-    """With a contact so soft, for springs so stiff, that its impact does not ring them.
-
-    What springs store on the way in they give back on the way out, be the contact's restitution 0.
-    """
-    rigid = dynamics == "rigid"
-    contact = Contact(0.3, restitution, strength=4e-5, reach=1e-3 if rigid else None)
-    scene = placed(rolling_ball(stiffness=1e7), contact=contact, up=0.01, velocity=(0, 0, -0.5))
-    step = 1e-4 if rigid else None
-    _, m = run(scene.with_(gravity=(0.0, 0.0, 0.0)), 0.1, 20, dynamics, step)
-    assert m.centre_velocity[-1, 2] == pytest.approx(0.5 * restitution, abs=within * 0.5)
-    lost = 0.5 * 0.25 * (1 - (m.centre_velocity[-1, 2] / 0.5) ** 2)
-    assert m.contact_loss[-1] + m.damping_loss[-1] == pytest.approx(lost, abs=2e-3)
-    assert abs(m.balance[-1] - m.balance[0]) < (1e-10 if rigid else 1e-4) * m.kinetic[0]
-
-
-def test_energy_of_hops_with_spin_is_entered_to_the_square_of_the_step() -> None:
-    off = []
-    for step in (2e-4, 1e-4, 5e-5):
-        scene = placed(
-            BALL, contact=replace(GRIP, friction=0.3), up=0.05, velocity=(0.5, 0, -0.5), omega=(3, 0, 20)
-        )
-        simulator, kept = simulated(scene, step=step), []
-        for _ in range(round(0.03 / step)):
-            simulator.advance(10)
-            m = simulator.measure()
-            kept.append(float((simulator.shadow_energy() + m.balance - m.energy)[0]))
-        assert m.friction_loss[0] > 0.02
-        off.append(np.ptp(kept))
-    assert off[0] < 2e-4 * 0.5
-    assert off[2] < 0.2 * off[0]
-
-
-def test_energy_of_hops_with_spin_is_entered_to_rounding() -> None:
-    """The way of a sphere's centre along the normal is what its gap changes by: the work is the barrier's."""
-    scene = placed(
-        BALL, contact=replace(GRIP, friction=0.3), up=0.05, velocity=(0.5, 0, -0.5), omega=(3, 0, 20)
-    )
-    _, m = run(scene, 0.5, 10, "rigid")
-    assert m.friction_loss[-1] > 0.02
-    assert m.contact_loss[-1] > 0.2
-    assert np.abs(m.balance - m.balance[0]).max() < 1e-9
 
 
 @pytest.mark.slow
@@ -279,23 +198,13 @@ def test_ellipsoid_tumbles_over_waves_and_keeps_its_energy() -> None:
     assert (heights(egg, scene.positions, scene.surfaces[0]) > 0).all()
 
 
-@each_dynamics
-@pytest.mark.parametrize("turn", [(0, 0, 0), (0.1, 0.05, 0), (0.4, 0, 0)])
-def test_coin_that_is_dropped_gains_no_energy(turn: tuple[float, float, float], dynamics: str) -> None:
-    scene = placed(disk(), up=0.05, turn=turn, velocity=(0, 0, -1.0), omega=(0, 0, 2.0))
-    rigid = dynamics == "rigid"
-    _, m = run(scene, 1.5, 20, dynamics, 2e-4)
-    assert m.energy.max() < (1.001 if rigid else 1.002) * m.energy[0]
-    assert m.energy[-1] < 0.2 * m.energy[0]
-
-
 def test_ball_comes_to_rest_in_a_notch() -> None:
     """Two planes at once: each pushes with m g/√2, but for what friction bears of the weight, or adds."""
     walls = (Plane((0, 0, 0), (1, 0, 1)), Plane((0, 0, 0), (-1, 0, 1)))
     ball = rolling_ball()
     begun = start(ball, position=(0.0, 0.0, 0.17), velocity=(0.1, 0.0, 0.0))
     scene = Scene(ball, begun.positions, begun.velocities, surfaces=walls, contact=GRIP)
-    simulator = Simulator(scene, varying=VARYING)
+    simulator = simulated(scene)
     simulator.advance(round(3.0 / simulator.step))
     found = simulator.contacts()
     assert found.surface.tolist() == [[0, 1]]
@@ -448,195 +357,6 @@ def test_disk_rolls_round_as_the_rigid_one(angle: float) -> None:
     assert np.abs(m.centre[:, :2] - m.centre[0, :2]).max() < 1e-3 * 0.1
 
 
-# --- Springs and their twin ---------------------------------------------------------------------------------
-
-
-def egg(stiffness: float) -> Scene:
-    """An ellipsoid that rolls from the start, and spins about the vertical."""
-    body = ellipsoid((0.12, 0.1, 0.08), 0.7, stiffness=stiffness, damping=0.0)
-    how = Contact(2.0, 1.0, strength=10 * 0.7 * G * 1e-8, reach=1e-4)
-    omega = np.array((2.0, 3.0, 4.0))
-    return placed(body, contact=how, omega=omega, velocity=-np.cross(omega, (0, 0, -0.08)))
-
-
-def rolled(of: Scene, dynamics: str, step: float) -> tuple[np.ndarray, float]:
-    """Where the egg's centre and its axis are after 0.3 s, and what friction took."""
-    simulator = simulated(of, dynamics, step)
-    simulator.advance(round(0.3 / step))
-    m = simulator.measure()
-    return np.concatenate([m.centre[0], m.axis[0]]), float(m.friction_loss[0])
-
-
-def test_what_sticks_rolls_without_work_to_the_square_of_the_step() -> None:
-    lost = [abs(rolled(egg(1e5), "rigid", step)[1]) for step in (1e-3, 5e-4)]
-    assert lost[0] < 1e-6
-    assert lost[1] < 0.3 * lost[0]
-
-
-def test_springs_that_roll_approach_their_twin_as_they_grow_stiff() -> None:
-    """Springs stretch by what spins over k; contact strains none."""
-    exact, _ = rolled(egg(1e5), "rigid", 5e-5)
-    off = [
-        np.abs(rolled(egg(stiffness), "springs", step)[0] - exact).max()
-        for stiffness, step in ((1e4, 5e-5), (1e5, 5e-5), (1e6, 2e-5))
-    ]
-    assert off[1] < 0.2 * off[0]
-    assert off[2] < off[1] < 3e-5  # of which most is the step's
-
-
-def test_ball_swings_about_its_pin_and_hits_the_floor() -> None:
-    begun = placed(BALL, contact=Contact(0.3, 1.0), up=0.01)
-    of = Scene(BALL, begun.positions, pinned=(0,), surfaces=begun.surfaces, contact=begun.contact)
-    simulator, lowest, balance = simulated(of, "rigid", 1e-4), [], []
-    for _ in range(300):
-        simulator.advance(20)
-        m = simulator.measure()
-        lowest.append(m.centre[0, 2])
-        balance.append(m.balance[0])
-    assert simulator.positions[0, 0].tobytes() == of.positions[0].tobytes()
-    assert 0.1 < min(lowest) < 0.101
-    assert m.friction_loss[0] > 0.05
-    assert np.ptp(balance) < 1e-6
-
-
-# --- What contacts are told ---------------------------------------------------------------------------------
-
-
-@each_dynamics
-def test_contact_of_a_ball_at_rest_bears_its_weight_below_its_centre(dynamics: str) -> None:
-    scene, rigid = placed(BALL), dynamics == "rigid"
-    simulator = simulated(scene, dynamics)
-    simulator.advance(3000)
-    found, centre = simulator.contacts(), simulator.measure().centre[0]
-    strength, reach = scales(GRIP, BALL)
-    gap = rest_height(G, strength, reach)
-    assert found.there.tolist() == [[True]]
-    assert [of[0, 0] for of in found[1:5]] == [0, -1, 0, -1]
-    np.testing.assert_allclose(found.force[0, 0], (0, 0, G), atol=1e-9 if rigid else 1e-8)
-    np.testing.assert_allclose(found.normal[0, 0], (0, 0, 1), atol=1e-15)
-    assert found.gap[0, 0] == pytest.approx(gap, rel=1e-6)
-    # the point is half of the gap below the skin, and the springs give way by m g/k at the most
-    below = (0, 0, 0.1 + found.gap[0, 0] / 2)
-    np.testing.assert_allclose(found.point[0, 0], centre - below, atol=1e-12 if rigid else G / 1e5)
-    if rigid:
-        assert np.abs(simulator.velocities).max() < 1e-12
-    simulator.place(scene.positions + np.array((0, 0, 1.0)), scene.velocities)
-    assert simulator.contacts().there.shape == (1, 0)
-
-
-@pytest.mark.parametrize("friction", [0.5, 0.05])
-def test_contact_of_a_ball_on_a_slope_has_the_friction_of_theory(friction: float) -> None:
-    """Rolling takes m g sin α I/(I + m r²), and what slides μ N, against the slip; N is m g cos α."""
-    angle = 0.3
-    scene = placed(BALL, (incline(angle),), Contact(friction, 0.5))
-    up = np.array(scene.surfaces[0].normal)  # type: ignore[attr-defined]
-    down = np.array((0, 0, -1.0)) - -up[2] * up
-    down /= np.linalg.norm(down)
-    simulator = Simulator(scene, varying=VARYING)
-    simulator.advance(1000)
-    forces, arms = [], []
-    for _ in range(200):  # what vibrates has its mean
-        simulator.advance(5)
-        found, m = simulator.contacts(), simulator.measure()
-        assert found.there.tolist() == [[True]]
-        forces.append(found.force[0, 0])
-        arms.append(found.point[0, 0] - m.centre[0] - 0.5 * simulator.step * m.centre_velocity[0])
-    force, arm = np.mean(forces, axis=0), np.mean(arms, axis=0)
-    push = G * math.cos(angle)
-    rolls = friction > rolling.needed_friction(angle, 0.4)
-    assert force @ up == pytest.approx(push, rel=1e-3)
-    rubbed = G * math.sin(angle) * 0.4 / 1.4 if rolls else friction * push
-    assert -force @ down == pytest.approx(rubbed, rel=2e-3)
-    assert rolls == (friction == 0.5)
-    np.testing.assert_allclose(arm, -(0.1 + 0.5 * found.gap[0, 0]) * up, atol=3e-4)
-    slip = m.centre_velocity[0] + np.cross(m.angular_velocity[0], arm)
-    assert (slip @ down > 0.1) == (not rolls)
-
-
-def test_contacts_of_a_feature_are_what_changes_its_momentum() -> None:
-    """While it hops, spins and slips."""
-    scene = placed(
-        ellipsoid((0.12, 0.1, 0.08), 0.7),
-        contact=replace(GRIP, friction=0.2),
-        up=0.01,
-        velocity=(0.5, 0, -1.0),
-        omega=(3, 4, 20),
-    )
-    given = check_contacts(Simulator(scene, varying=VARYING, step=1e-4), 400)[:, 0]
-    assert given[:, 2].sum() > 0.5
-    assert np.abs(given[:, :2]).sum() > 0.05
-
-
-# --- Copies, calls, bodies --------------------------------------------------------------------------------
-
-
-def thrown_into_a_corner() -> tuple[Scene, np.ndarray, np.ndarray]:
-    """Return a ball between two slopes, with positions and velocities of 18 copies (18, N, 3)."""
-    scene = placed(
-        rolling_ball(), (incline(0.3), Plane((-0.5, 0, 0), (math.cos(0.3), 0, math.sin(0.3)))), GRIP, up=0.01
-    )
-    draw = np.random.default_rng(3)
-    x = scene.positions + draw.uniform(0.0, 0.02, (18, 1, 1)) * np.array(scene.surfaces[0].normal)  # type: ignore[attr-defined]
-    return scene, x, scene.velocities + draw.normal(size=(18, 1, 3))
-
-
-@pytest.mark.slow
-@each_dynamics
-def test_copies_of_a_batch_are_single_ones_to_the_bit(dynamics: str) -> None:
-    scene, x, v = thrown_into_a_corner()
-    options: Any = {"dynamics": dynamics, "step": 2e-4 if dynamics == "springs" else 1e-3}
-    options["varying"] = VARYING if dynamics == "springs" else RUBBING
-    calls = (300, 301)  # each of which begins the sweeps of rigid bodies anew
-    check_alone(
-        lambda copies: Simulator(scene, copies=copies, **options),
-        x,
-        v,
-        calls,
-        (0, 7, 16, 17),
-        calls_alone=calls if dynamics == "rigid" else None,
-    )
-
-
-@pytest.mark.slow
-def test_rigid_ball_rolls_to_and_fro_in_a_bowl() -> None:
-    """A ball swings in a bowl with ω² = g/((R − r)(1 + I/m r²)), if its swings are small."""
-    swing, how = 0.1, Contact(friction=0.8, restitution=0.5, strength=1e-4, reach=1e-3)
-    arm = 0.9 - rest_height(G, 1e-4, 1e-3)
-    begun = start(BALL, position=(arm * math.sin(swing), 0.0, 1.0 - arm * math.cos(swing)))
-    bowl = Scene(BALL, begun.positions, surfaces=(Bowl((0, 0, 1.0), 1.0),), contact=how)
-    times, m = run(bowl, 8.0, 10, "rigid")
-    angle = np.arctan2(m.centre[:, 0], 1.0 - m.centre[:, 2])
-    ups = np.flatnonzero((angle[:-1] < 0) & (angle[1:] >= 0))
-    at = times[ups] - angle[ups] * np.diff(times)[0] / (angle[ups + 1] - angle[ups])
-    period = 2 * math.pi * math.sqrt(1.4 * arm / G) * (1 + swing**2 / 16)
-    assert np.diff(at).mean() == pytest.approx(period, rel=1e-3)
-    assert np.abs(angle[-80:]).max() > 0.995 * swing
-
-
-@pytest.mark.slow
-def test_bodies_that_pass_through_each_other_move_as_if_alone() -> None:
-    """Calls of odd length, so that each body's own sweep is what the next begins with."""
-    ball = placed(rolling_ball(), velocity=(1.0, 0, 0))
-    block = Scene(
-        cube(0.1),
-        cube(0.1).positions + np.array([0, 0, 0.1]),
-        np.tile([0.0, 0, -1.0], (8, 1)),
-        surfaces=(floor(),),
-        contact=GRIP,
-    )
-    bodies = tuple(Placed(of.body, of.positions, of.velocities) for of in (ball, block))
-    both = Scene(bodies=bodies, surfaces=(floor(),), contact=GRIP, collisions=None)
-    together, *each = (Simulator(of, step=1e-4) for of in (both, ball, block))
-    for simulator in (together, *each):
-        for _ in range(200):
-            simulator.advance(7)
-    for n, alone in enumerate(each):
-        assert (together.positions[0, both.slices[n]] == alone.positions[0]).all()
-    losses = [alone.measure().contact_loss[0] for alone in each]
-    assert together.measure().contact_loss[0] == pytest.approx(sum(losses))
-    assert losses[1] > 0.01
-
-
 # --- What makes no sense ----------------------------------------------------------------------------------
 
 
@@ -661,10 +381,11 @@ def test_bodies_that_pass_through_each_other_move_as_if_alone() -> None:
         (lambda: ellipsoid(inertia=(1e-3, 1e-3, -2e-3)), ValueError, "inertia"),
         (lambda: ellipsoid(inertia=[[1, 1, 0], [0, 1, 0], [0, 0, 1]]), ValueError, "symmetric"),
         (lambda: disk(0.1, thickness=1e-4), ValueError, "thickness"),
+        *((lambda of=of: capsule(0.1, of), ValueError, "from 0.001 to 100") for of in (9e-4, 101.0, 1e20)),
         (lambda: BALL.with_(rounds=sphere(0.1)), TypeError, "rounds"),
         (lambda: BALL.with_(rounds=(0.1,)), TypeError, r"rounds\[0\]"),
         (lambda: BALL.with_(rounds=(sphere(0.1, particles=(0, 1, 2)),)), ValueError, "at least four"),
-        (lambda: BALL.with_(rounds=(sphere(0.1, particles=(0, 1, 3, 4)),)), ValueError, "plane"),
+        (lambda: ellipsoid().with_(rounds=(sphere(0.1, particles=(0, 1, 3, 4)),)), ValueError, "plane"),
         (lambda: BALL.with_(rounds=(sphere(0.1, particles=(0, 1, 2, 6)),)), ValueError, "6"),
         (lambda: BALL.with_(rounds=(sphere(0.1, particles=(0, 1, 2, 2)),)), ValueError, "twice"),
         (lambda: BALL.with_(radius=0.1), ValueError, "one or the other"),

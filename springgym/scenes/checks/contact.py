@@ -171,11 +171,16 @@ def slope(recording: Recording) -> list[Check]:
     contact = recording.plan.scene.contact
     surface = recording.plan.scene.surfaces[0]
     assert isinstance(surface, Plane)
-    angle = math.acos(surface.normal[2])
-    down = np.array([surface.normal[0], surface.normal[1], 0.0])
-    down = np.cross(np.cross(surface.normal, down / np.linalg.norm(down)), surface.normal)
-    way = (recording.measures.centre - recording.measures.centre[0]) @ (down / np.linalg.norm(down))
+    angle, way = math.acos(surface.normal[2]), way_down(recording, np.array(surface.normal))
     return [down_slope(recording, way, angle, contact.friction, recording.plan.scene.body.lengths.min())]
+
+
+def way_down(recording: Recording, normal: np.ndarray) -> np.ndarray:
+    """Return the way (T,) [m] of the centre of mass down a slope with a unit normal (3,)."""
+    down = normal * (1, 1, 0)
+    down = down - (down @ normal) * normal
+    moved = recording.measures.centre - recording.measures.centre[0]
+    return np.asarray(moved @ (down / np.linalg.norm(down)))
 
 
 def down_slope(recording: Recording, way: np.ndarray, angle: float, friction: float, length: float) -> Check:

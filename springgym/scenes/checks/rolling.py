@@ -10,6 +10,7 @@ from springgym.bodies import Body, Round
 from springgym.bodies.body import inertia
 from springgym.scenes.checks import needs
 from springgym.scenes.checks.basis import Check, applies, crossings, gravity, slack, turning_rate, within
+from springgym.scenes.checks.contact import way_down
 from springgym.scenes.plan import Plan
 from springgym.scenes.recording import Recording
 from springgym.surfaces import Contact, Plane, scales
@@ -136,9 +137,7 @@ def rolling(recording: Recording) -> list[Check]:
     assert isinstance(surface, Plane)
     assert isinstance(contact, Contact)
     angle, g = math.acos(surface.normal[2]), gravity(recording)
-    down = np.array([*surface.normal[:2], 0.0])
-    down = down - (down @ surface.normal) * np.array(surface.normal)
-    way = (recording.measures.centre - recording.measures.centre[0]) @ (down / np.linalg.norm(down))
+    way = way_down(recording, np.array(surface.normal))
     late = recording.times > 0.25 * recording.times[-1]
     measured = 2 * float(np.polyfit(recording.times[late], way[late], 2)[0]) if late.sum() > 3 else math.nan
     expected = theory.acceleration(angle, share, g)
