@@ -345,7 +345,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     every = [row.id for row in ENVIRONMENTS]
-    parser.add_argument("--tasks", nargs="+", default=every, metavar="ID", help="ids (default: all)")
+    parser.add_argument(
+        "--tasks", nargs="+", default=every, metavar="ID", help="environment ids (default: all)"
+    )
     parser.add_argument("--json", type=Path, help="file of rows, in the form of agents/benchmark.py")
     parser.add_argument(
         "--episodes", type=whole(1, 10_000), default=AT_ONCE, help=f"number of episodes (default: {AT_ONCE})"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
+import re
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager, nullcontext
 from functools import cache, partialmethod
@@ -31,7 +32,7 @@ def colliding() -> tuple[str, ...]:
     from tests.envs.cases import COLLIDING
 
     tasks = (env_id.partition("-v")[0] for env_id in COLLIDING)
-    return ("tests/collisions/", "test_juggle", "colliding", *tasks)
+    return ("tests/collisions/", "test_round", "test_resistance", "test_juggle", "colliding", *tasks)
 
 
 DUELS = ("SpringDuel", "self_play", "test_duel")
@@ -95,7 +96,7 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object
         return (yield)
 
 
-LONGEST = ("colliding", "tests/forces/test_round.py", "duels", "tests/envs/test_contract.py")
+LONGEST = ("rigid", "colliding", "duels", "tests/envs/test_contract.py")
 """What runs first, so that no process is left with it at the end."""
 
 
@@ -109,14 +110,14 @@ TOGETHER = (
 
 def scope(nodeid: str) -> str:
     """Tell which tests run in one process: those of a file, of files that share kernels, all of duels, and
-    all others of bodies that collide.
+    all others of bodies that collide, of springs or rigid.
 
     These take the longest to compile, and share a kernel that a process compiles once.
     """
     if any(word in nodeid for word in DUELS):
         return "duels"
     if any(word in nodeid for word in colliding()):
-        return "colliding"
+        return "rigid" if re.search(r"[\[-]rigid|test_rigid", nodeid) else "colliding"
     file = nodeid.partition("::")[0]
     return next((first for first, *others in TOGETHER if file in others), file)
 

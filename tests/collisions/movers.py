@@ -22,12 +22,12 @@ from springgym.bodies import (
 from springgym.collisions import Pair
 from springgym.scene import Placed, Scene
 from springgym.simulator import Simulator
-from springgym.surfaces import Contact, Plane, heights
+from springgym.surfaces import Bowl, Contact, Plane, heights
 from springgym.theory.contact import rest_height
 from tests.collisions.stepped import FAR, full
 
 G = 9.81
-SURFACES = ("floor", "ramp")
+SURFACES = ("floor", "ramp", "bowl")
 STRENGTH, REACH = 2e-4, 2e-3
 """c [N·m²] and Δ [m] of contacts that are hard beside the weight of a body."""
 
@@ -55,7 +55,7 @@ CARRIERS = {"capsule": 2, "cube": 4, "stone": 3}
 """By how many contacts a body lies, if not by one."""
 BLOCK = box((4.0, 2.0, 0.5), 8.0, damping=0.0)
 FAR_BALL = rolling_ball(0.09, damping=0.0)
-FAR_PAIR = tuple(Placed(FAR_BALL, np.add(FAR_BALL.positions, (x, 0, 1e3)), name=f"far{x}") for x in (50, 60))
+FAR_PAIR = tuple(Placed(FAR_BALL, np.add(FAR_BALL.positions, (x, 0, 300)), name=f"far{x}") for x in (50, 60))
 BESIDE = Placed(FAR_BALL, np.add(FAR_BALL.positions, (5, 0, 0)), name="far")
 """Bodies that could meet others, unlike them: so all scenes share the kernel of bodies that collide."""
 
@@ -123,13 +123,14 @@ def scene(
     gravity = np.zeros(3) if tilt is None else G * axes @ (np.sin(tilt), 0.0, -np.cos(tilt))
     first = Placed(of, x, v, name="first")
     if on in SURFACES:
-        surface = Plane((0.0, 0.0, 0.0), tuple(axes[:, 2]))
+        plane = Plane((0.0, 0.0, 0.0), tuple(axes[:, 2]))
+        surface = Bowl((0.0, 0.0, 1.5), 1.5) if on == "bowl" else plane
         apart = (Pair(1, 2, Contact(strength=STRENGTH, reach=REACH)),)
         return Scene(
-            bodies=(first, *FAR_PAIR),
+            bodies=(first,) if on == "bowl" else (first, *FAR_PAIR),
             surfaces=(surface,),
             contact=contact,
-            collisions=apart,
+            collisions=None if on == "bowl" else apart,
             gravity=tuple(gravity),
         )
     partner = BLOCK if on == "block" else other or of
