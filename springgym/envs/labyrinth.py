@@ -378,12 +378,12 @@ class SpringLabyrinthEnv(SpringEnv, gym.Env, task=SpringLabyrinth):
     ## Observation Space
     | `observation` | entries | meaning | scale |
     |---|---|---|---|
-    | `"particles"` | 0–17 | positions of the ball's particles | 0.2 m |
-    | | 18–35 | their velocities | 0.3 m/s |
-    | | 36–61 | points x, y of the path, from the first to the last | 1 m |
-    | | 62–97 | middles x, y of the holes | 1 m |
-    | | 98, 99 | angles of the board towards x, y | 1 rad |
-    | | 100 | number of completed legs | 1 |
+    | `"particles"` | 0–11 | positions of the ball's particles | 0.2 m |
+    | | 12–23 | their velocities | 0.3 m/s |
+    | | 24–49 | points x, y of the path, from the first to the last | 1 m |
+    | | 50–85 | middles x, y of the holes | 1 m |
+    | | 86, 87 | angles of the board towards x, y | 1 rad |
+    | | 88 | number of completed legs | 1 |
     | `"frame"` | 0, 1 | position x, y of the ball | 0.2 m |
     | | 2, 3 | its velocity x, y | 0.3 m/s |
     | | 4, 5 | its angular velocity x, y | 12 rad/s |

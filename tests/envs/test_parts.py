@@ -31,7 +31,7 @@ def test_threads_find_the_same(copies: int, observation: str, monkeypatch: pytes
     same(one.reset(seed=0), two.reset(seed=0))
     parts = []
     judge = two.episodes._judge
-    monkeypatch.setattr(two.episodes, "_judge", lambda *given: (parts.append(given[:2]), judge(*given)))
+    monkeypatch.setattr(two.episodes, "_judge", lambda *of, **to: (parts.append(of[:2]), judge(*of, **to)))
     for action in np.random.default_rng(0).uniform(-1, 1, (5, copies, 3)).astype(np.float32):
         same(one.step(action), two.step(action))
     assert len(set(parts)) == (1 if copies % WIDE == 1 else 2)

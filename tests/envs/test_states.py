@@ -272,10 +272,10 @@ def test_another_thread_is_told_and_does_not_wait(copies: int | None) -> None:
         own.reset(seed=0)
     function, inside, go_on = env.episodes._judge, threading.Event(), threading.Event()
 
-    def waiting(*arguments: Any) -> None:
+    def waiting(*arguments: Any, **named: Any) -> None:
         inside.set()
         assert go_on.wait(60)
-        function(*arguments)
+        function(*arguments, **named)
 
     env.episodes._judge = waiting
     thread = threading.Thread(target=env.step, args=(steps[0],))
