@@ -81,7 +81,9 @@ def add_row(rows: int, k: int, i: int, e: int, touch: tuple[Vector, Number, Numb
     contacts, (n, start, ahead) = own.contacts, touch
     contacts.pair[rows], contacts.surface[rows], contacts.feature[rows] = own.pair, k, e
     contacts.body[2 * rows], contacts.body[2 * rows + 1] = own.body, -1
-    contacts.members[rows], contacts.loose[rows], contacts.tilts[rows] = 1, 0, 0
+    contacts.members[rows] = 1
+    clear(rows, contacts.loose)
+    clear(rows, contacts.tilts)
     contacts.touching[rows] = own.first + i if e < 0 else -1
     contacts.only[rows], contacts.late[rows] = own.first + i if e < 0 else -1, 0 if e < 0 else 1
     set_row(contacts.normal, rows, 0.0 * row(own.x, 0) + n)
@@ -90,6 +92,13 @@ def add_row(rows: int, k: int, i: int, e: int, touch: tuple[Vector, Number, Numb
     store(contacts.share, rows, 1.0)
     store(contacts.particle, 4 * rows, 1.0 * (own.first + i if e < 0 else e))
     store(contacts.grips, rows, 1.0)
+
+
+@compiled
+def clear(k: int, flags: np.ndarray | None) -> None:
+    """Set a whole number of contact k to 0, where there is one."""
+    if flags is not None:
+        flags[k] = 0
 
 
 @compiled

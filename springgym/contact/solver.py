@@ -30,6 +30,7 @@ from springgym.contact.features import TAPER, smooth
 from springgym.contact.friction import inverse_mass_along, push_across, set_tilt, slip_of
 from springgym.contact.law import barrier_energy, meet
 from springgym.contact.movers import (
+    flag_of,
     inverse_mass_of,
     push,
     push_turning,
@@ -148,7 +149,7 @@ def weigh(k: int, problem: Problem) -> Number:
         gain = load(problem.inverse_mass, only)
         store(contacts.gain, 4 * k, gain)
         return gain * dot(n, n)
-    for m in range(contacts.loose[k]):
+    for m in range(flag_of(k, contacts.loose)):
         weight = load(contacts.weight, 4 * k + m)
         gain = weight * load_each(problem.inverse_mass, load(contacts.particle, 4 * k + m))
         store(contacts.gain, 4 * k + m, gain)

@@ -120,7 +120,7 @@ def pass_rows(bodies: Bodies, span: Span, goes: bool, space: RowSpace) -> None:
         for n in range(bodies_of(bodies.x)):
             if space.active[n]:
                 begin(n, of_body(bodies, n), span, bodies.x, space, contacts.turning)
-        begin_rows(among, velocity, problem, collisions)
+        begin_rows(among, velocity, problem, collisions, space.lists)
         store(contacts.going, 0, 1.0)
         solve(velocity, SWEEPS, ENOUGH, True, problem)
     add_totals(velocity, problem, collisions.changing)
@@ -137,11 +137,13 @@ def tell_touching(problem: Problem, collisions: Collisions) -> None:
 
 
 @compiled
-def begin_rows(among: int, v: Rows, problem: Problem, collisions: Collisions) -> None:
+def begin_rows(
+    among: int, v: Rows, problem: Problem, collisions: Collisions, lists: Lists | None
+) -> None:
     """Prepare all rows, the first ``among`` of which are of two bodies, and start their impulses warm."""
     contacts = problem.contacts
     for k in range(contacts.length[ROWS]):
-        if k < among:
+        if lists is not None and k < among:
             describe(k, problem)
         else:
             shift_arms(k, contacts, contacts.turning)

@@ -339,7 +339,7 @@ def pass_together(phase: Phase, span: Span, goes: bool, space: Company, twins: T
         tell_touching(problem, collisions)
         return
     if contacts.length[CONTACTS] > 0:
-        begin_rows(among, rows.velocity, problem, collisions)
+        begin_rows(among, rows.velocity, problem, collisions, rows.lists)
         find_impulses(phase, among, problem, space, twins, terms.surfaces)
     add_totals(rows.velocity, problem, collisions.changing)
     keep_impulses(problem, collisions.warm)
