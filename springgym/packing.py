@@ -318,7 +318,7 @@ def row_space(scene: Scene, pairs: Pairs, twin: bool, dtype: DTypeLike) -> RowSp
         turns[of[: pairs.among][scene.resisted]] = True
     first = 2 * np.arange(len(bodies)) if twin else scene.starts[:-1]
     balls = np.array([of.turns and pairs.among > 0 for of in scene.shapes])
-    pivots = np.array([placed.pivot for placed in scene.bodies])
+    pivots = np.array([placed.pivot if placed.free.any() else -1 for placed in scene.bodies])
     turning = new_turning(turns, balls, first, pivots, dtype)
     below = sum(features) * len(scene.surfaces)
 

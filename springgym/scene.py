@@ -460,6 +460,12 @@ class Scene(ReadOnly):
         if self.surfaces:
             for body in self._different:
                 check_surfaces(self.surfaces, scales(self.contact, body)[1])
+            for placed in self.bodies:
+                if placed.body.rounds and placed.free.any() and len(placed.pinned) > 1:
+                    raise ValueError(
+                        f"body {placed.name!r} is round, and surfaces turn it about one pin; pin one of its "
+                        "particles, or all"
+                    )
 
     def _check_resistance(self) -> None:
         """Refuse a rolling or torsional resistance that would have no effect."""

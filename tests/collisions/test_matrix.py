@@ -339,6 +339,21 @@ def test_springs_approach_their_twin_as_they_grow_stiff(mover: str, on: str) -> 
     assert off[2] < 0.5 * off[1]
 
 
+@pytest.mark.parametrize("name", ["ball", "capsule", "cube"])
+def test_what_is_pinned_whole_stays_where_a_ball_hits_it(name: str) -> None:
+    """Contacts turn as one what is round, and what a round body meets with rolling resistance."""
+    of, hits = body(name), body("ball")
+    bodies = (
+        Placed(of, pinned=tuple(range(len(of.masses))), name="held"),
+        Placed(hits, np.add(hits.positions, (0.03, 0.02, 0.4)), np.tile((0, 0, -0.5), (4, 1)), name="hits"),
+    )
+    pair = Scene(bodies=bodies, gravity=None, contact=Contact(0.5, rolling_resistance=0.01))
+    simulator = full(pair, step=1e-4, copies=2)
+    simulator.advance(6000)
+    assert (simulator.measure("hits").centre_velocity[:, 2] > 0.1).all()
+    np.testing.assert_array_equal(simulator.positions[:, pair.slices[0]], 2 * [of.positions])
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("dynamics", ["springs", "rigid"])
 def test_a_body_turns_about_its_pin_when_it_is_hit(dynamics: str) -> None:

@@ -397,6 +397,7 @@ def test_disk_rolls_round_as_the_rigid_one(angle: float) -> None:
         (lambda: BALL.with_(rounds=(sphere(0.1, particles=(0, 1, 2, 2)),)), ValueError, "twice"),
         (lambda: BALL.with_(radius=0.1), ValueError, "one or the other"),
         (lambda: placed(BALL, up=-0.05), ValueError, "round feature 0 starts 0.05 m behind"),
+        (lambda: placed(BALL).with_(pinned=(0, 1)), ValueError, "pin one of its particles, or all"),
     ],
 )
 def test_errors_say_what_is_wrong(make: Any, error: type[Exception], told: str) -> None:
