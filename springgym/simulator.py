@@ -830,7 +830,7 @@ class Simulator:
             (told.misses[n] > 0, f"{told.misses[n]:.0f} times detected only when they (almost) overlapped"),
             (
                 told.overflow[n] > 0,
-                f"{told.overflow[n]:.0f} times in more points of contact than it can store",
+                f"{told.overflow[n]:.0f} times in too many points of contact, or too fast to be looked for",
             ),
         ]
         finer = self.step * min(1.0, resolved[n] / max(told.fastest[n], TINY))

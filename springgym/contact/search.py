@@ -68,7 +68,8 @@ FARTHEST = 4.0
 each other move: a body that makes more than half of it counts as one that has moved by the rest already."""
 
 WIDEST = 1e3
-"""[m] Contacts are never looked for farther than this: what is no contact lies at `FAR`."""
+"""[m] Contacts are never looked for farther than this: what is no contact lies at `FAR`. Of a pair that goes
+farther in half a step, a contact counts as left out."""
 
 ROUNDING = 1.001
 """Features are listed a little farther than contacts are looked for: rounding decides nothing."""
@@ -134,20 +135,20 @@ def find(x: Rows, w: Rows, span: Span, pairs: Pairs, lists: Lists, contacts: Con
     contacts.length[MET] = 0
     for n in range(lists.length[CLOSE]):
         p = lists.close[n]
-        store(contacts.left_out, p, 0.0)
         a, b = pairs.first[p], pairs.second[p]
         near = Near(p, (a, b), span.lead, load(lists.reach, p), shapes.radius[a] + shapes.radius[b])
+        before = count
+        store(contacts.left_out, p, select(near.reach > WIDEST, 1.0 + 0.0 * near.reach, 0.0))
         brief = anew and list_features(near, span, seen, shapes.triangles, shapes.edges)
         needed = anew or any_lane(load(lists.nearest, p) < ROUNDING * near.reach)
         if needed and (is_listed(VERTICES, p, lists) or is_listed(EDGES, p, lists)):
             locate(p, seen, shapes.triangles, shapes.edges)
             if anew:
                 list_candidates(p, brief, seen, shapes.triangles, shapes.edges)
-            before = count
             count = compare(count, near, seen, shapes.triangles, shapes.edges)
-            if count > before or any_lane(load(contacts.left_out, p) > 0.0):
-                contacts.touching_pairs[contacts.length[MET]] = p
-                contacts.length[MET] += 1
+        if count > before or any_lane(load(contacts.left_out, p) > 0.0):
+            contacts.touching_pairs[contacts.length[MET]] = p
+            contacts.length[MET] += 1
     return count
 
 
@@ -188,8 +189,8 @@ def watch(x: Rows, w: Rows, span: Span, pairs: Pairs, lists: Lists) -> None:
         a, b = pairs.first[p], pairs.second[p]
         gap = outside(row(lists.low, a), row(lists.high, a), b, lists)
         margin = load(lists.margin, a) + load(lists.margin, b)
-        if any_lane(gap - margin <= near_enough(p, a, b, pairs)):
-            ahead = load(lists.ahead, a) + load(lists.ahead, b)
+        ahead = load(lists.ahead, a) + load(lists.ahead, b)
+        if any_lane(gap - maximum(margin, ahead) <= near_enough(p, a, b, pairs)):
             store(lists.listed, p, (gap - ahead) + (load(lists.moved, a) + load(lists.moved, b)))
             lists.watched[count] = p
             count += 1

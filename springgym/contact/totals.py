@@ -48,7 +48,7 @@ class PairReadings(NamedTuple):
     too_fast: np.ndarray
     """how often one came faster than it is computed well for: a fifth of Δ in a step"""
     overflow: np.ndarray
-    """how often one was left out for want of space"""
+    """how often one was left out: for want of space, or of bodies so fast that it was not looked for"""
     fastest: np.ndarray
     """the largest speed along its normal that any contact which pushes was reached with [m/s]"""
 

@@ -113,7 +113,7 @@ def test_what_is_resolved_is_no_error(speed: float) -> None:
 
 def test_none_is_too_fast_to_be_found() -> None:
     """What flies through all of another in a step is found, at any speed and from any distance."""
-    for speed in (100.0, 1e3, 1e4, 1e5):
+    for speed in (100.0, 1e4, 1e6, 1e8, 1e12, 1e25):
         simulator = two_balls(speed)
         with pytest.raises(UnresolvedContactError, match="left"):
             simulator.advance(1 + int(0.6 / speed / simulator.step))
