@@ -137,9 +137,7 @@ def tell_touching(problem: Problem, collisions: Collisions) -> None:
 
 
 @compiled
-def begin_rows(
-    among: int, v: Rows, problem: Problem, collisions: Collisions, lists: Lists | None
-) -> None:
+def begin_rows(among: int, v: Rows, problem: Problem, collisions: Collisions, lists: Lists | None) -> None:
     """Prepare all rows, the first ``among`` of which are of two bodies, and start their impulses warm."""
     contacts = problem.contacts
     for k in range(contacts.length[ROWS]):
