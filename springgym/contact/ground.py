@@ -14,7 +14,7 @@ import numpy as np
 
 from springgym.contact.movers import turns_as_one
 from springgym.contact.records import ContactRows, Rounds, Surfaces, Turning
-from springgym.contact.round import Way, at, moved, nearest
+from springgym.contact.round import Way, at, moved, nearest, stretch
 from springgym.contact.surfaces import count, facing, height
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Number, Rows, Vector
@@ -51,7 +51,7 @@ def find_ground(rows: int, own: Grounded, rounds: Rounds | None) -> int:
         nothing, flat = 0.0 * row(own.x, 0), own.surfaces.coupled is None
         for e in range(rounds.first.size):
             begin, end = at(e, nothing, own.begin, rounds), at(e, nothing, own.end, rounds)
-            least = NEAR * own.surfaces.reach + rounds.size[e]
+            least = NEAR * own.surfaces.reach + rounds.size[e] * stretch(e, own.x, rounds)
             for k in range(count(own.surfaces.kinds)):
                 low = minimum(height(k, begin, own.surfaces), height(k, end, own.surfaces))
                 if not flat or any_lane(low < least):  # of its centre

@@ -100,6 +100,18 @@ def at(e: int, point: Vector, way: Way, rounds: Rounds) -> Vector:
 
 
 @compiled
+def stretch(e: int, x: Rows, rounds: Rounds) -> Number:
+    """Bound how many times as large as at rest feature ``e`` is: by |F|, which is √3 at rest."""
+    square = 0.0 * row(x, 0)[0]
+    for axis in range(3):
+        column = 0.0 * row(x, 0)
+        for c in range(rounds.first[e], rounds.behind[e]):
+            column = plus_scaled(column, row(rounds.slope, c)[axis], row(x, rounds.particle[c]))
+        square = square + dot(column, column)
+    return sqrt(square)
+
+
+@compiled
 def support(e: int, n: Vector, way: Way, rounds: Rounds) -> Vector:
     """Return the point, ξ − ξc, of feature ``e`` farthest against n, after a way."""
     g = 0.0 * row(way.rows, 0)

@@ -206,6 +206,17 @@ def test_ellipsoid_tumbles_over_waves_and_keeps_its_energy() -> None:
     assert (heights(egg, scene.positions, scene.surfaces[0]) > 0).all()
 
 
+def test_ball_with_longer_springs_rests_at_its_own_height() -> None:
+    """It is as much larger than its rest shape as its springs are longer."""
+    contact = Contact(strength=2e-6, reach=1e-3)
+    up = rest_height(G, 2e-6, 1e-3)
+    centre = np.array([0.0, 0.0, 1.2 * 0.1 + up])
+    ball = BALL.with_(lengths=1.2 * BALL.lengths)
+    simulator = simulated(Scene(ball, 1.2 * BALL.positions + centre, surfaces=(floor(),), contact=contact))
+    simulator.advance(500)
+    assert simulator.measure(0).centre[0, 2] == pytest.approx(centre[2], abs=0.1 * up)
+
+
 def test_ball_comes_to_rest_in_a_notch() -> None:
     """Two planes at once: each pushes with m g/√2, but for what friction bears of the weight, or adds."""
     walls = (Plane((0, 0, 0), (1, 0, 1)), Plane((0, 0, 0), (-1, 0, 1)))
