@@ -14,7 +14,7 @@ import numpy as np
 
 from springgym.contact.movers import turns_as_one
 from springgym.contact.records import ContactRows, Rounds, Surfaces, Turning
-from springgym.contact.round import Way, at, moved, nearest, stretch
+from springgym.contact.round import Way, at, moved, nearest
 from springgym.contact.surfaces import count, facing, height
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Number, Rows, Vector
@@ -48,14 +48,9 @@ class Grounded(NamedTuple):
 def find_ground(rows: int, own: Grounded, rounds: Rounds | None) -> int:
     """List the contacts of a body with surfaces behind ``rows`` others, and return how many that makes."""
     if rounds is not None:
-        nothing, flat = 0.0 * row(own.x, 0), own.surfaces.coupled is None
         for e in range(rounds.first.size):
-            begin, end = at(e, nothing, own.begin, rounds), at(e, nothing, own.end, rounds)
-            least = NEAR * own.surfaces.reach + rounds.size[e] * stretch(e, own.x, rounds)
             for k in range(count(own.surfaces.kinds)):
-                low = minimum(height(k, begin, own.surfaces), height(k, end, own.surfaces))
-                if not flat or any_lane(low < least):  # of its centre
-                    rows = add_feature(rows, e, k, own, rounds, own.contacts.turning)
+                rows = add_feature(rows, e, k, own, rounds, own.contacts.turning)
         if rounds.first.size > 0:
             return rows
     for i in range(own.x.shape[0]):

@@ -77,8 +77,6 @@ class Rounds(NamedTuple):
     """(carriers, 3) B [1/m]"""
     matrix: np.ndarray
     """(3 features, 3) rows of A [m²]"""
-    size: np.ndarray
-    """(features,) the largest semi-axis [m]"""
 
 
 class Shapes(NamedTuple):

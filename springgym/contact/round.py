@@ -61,7 +61,6 @@ def packed_rounds(body: Body) -> Rounds:
         base=np.concatenate(base),
         slope=np.ascontiguousarray(np.concatenate(slope)),
         matrix=np.array([feature.matrix for feature in body.rounds]).reshape(-1, 3),
-        size=np.array([np.sqrt(np.linalg.norm(feature.matrix, 2)) for feature in body.rounds]),
     )
 
 
@@ -97,18 +96,6 @@ def at(e: int, point: Vector, way: Way, rounds: Rounds) -> Vector:
     for c in range(rounds.first[e], rounds.behind[e]):
         total = plus_scaled(total, weight(c, point, rounds), moved(rounds.particle[c], way, way.v))
     return total
-
-
-@compiled
-def stretch(e: int, x: Rows, rounds: Rounds) -> Number:
-    """Bound how many times as large as at rest feature ``e`` is: by |F|, which is √3 at rest."""
-    square = 0.0 * row(x, 0)[0]
-    for axis in range(3):
-        column = 0.0 * row(x, 0)
-        for c in range(rounds.first[e], rounds.behind[e]):
-            column = plus_scaled(column, row(rounds.slope, c)[axis], row(x, rounds.particle[c]))
-        square = square + dot(column, column)
-    return sqrt(square)
 
 
 @compiled
