@@ -332,15 +332,15 @@ class ContactRows(NamedTuple):
     """(rows,) the index of the round feature that meets a surface; −1 of a particle"""
     members: np.ndarray
     """(rows,) the number of particles of the contact, the same in all copies"""
-    loose: np.ndarray | None
-    """(rows,) the number of those that move by themselves; or, if any does, of all"""
+    loose: np.ndarray
+    """(rows,) the number of those that move by themselves; or, if any does, of all. None without pairs"""
     only: np.ndarray
     """(rows,) the index of the particle that meets a surface and moves by itself; else −1"""
     touching: np.ndarray
     """(rows,) the index of the particle that meets a surface; −1 of round features and between bodies"""
     late: np.ndarray
     """(rows,) 1 if slip is that of the points which touch at the end of the step, else 0"""
-    tilts: np.ndarray | None
+    tilts: np.ndarray
     """(rows,) 1 if the torque of friction has to be cancelled, see `springgym.contact.friction`, else 0"""
     particle: np.ndarray
     """(4 rows,) the indices of the particles"""

@@ -49,11 +49,11 @@ def new_contacts(
         surface=whole(rows),
         feature=whole(rows),
         members=whole(rows),
-        loose=whole(rows) if among else None,
+        loose=whole(rows) if among else None,  # type: ignore[arg-type]
         only=whole(rows),
         touching=whole(rows),
         late=whole(rows),
-        tilts=whole(rows) if among else None,
+        tilts=whole(rows) if among else None,  # type: ignore[arg-type]
         particle=lanes(4 * rows),
         weight=lanes(4 * rows),
         normal=lanes(rows, 3),
