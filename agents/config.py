@@ -138,12 +138,12 @@ class PPOConfig(SB3Config):
 
 @dataclass(frozen=True, kw_only=True)
 class SACConfig(SB3Config):
-    """Soft actor-critic (Haarnoja et al. 2018, arXiv:1812.05905). ``gradient_steps`` follow each step of all
-    copies."""
+    """Soft actor-critic (Haarnoja et al. 2018, arXiv:1812.05905)."""
 
     buffer_size: int
     learning_starts: int
     gradient_steps: int
+    """number of updates after each step of all copies"""
     tau: float
 
 

@@ -218,10 +218,10 @@ def free_top_push(task: free_top.SpringFreeTop, observations: np.ndarray) -> np.
     centre, friction = seen["centre"], task.contact.friction
     away = np.linalg.norm(centre, axis=1, keepdims=True)
     inwards = -centre / np.maximum(away, 1e-9)
-    held = friction * np.clip(away / 0.05 - 1.0, 0.0, 1.0) * inwards  # over Mg
-    leaning = seen["axis"][:, :2] + (low + high) / low * held
+    steady = friction * np.clip(away / 0.05 - 1.0, 0.0, 1.0) * inwards  # over Mg
+    leaning = seen["axis"][:, :2] + (low + high) / low * steady
     moving = [leaning, seen["across"][:, :2], -np.minimum(away, 0.1) * inwards, seen["centre_velocity"]]
-    push = mass * G * held - np.hstack(moving) @ _free_top_gain(task.period).T
+    push = mass * G * steady - np.hstack(moving) @ _free_top_gain(task.period).T
     speeding = 4.0 * (free_top.WANTED - seen["spin"])
     return np.hstack([_saturated(push, task.limits[:2]), _saturated(speeding, free_top.RING_ACCELERATION)])
 

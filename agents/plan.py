@@ -293,20 +293,20 @@ def digest(planner: Planner) -> str:
     return sha256(repr(planner).encode()).hexdigest()[:8]
 
 
-def make_row(task: str, planner: Planner, first: int, episodes: int, kept: Path | None) -> dict[str, Any]:
+def make_row(task: str, planner: Planner, first: int, episodes: int, partial: Path | None) -> dict[str, Any]:
     """Play episodes of a task, from where a file of episodes stands if there is one, and return the row."""
     row: dict[str, Any] = {}
-    if kept:
+    if partial:
         row = {"protocol": PROTOCOL, "task": task, "algorithm": "planner", "seed": 0, "steps": 0}
         row |= {"config": digest(planner), "first_seed": first, "probe": probe(task), **made_with()}
-    part = read_rows(kept).get(identity(row), {}) if kept else {}
+    part = read_rows(partial).get(identity(row), {}) if partial else {}
     same = part and {name: part.get(name) for name in row} == row
     played = part["played"][:episodes] if same else []
     while len(played) < episodes:
         start, count = first + len(played), min(AT_ONCE, episodes - len(played))
         played = [*played, *play_episodes(task, planner, range(start, start + count))]
-        if kept:
-            add_row(kept, {**row, "played": played})
+        if partial:
+            add_row(partial, {**row, "played": played})
     settings = {name: value for name, value in asdict(planner).items() if value is not None}
     return {**row, **summary(task, played), "planner": settings}
 
@@ -327,8 +327,8 @@ def plan_tasks(options: argparse.Namespace) -> int:
             if {name: old.get(name) for name in now} == now and same_probe(old["probe"], task):
                 continue
         try:
-            kept = options.json and options.json.with_suffix(".parts.json")
-            row = make_row(task, planner, options.seed, options.episodes, kept)
+            partial = options.json and options.json.with_suffix(".parts.json")
+            row = make_row(task, planner, options.seed, options.episodes, partial)
         except KeyboardInterrupt:
             print("\nstopped" + ("; the same command continues" if options.json else ""))
             return INTERRUPTED

@@ -89,7 +89,7 @@ POINTS = 60
 PROBED = 8
 """Number of episodes of each agent in a probe."""
 ENOUGH = 0.03
-"""By how much a run may miss a budget."""
+"""The largest relative difference between what a run spent and a budget at which it counts."""
 SAME = 1e-6
 """Largest difference between the probes of the same task."""
 ROUNDED = 1e-5
@@ -379,8 +379,8 @@ def scale_of(task: str, rows: Iterable[Row]) -> tuple[float, float] | None:
     """Return the mean returns that score 0 and 1 in a task, random actions' and the best reference's; None if
     a row lacks."""
     mean = {row["algorithm"]: row["mean_return"] for row in rows if row["task"] == task}
-    found = [mean[name] for name in REFERENCES if name in mean]
-    return (mean["random"], max(found)) if found and "random" in mean else None
+    references = [mean[name] for name in REFERENCES if name in mean]
+    return (mean["random"], max(references)) if references and "random" in mean else None
 
 
 def reached(row: Row, column: int, budget: float) -> float | None:

@@ -26,11 +26,11 @@ SOLID = 0.4
 """Moment of inertia of a solid ball, as a share of m r²."""
 
 TETRAHEDRON = np.array([[-(2**0.5), -1, -(6**0.5)], [-(2**0.5), -1, 6**0.5], [8**0.5, -1, 0], [0, 3, 0]]) / 3
-"""Corners (4, 3), at the distance 1. The first two are one above the other; the third lies on the x axis's
-side."""
+"""The corners (4, 3) of a regular tetrahedron, at the distance 1 from its centre. The second lies above the
+first along z, and the third aside along x, so that they define the axes of a body."""
 
 OCTAHEDRON = np.concatenate([np.eye(3), -np.eye(3)])
-"""Corners (6, 3)."""
+"""The corners (6, 3) of an octahedron, at the distance 1 from its centre."""
 
 
 def rolling_ball(
@@ -105,7 +105,7 @@ def ellipsoid(
         given = array("inertia", inertia, (3,), (3, 3))
         tensor = np.diag(given) if given.ndim == 1 else given
     about = _carrier("ellipsoid", mass, tensor, OCTAHEDRON, feature, stiffness, damping)
-    return about.with_(positions=about.positions + centre, lengths=about.lengths)
+    return about.with_(positions=about.positions + centre)
 
 
 def disk(

@@ -19,7 +19,7 @@ angular momentum.
 
 from __future__ import annotations
 
-from springgym.contact.movers import flag_of, inverse_mass_of, push, velocity_between
+from springgym.contact.movers import inverse_mass_of, number_of, push, velocity_between
 from springgym.contact.records import ContactRows, Problem
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Rows, Vector
@@ -42,7 +42,7 @@ def set_tilt(k: int, problem: Problem) -> None:
     none = 0.0 * n[0]
     for side in range(2):
         set_row(contacts.tilt, 2 * k + side, 0.0 * n)
-    if flag_of(k, contacts.tilts) == 0:
+    if number_of(k, contacts.tilts) == 0:
         store(contacts.grips, k, 1.0 + none)
     elif members == 2:
         store(contacts.grips, k, none)
@@ -87,7 +87,7 @@ def slip_of(v: Rows, k: int, late: int, problem: Problem) -> Vector:
     """Return how contact k slips [m/s]; ``late`` as in `springgym.contact.movers.velocity_between`."""
     contacts = problem.contacts
     n, slip = row(contacts.normal, k), velocity_between(v, k, late, problem)
-    if flag_of(k, contacts.tilts) == 0:
+    if number_of(k, contacts.tilts) == 0:
         return slip - dot(slip, n) / dot(n, n) * n
     first, third = row_of(v, k, 1, contacts), row_of(v, k, 2, contacts)
     if contacts.members[k] == 3:
@@ -127,9 +127,9 @@ def inverse_mass_along(along: Vector, k: int, problem: Problem) -> Number:
     total = inverse_mass_of(along, contacts.late[k], k, problem, contacts.turning)
     if contacts.late[k] == 1:
         return maximum(total, AWAY * inverse_mass_of(along, 0, k, problem, contacts.turning))
-    for m in range(flag_of(k, contacts.loose)):
+    for m in range(number_of(k, contacts.loose)):
         total = total + load(contacts.weight, 4 * k + m) * load(contacts.gain, 4 * k + m)
-        if flag_of(k, contacts.tilts) == 1:
+        if number_of(k, contacts.tilts) == 1:
             lift = normal_part(k, m, along, contacts)
             total = total + lift * lift * load_each(problem.inverse_mass, load(contacts.particle, 4 * k + m))
     return total
@@ -140,7 +140,7 @@ def push_across(v: Rows, k: int, j: Vector, problem: Problem) -> None:
     """Give contact k an impulse across its normal, and what takes its torque back."""
     contacts = problem.contacts
     push(v, k, j, problem)
-    if flag_of(k, contacts.tilts) == 1:
+    if number_of(k, contacts.tilts) == 1:
         n = row(contacts.normal, k)
         for m in range(contacts.members[k]):
             i = load(contacts.particle, 4 * k + m)

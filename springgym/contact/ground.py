@@ -90,10 +90,10 @@ def add_row(rows: int, k: int, i: int, e: int, touch: tuple[Vector, Number, Numb
 
 
 @compiled
-def clear(k: int, flags: np.ndarray | None) -> None:
-    """Set a whole number of contact k to 0, where there is one."""
-    if flags is not None:
-        flags[k] = 0
+def clear(k: int, numbers: np.ndarray | None) -> None:
+    """Set the entry of contact k in an array of whole numbers to 0, if the scene has that array."""
+    if numbers is not None:
+        numbers[k] = 0
 
 
 @compiled

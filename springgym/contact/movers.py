@@ -75,11 +75,11 @@ def turns_as_one(body: int, turning: Turning | None) -> bool:
 
 
 @compiled
-def flag_of(k: int, flags: np.ndarray | None) -> int:
-    """Return a whole number of contact k, known to be 0 if there are contacts with surfaces only."""
-    if flags is None:
+def number_of(k: int, numbers: np.ndarray | None) -> int:
+    """Return the entry of contact k in an array of whole numbers; 0 if the scene has no such array."""
+    if numbers is None:
         return 0
-    return int(flags[k])
+    return int(numbers[k])
 
 
 # --- Motion of a body -------------------------------------------------------------------------------------
@@ -145,7 +145,7 @@ def velocity_between(v: Rows, k: int, late: int, problem: Problem) -> Vector:
     if only >= 0:
         return row(v, only)
     u = 0.0 * row(contacts.normal, k)
-    for m in range(flag_of(k, contacts.loose)):
+    for m in range(number_of(k, contacts.loose)):
         u = plus_scaled(u, load(contacts.weight, 4 * k + m), row_each(v, load(contacts.particle, 4 * k + m)))
     return plus_turning(u, v, k, late, problem, contacts.turning)
 
@@ -191,7 +191,7 @@ def push(v: Rows, k: int, j: Vector, problem: Problem) -> None:
     if only >= 0:
         set_row(v, only, plus_scaled(row(v, only), load(contacts.gain, 4 * k), j))
     else:
-        for m in range(flag_of(k, contacts.loose)):
+        for m in range(number_of(k, contacts.loose)):
             i = load(contacts.particle, 4 * k + m)
             set_row_each(v, i, plus_scaled(row_each(v, i), load(contacts.gain, 4 * k + m), j))
         push_turning(v, k, j, 0.0 * j, problem, contacts.turning)

@@ -297,7 +297,7 @@ class Turning(NamedTuple):
     turns: np.ndarray
     """(bodies,) whether contacts turn a body as one"""
     balls: np.ndarray
-    """(bodies,) whether other bodies meet it at its centre of mass, as of a ball"""
+    """(bodies,) whether a body is a ball, which others meet at its centre of mass"""
     first: np.ndarray
     """(bodies,) the index of the row that holds its velocity; the next row holds its angular momentum"""
     pivot: np.ndarray
@@ -333,7 +333,8 @@ class ContactRows(NamedTuple):
     members: np.ndarray
     """(rows,) the number of particles of the contact, the same in all copies"""
     loose: np.ndarray
-    """(rows,) the number of those that move by themselves; or, if any does, of all. None without pairs"""
+    """(rows,) the number of the contact's particles if any of them is moved by itself, else 0; None if no
+    bodies collide"""
     only: np.ndarray
     """(rows,) the index of the particle that meets a surface and moves by itself; else −1"""
     touching: np.ndarray
@@ -432,7 +433,7 @@ class RowSpace(NamedTuple):
     active: np.ndarray
     """(bodies,) whether a body has contacts in any copy"""
     rolls: np.ndarray
-    """(bodies,) whether any of these has its slip measured at the end of the step"""
+    """(bodies,) whether the slip of any contact of a body is measured at the end of the step"""
     lists: Lists | None
     """the features that are near each other; None if bodies do not collide"""
     contacts: ContactRows
@@ -465,8 +466,8 @@ class WarmStart(NamedTuple):
     """(rows, 3) the impulse of friction [N·s]; None if no pair rubs"""
     couple: np.ndarray | None
     """(rows, 3) the angular impulse of the couple [N·m·s]; None if no turning is resisted"""
-    kept: np.ndarray
-    """(1,) 1 if a row is filled, else 0"""
+    in_use: np.ndarray
+    """(1,) 1 if any row of the table is filled, else 0"""
 
 
 TOUCHING, IMPULSE, GAP, ENERGY, CONTACT, FRICTION, MISSES, FAST, OVERFLOW, FASTEST = range(10)

@@ -30,8 +30,8 @@ from springgym.contact.features import TAPER, smooth
 from springgym.contact.friction import inverse_mass_along, push_across, set_tilt, slip_of
 from springgym.contact.law import barrier_energy, meet
 from springgym.contact.movers import (
-    flag_of,
     inverse_mass_of,
+    number_of,
     push,
     push_turning,
     slip_by_couple,
@@ -149,7 +149,7 @@ def weigh(k: int, problem: Problem) -> Number:
         gain = load(problem.inverse_mass, only)
         store(contacts.gain, 4 * k, gain)
         return gain * dot(n, n)
-    for m in range(flag_of(k, contacts.loose)):
+    for m in range(number_of(k, contacts.loose)):
         weight = load(contacts.weight, 4 * k + m)
         gain = weight * load_each(problem.inverse_mass, load(contacts.particle, 4 * k + m))
         store(contacts.gain, 4 * k + m, gain)
@@ -480,9 +480,8 @@ def add_totals(v: Rows, problem: Problem, changing: np.ndarray) -> None:
     contacts, totals, span = problem.contacts, problem.totals, problem.span
     clear_current(True, totals, changing)
     for n in range(contacts.length[MET]):
-        add_to(
-            totals, contacts.touching_pairs[n], OVERFLOW, load(contacts.left_out, contacts.touching_pairs[n])
-        )
+        p = contacts.touching_pairs[n]
+        add_to(totals, p, OVERFLOW, load(contacts.left_out, p))
     for k in range(problem.contacts.length[ROWS]):
         p, impulse, n = contacts.pair[k], load(contacts.impulse, k), row(contacts.normal, k)
         u0, reach, c = load(contacts.approach, k), reach_of(k, problem), strength_of(k, problem)

@@ -58,7 +58,7 @@ def new_warm_start(pairs: Pairs, bodies: int, blocks: Callable[..., np.ndarray])
         impulse=blocks(rows),
         friction=None if pairs.friction is None else blocks(rows, 3),
         couple=None if pairs.resistance is None else blocks(rows, 3),
-        kept=blocks(1),
+        in_use=blocks(1),
     )
 
 
@@ -103,7 +103,7 @@ def is_of(key: Key, place: Number, table: WarmStart) -> Mask:
 @compiled
 def start_warm(v: Rows, problem: Problem, table: WarmStart | None) -> None:
     """Start each contact with its impulse of the last node, and change the velocities ``v`` (N, 3) by it."""
-    if table is not None and any_lane(load(table.kept, 0) > 0.5):
+    if table is not None and any_lane(load(table.in_use, 0) > 0.5):
         contacts = problem.contacts
         for k in range(problem.contacts.length[ROWS]):
             key = key_of(k, problem, table.pair.size)
@@ -158,15 +158,15 @@ def start_couple(v: Rows, k: int, at: Number, there: Mask, problem: Problem, kep
 def keep_impulses(problem: Problem, table: WarmStart | None) -> None:
     """Enter what all contacts gave, in place of what they gave at the last node."""
     if table is not None:
-        contacts, rows, kept = problem.contacts, table.pair.size, load(table.kept, 0)
-        if any_lane(kept > 0.5):
+        contacts, rows, in_use = problem.contacts, table.pair.size, load(table.in_use, 0)
+        if any_lane(in_use > 0.5):
             for place in range(rows):
                 store(table.pair, place, 0.0)
-        kept = 0.0 * kept
+        in_use = 0.0 * in_use
         for k in range(problem.contacts.length[ROWS]):
             key, impulse = key_of(k, problem, rows), load(contacts.impulse, k)
             place, left = key.place, select(impulse > 0.0, 1.0 + 0.0 * impulse, 0.0)
-            kept = maximum(kept, left)
+            in_use = maximum(in_use, left)
             for _ in range(PROBES):
                 if not any_lane(left > 0.5):
                     break
@@ -181,7 +181,7 @@ def keep_impulses(problem: Problem, table: WarmStart | None) -> None:
                         enter_row(table.couple, place, row(contacts.couple, k), enters)
                     left = select(enters, 0.0, left)
                 place = within_table(place + 1.0, rows)
-        store(table.kept, 0, kept)
+        store(table.in_use, 0, in_use)
 
 
 @compiled

@@ -390,7 +390,7 @@ class Episodes:
             simulator.actuate(**self.driven_by(self._driven))
             if self.error is not None:
                 self.error.finer.take_over(simulator)
-            judge = self._go_on if left else partial(self._judge, result=result, seen=seen)
+            judge = self._end_period if left else partial(self._judge, result=result, seen=seen)
             if self._judges_parts:
                 simulator.advance(self.steps, check=False, read=True, then=judge)
             else:
@@ -402,14 +402,18 @@ class Episodes:
                 self.each_period()
         return result, seen
 
-    def _go_on(self, first: int, last: int) -> None:
-        """Go on to the next control period of a step in these copies, see `_judge`."""
+    def _end_period(self, first: int, last: int) -> None:
+        """End a control period that is not the last one of a step, in some copies, see `_judge`."""
         own = self._part(first, last)
+        self._pass_period(own)
+        if self._remember is not None:
+            self._remember(*own[:2], self.memory[own.copies])
+
+    def _pass_period(self, own: Part) -> None:
+        """Count the time of a control period, and move the goals."""
         self._tick(self.time[own.copies], float(self.task.period))
         if self._move is not None:
             self._move(*own[:2], self.goal[own.copies])
-        if self._remember is not None:
-            self._remember(*own[:2], self.memory[own.copies])
 
     def driven_by(self, actions: np.ndarray) -> dict[str, np.ndarray]:
         """Return actuator values by name for the next control period, from actions (n, A) in [−1, 1].
@@ -425,12 +429,10 @@ class Episodes:
         """Return the outcome, end and observation of the copies from ``first`` to the one before ``last``."""
         own = self._part(first, last)
         share = own.copies
-        self._tick(self.time[share], float(self.task.period))
+        self._pass_period(own)
         if own is not self._whole:
             result = Step(*(values[share] for values in result))
             seen = None if seen is None else seen[share]
-        if self._move is not None:
-            self._move(*own[:2], self.goal[share])
         self._evaluate(*own[:2], own.outcome)
         if self.goals is not None:
             reach(*self._achieved(own), self.goals.ends, self.goals.within, own.out[:, MET])

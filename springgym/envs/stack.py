@@ -52,7 +52,8 @@ GAPS = (0.08, 0.1)  # between shelf and block [m]
 SUNK = 0.1  # above the block's middle: the middle of what has fallen is lower [m]
 HOLD = 12  # steps for which the box must lie on the block
 BEST, HELD = 0, 1
-"""Columns of the memory: how near the box has come, and for how many steps it has lain on the block."""
+"""Columns of the memory: the largest nearness so far, and the number of steps that the box has lain on the
+block."""
 
 
 @compiled

@@ -104,7 +104,7 @@ def pass_rows(bodies: Bodies, span: Span, goes: bool, space: RowSpace) -> None:
             find_below(n, own, span, bodies.x, space, own.terms.surfaces)
     list_changing(contacts, collisions.totals, collisions.changing)
     if not goes:
-        tell_touching(problem, collisions)
+        enter_touching(problem, collisions)
         return
     rows = contacts.length[ROWS]
     for n in range(bodies_of(bodies.x)):
@@ -130,7 +130,7 @@ def pass_rows(bodies: Bodies, span: Span, goes: bool, space: RowSpace) -> None:
 
 
 @compiled
-def tell_touching(problem: Problem, collisions: Collisions) -> None:
+def enter_touching(problem: Problem, collisions: Collisions) -> None:
     """Enter in the totals which bodies of copies that were just placed touch."""
     start_totals(load(collisions.fresh, 0) > 0.5, problem, collisions.changing)
     store(collisions.fresh, 0, 0.0)
@@ -283,7 +283,7 @@ def record_losses(n: int, ledger: Ledger, contacts: ContactRows) -> None:
 def motion_given(
     n: int, first: int, space: RowSpace, turning: Turning | None
 ) -> tuple[Vector, Vector, Vector]:
-    """Return Δv [m/s] and Δω [rad/s] that contact gives a body that turns, and the point X of it."""
+    """Return the changes of v [m/s] and ω [rad/s] by contact of a body that turns, and its point X [m]."""
     faster = 0.0 * row(space.velocity, first)
     spin, point = faster, faster
     if turning is not None and turning.turns[n] and space.active[n]:

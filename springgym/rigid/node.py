@@ -36,7 +36,7 @@ from springgym.core.vectors import choose, cross, dot, plus_scaled, row, set_row
 from springgym.forces.ledger import WORK, record
 from springgym.integrators.envelope import Block
 from springgym.integrators.record import Phase
-from springgym.integrators.rows import begin_rows, find_among, first_row, look, record_losses, tell_touching
+from springgym.integrators.rows import begin_rows, enter_touching, find_among, first_row, look, record_losses
 from springgym.rigid.body import read_state, set_particles
 from springgym.rigid.flight import angular_velocity, combine, components, fly, turned
 from springgym.rigid.kick import load_of_actuators, weight
@@ -336,7 +336,7 @@ def pass_together(phase: Phase, span: Span, goes: bool, space: Company, twins: T
             find_below(body, phase, span, space, twins, terms.surfaces)
     list_changing(contacts, collisions.totals, collisions.changing)
     if not goes:
-        tell_touching(problem, collisions)
+        enter_touching(problem, collisions)
         return
     if contacts.length[CONTACTS] > 0:
         begin_rows(among, rows.velocity, problem, collisions, rows.lists)

@@ -26,7 +26,7 @@ def row(algorithm, mean, steps=0, seconds=0.0, used=(), task=results.SUITE[0]):
 
 
 def test_scores_are_shares_of_the_way_to_the_reference():
-    """At equal seconds they are of the end of a run, at equal steps of its curve; imitation stands apart."""
+    """Scores at equal seconds are of a run's end, at equal steps of its curve; imitation stands apart."""
     references = [row("random", 0.1), row("classical", 0.5), row("planner", 0.7)]
     learned = [row("ppo", mean, 400_000, 602.0) for mean in (0.4, 0.7)]
     learned += [row("ppo", 0.5, 350_000, 600.0, ("imitation",)), row("sac", 0.9, 150_000, 300.0)]

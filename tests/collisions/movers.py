@@ -1,4 +1,4 @@
-"""Bodies that meet a floor, a ramp, a pinned block or a free body, in scenes that share two kernels."""
+"""Make scenes in which a body meets a floor, a ramp, a pinned block or a free body, on two kernels in all."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ STRENGTH, REACH = 2e-4, 2e-3
 
 
 def body(name: str, stiffness: float = 1e5, damping: float = 0.0) -> Body:
-    """A body of 1 kg, some 20 cm large."""
+    """Return a body of 1 kg that is about 20 cm large."""
     of: dict[str, Any] = {"stiffness": stiffness, "damping": damping}
     corners = [(0.13, 0, -0.06), (-0.07, 0.12, -0.05), (-0.06, -0.11, -0.07), (0.02, 0.01, 0.14)]
     made: dict[str, Any] = {
@@ -50,28 +50,29 @@ def body(name: str, stiffness: float = 1e5, damping: float = 0.0) -> Body:
 
 ON_SURFACES_ONLY = ("disk", "ellipsoid")
 LYING = {"capsule": (np.pi / 2, 0.0, 0.0)}
-"""How a body is turned to lie: a capsule along y."""
+"""The rotation by which a body lies on the ground: a capsule along y."""
 CARRIERS = {"capsule": 2, "cube": 4, "stone": 3}
-"""By how many contacts a body lies, if not by one."""
+"""The number of contacts of a body that lies on the ground, if it is not one."""
 BLOCK = box((4.0, 2.0, 0.5), 8.0, damping=0.0)
 FAR_BALL = rolling_ball(0.09, damping=0.0)
 FAR_PAIR = tuple(Placed(FAR_BALL, np.add(FAR_BALL.positions, (x, 0, 300)), name=f"far{x}") for x in (50, 60))
 BESIDE = Placed(FAR_BALL, np.add(FAR_BALL.positions, (5, 0, 0)), name="far")
-"""Bodies that could meet others, unlike them: so all scenes share the kernel of bodies that collide."""
+"""Bodies far away that collide, or could: with them every scene uses the kernel of bodies that collide."""
 
 
 class World(NamedTuple):
-    """A simulator, and the axes of what its first body meets: x leads downhill, z along the normal."""
+    """A `World` holds a simulator and the axes of the surface that its first body meets: x points downhill, z
+    along the normal."""
 
     simulator: Simulator
     axes: np.ndarray
 
     def velocity(self, n: int = 0) -> np.ndarray:
-        """Of the centre of mass of a body (copies, 3) [m/s]."""
+        """Return the velocity of the centre of mass of a body (copies, 3) [m/s]."""
         return np.asarray(self.simulator.measure(n).centre_velocity @ self.axes)
 
     def spin(self, n: int = 0) -> np.ndarray:
-        """Angular velocity of a body (copies, 3) [rad/s]."""
+        """Return the angular velocity of a body (copies, 3) [rad/s]."""
         return np.asarray(self.simulator.measure(n).angular_velocity @ self.axes)
 
     def centre(self, n: int = 0) -> np.ndarray:
@@ -108,7 +109,7 @@ def scene(
     aside: Any = (0.0, 0.0, 0.0),
     **begins: Any,
 ) -> Scene:
-    """A body above what it meets, at z = 0 by the axes of `World`, or at rest on it.
+    """Return a scene of a body above or at rest on what it meets, whose top is z = 0 by the axes of `World`.
 
     ``begins`` are arguments of `start`. Gravity is turned by ``tilt`` from the normal, as a ramp is; without
     it, there is none. A "mate" is a free body, equal to the first if no ``other`` is given.
@@ -159,7 +160,7 @@ def world(
     tilt: float | None = None,
     **more: Any,
 ) -> World:
-    """A body above what it meets, see `scene`."""
+    """Return a simulator of a body above what it meets, see `scene`."""
     made = scene(of, on, contact, up, tilt, **more)
     simulator = full(made, dynamics=dynamics, step=step, copies=copies, unresolved=unresolved)
     return World(simulator, axes_of(on, tilt or 0.0))

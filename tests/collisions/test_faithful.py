@@ -32,7 +32,7 @@ def test_faithful_speed_of_cubes() -> None:
 
 
 def test_steps_limit_the_faithful_speed() -> None:
-    """An impact moves by a fifth of Δ a step at most."""
+    """The faithful speed is at most Δ/5 a step."""
     for step, speed in ((7e-4, 0.2 * 0.005 / 7e-4), (1e-4, cubes(1e5).faithful_speed)):
         simulator = Simulator(cubes(1e5), step=step)
         assert simulator.faithful_speed == pytest.approx(speed)

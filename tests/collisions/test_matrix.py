@@ -47,7 +47,7 @@ GAP = 0.01
 
 
 def cells(movers: Iterable[str], partners: Iterable[str], *usual: str) -> Any:
-    """Parameters of a law: those bodies that can meet, of which each run takes the ``usual`` ones."""
+    """Parametrise a test by bodies, partners and dynamics; all but the ``usual`` cells are slow."""
     names = [
         f"{mover}-{on}-{dynamics}"
         for dynamics in ("springs", "rigid")
@@ -67,9 +67,9 @@ def cells(movers: Iterable[str], partners: Iterable[str], *usual: str) -> Any:
 
 E = np.array([1.0, 0.8, 0.5, 0.2])
 DEFAULT = (0.01, 0.03, 0.03, 0.08)
-"""By how much default bodies, contacts and steps miss `E`, in the mean over phases of a step."""
+"""Largest errors of restitutions `E` with default bodies, contacts and steps, in the mean over phases."""
 COARSE = (0.065, 0.025, 0.085, 0.19)
-"""That of balls between bodies, whose default contact is hard, and of cubes of springs, which ring."""
+"""The same for balls that hit bodies, by a hard default contact, and for cubes of springs, which vibrate."""
 
 
 @pytest.mark.parametrize("finer", [1, pytest.param(10, marks=pytest.mark.slow)])
@@ -220,7 +220,7 @@ COPIES = 16
 
 
 def thrown(mover: str, on: str, dynamics: str, how: Contact, step: float, stiffness: float = 1e5) -> World:
-    """A body, turned and spinning at random, flies at 1 m/s at a surface, or at another off its middle."""
+    """Return a body, turned and spinning at random, that flies at a surface or another's side at 1 m/s."""
     of, other = body(mover, stiffness), body("cube" if mover == "stone" else mover, stiffness)
     options: dict[str, Any] = {"copies": COPIES, "unresolved": "count", "tilt": 0.3 if on == "ramp" else None}
     w = world(of, on, how, 1.0, dynamics=dynamics, step=step, other=other, **options)
@@ -242,7 +242,7 @@ def thrown(mover: str, on: str, dynamics: str, how: Contact, step: float, stiffn
 
 
 def kept(simulator: Simulator) -> np.ndarray:
-    """Energy that steps keep, with what was lost (copies,) [J]."""
+    """Return the energy that steps conserve, with the losses added (copies,) [J]."""
     m = simulator.measure()
     off = simulator.shadow_energy() - m.energy if simulator.dynamics == "springs" else 0.0
     return np.asarray(m.balance + off)
@@ -324,7 +324,7 @@ def test_what_lies_stays_and_its_contacts_bear_its_weight(mover: str, on: str, d
 @pytest.mark.parametrize("on", ["floor", "mate"])
 @pytest.mark.parametrize("mover", ["ball", "capsule", "ellipsoid", "cube"])
 def test_springs_approach_their_twin_as_they_grow_stiff(mover: str, on: str) -> None:
-    """By their velocities after an impact with friction and loss; contact is the same for all."""
+    """Velocities after an impact approach those of the rigid twin as the springs get stiffer."""
     if on == "mate" and mover in ON_SURFACES_ONLY:
         pytest.skip("it meets surfaces alone")
 
@@ -381,7 +381,7 @@ def test_a_body_turns_about_its_pin_when_it_is_hit(dynamics: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("mover", ["ball", "capsule", "cube", "stone"])
 def test_nothing_gets_through_a_corner_of_planes(mover: str) -> None:
-    """At 20 m/s and 100 rad/s, which is more than steps resolve, and told; energy does not grow by much."""
+    """Bodies at 20 m/s and 100 rad/s are too fast for the steps: they are counted, and gain little energy."""
     of, rng = body(mover), np.random.default_rng(1)
     planes = (Plane(), Plane((-1, 0, 0), (1, 0, 0)), Plane((0, -1, 0), (0, 1, 0)))
     above = Placed(of, np.add(of.positions, (0, 0, 0.8)), name="first")

@@ -41,7 +41,7 @@ def struck(env: gym.Env, angle: float, size: float = 0.5) -> Ways:
 
 
 def test_an_episode_is_one_stroke() -> None:
-    """v = (F/m − μ g) T after the first control period; μ g slows it then, and the force is over."""
+    """The ball's speed is (F/m − μ g) T after the first control period; then only friction, μ g, slows it."""
     velocities, reward, terminated, info = struck(laid((0.0, 0.0), (1.5, 1.5), (-1.0, 0.0)), 0.3)
     assert terminated
     assert len(velocities) == PERIODS
