@@ -166,8 +166,8 @@ class MuJoCo:
         mujoco.set_mju_user_warning(lambda message: None)  # a step too long shows in the error
         self.mujoco, self.scene, self.step, self.rigid = mujoco, scene, step, rigid
         self.evaluations = MUJOCO.get(integrator, 1)
-        world, velocities = _rigid_body(scene) if rigid else _springs(scene)
-        self.velocities = velocities
+        self.start = Simulator(scene, dynamics="rigid").positions[0] if rigid else scene.positions.copy()
+        world, self.velocities = _rigid_body(scene) if rigid else _springs(scene)
         self.model = mujoco.MjModel.from_xml_string(
             f'<mujoco><compiler inertiafromgeom="false"/><option timestep="{step!r}" '
             f'integrator="{integrator}" gravity="{_text(scene.gravity or (0, 0, 0))}">'
@@ -188,7 +188,7 @@ class MuJoCo:
 
     def positions(self) -> np.ndarray:
         """Return positions of the particles, (N, 3) [m]."""
-        x = self.scene.positions.copy()
+        x = self.start.copy()
         if self.rigid:
             matrix = np.zeros(9)
             self.mujoco.mju_quat2Mat(matrix, self.data.qpos)

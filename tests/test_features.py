@@ -20,7 +20,9 @@ pytestmark = pytest.mark.own_kernels
 
 FEATURES = all_features()
 PLAIN, STANDING = FEATURES["damping"].off, FEATURES["friction"].off
-FLOATING, ALOFT = FEATURES["plane out of reach"].off, FEATURES["plane"].off
+FLOATING, BELOW = (
+    FEATURES[name].off.with_(surfaces=(floor(-1e3),)) for name in ("plane out of reach", "plane")
+)
 STEPS = 200
 
 Pair = tuple[Scene, Scene, dict[str, Any], dict[str, Any]]
@@ -36,7 +38,7 @@ AT_ONCE: dict[str, Pair] = {
         {"varying": ("masses", "stiffness", "lengths", "gravity", "damping"), "ledger": True},
         {"damping": PLAIN.body.damping},
     ),
-    "a floor out of reach": (ALOFT, ALOFT.with_(surfaces=(floor(-1e3),)), RUBBING, {"friction": 0.5}),
+    "a floor out of reach": (BELOW, BELOW, RUBBING, {"friction": 0.5}),
     "on a floor": (STANDING, STANDING, RUBBING, {"friction": 0.0, "restitution": 1.0}),
 }
 """Many features at once, as each pair of scenes is compiled for itself."""

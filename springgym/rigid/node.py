@@ -36,28 +36,35 @@ from springgym.core.vectors import choose, cross, dot, plus_scaled, row, set_row
 from springgym.forces.ledger import WORK, record
 from springgym.integrators.envelope import Block
 from springgym.integrators.record import Phase
-from springgym.integrators.rows import begin_rows, enter_touching, find_among, first_row, look, record_losses
+from springgym.integrators.rows import (
+    MANY,
+    begin_rows,
+    enter_touching,
+    find_among,
+    first_row,
+    look,
+    record_losses,
+)
 from springgym.rigid.body import read_state, set_particles
 from springgym.rigid.flight import angular_velocity, combine, components, fly, turned
 from springgym.rigid.kick import load_of_actuators, weight
 from springgym.rigid.solid import Motion, Rigid, Solid, State, Twin
 from springgym.terms import Thrust, Wrench
 
-SWEEPS = 80
-"""Most sweeps in which impulses are found. Where that is too seldom, the next step goes on from there."""
+SWEEPS, FLIGHTS = 80, 40
+"""Most sweeps in which impulses are found, and most turns in which flights and impulses follow from each
+other. Where that is too seldom, the next step goes on from there."""
 
-STILL = 1e-6
-"""Turning by which a particle's arm moves by less than this share of Δ in a step is rounding."""
+AGREED = 1e-9
+"""Change of a way by the last sweep, as a share of Δ, at which impulses are found."""
 
-AGREED, ROUGHLY = 1e-9, 1e-3
-"""Change of a way by the last sweep, as a share of Δ, at which impulses are found; and among many bodies,
-where the next node goes on from there (`springgym.contact.warm`)."""
+FEW = 4
+"""Sweeps of a flight, and flights, among more than `MANY` bodies: the next node goes on from there
+(`springgym.contact.warm`). To end them at 1e-3 Δ shakes a pile: what is left over differs from node to node."""
 
-MANY = 10
-"""Most bodies that are not many."""
-
-FLIGHTS = 40
-"""Most turns in which flights and impulses follow from each other."""
+STILL = 1e-3
+"""Turning in a step, over Δ in metres, below which arms stay: what a way is curved by is then less than
+1e-10 Δ, and its quotient by the turning is rounding, which would shake what rests."""
 
 AXES, SPIN, POSITION, VELOCITY, CENTRE, MASS = 0, 3, 4, 5, 6, 7
 """Rows of a body at the node: its `State` and `Solid`, with 1 over its mass behind the mass."""
@@ -354,12 +361,16 @@ def find_impulses(
     """Find all impulses, in turns with the flights that they make, where there are surfaces."""
     contacts, span = space.rows.contacts, problem.span
     one = 1.0 + 0.0 * span.out
-    enough = (AGREED if bodies_of(phase.x) <= MANY else ROUGHLY) + 64 * epsilon(one)
+    enough, sweeps, flights = AGREED + 64 * epsilon(one), SWEEPS, FLIGHTS
+    if bodies_of(phase.x) > MANY:
+        sweeps, flights = FEW, FEW
+    if surfaces is None or contacts.length[CONTACTS] == among:
+        flights = 1
     going = one
-    for turn in range(1 if surfaces is None or contacts.length[CONTACTS] == among else FLIGHTS):
+    for turn in range(flights):
         store(contacts.going, 0, going)
-        solve(space.rows.velocity, SWEEPS, enough, turn == 0, problem)
-        if surfaces is not None and turn < FLIGHTS - 1 and contacts.length[CONTACTS] > among:
+        solve(space.rows.velocity, sweeps, enough, turn == 0, problem)
+        if surfaces is not None and turn < flights - 1 and contacts.length[CONTACTS] > among:
             for body in range(bodies_of(phase.x)):
                 fly_on(body, phase, span, space, of_body(twins, body))
             moved = 0.0 * one

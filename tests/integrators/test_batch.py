@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from springgym.core.blocks import flat_numbers, put
+from springgym.core.blocks import by_copies
 from springgym.integrators import METHODS, integrator
 from tests.integrators.problems import simulator, tetrahedron
 
@@ -25,8 +25,7 @@ def batch(name: str, copies: Any, threads: int = 1, spoilt: int | None = None, *
     positions = made.positions
     made.place(positions, velocities)
     if spoilt is not None:  # which no call would
-        positions[spoilt, 2] = np.nan
-        put(flat_numbers(made._x), np.arange(made.copies), positions.reshape(made.copies, -1))
+        by_copies(made._x)[spoilt // made.width, spoilt % made.width, 2] = np.nan
     made.actuate(torque=np.multiply.outer(0.1 * np.asarray(copies), [1.0, 2.0, -1.0]))
     made.advance(STEPS, check=False)
     measures = made.measure()
