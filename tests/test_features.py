@@ -20,9 +20,8 @@ pytestmark = pytest.mark.own_kernels
 
 FEATURES = all_features()
 PLAIN, STANDING = FEATURES["damping"].off, FEATURES["friction"].off
-FLOATING, BELOW = (
-    FEATURES[name].off.with_(surfaces=(floor(-1e3),)) for name in ("plane out of reach", "plane")
-)
+FLOATING = FEATURES["plane out of reach"].off.with_(surfaces=(floor(-1e3),))
+BELOW = FEATURES["plane"].off.with_(surfaces=(floor(-1e3),))
 STEPS = 200
 
 Pair = tuple[Scene, Scene, dict[str, Any], dict[str, Any]]

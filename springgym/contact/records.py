@@ -54,6 +54,10 @@ class Given(NamedTuple):
     """Σ J n [m/s]: the work of the barriers is its product with the way, over the time"""
 
 
+MANY = 10
+"""Number of bodies beyond which contacts take a fixed number of sweeps; the next node goes on from there."""
+
+
 PASSES = 2
 """Number of iterations, within a turn, that find the couple and the friction of a contact from each other."""
 

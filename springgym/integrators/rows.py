@@ -21,6 +21,7 @@ from springgym.contact.movers import find_inertia, gather, turned
 from springgym.contact.records import (
     ENERGY,
     ENTRIES,
+    MANY,
     MET,
     ROWS,
     Collisions,
@@ -56,8 +57,8 @@ from springgym.integrators.node import (
 SWEEPS = 2
 """Sweeps, there and back, in which impulses are found."""
 
-ENOUGH, MANY = 1e-3, 10
-"""Share of Δ: a sweep that changes no gap by more is the last; but not among more bodies than these, where
+ENOUGH = 1e-3
+"""Share of Δ: a sweep that changes no gap by more is the last; but not among more than `MANY` bodies, where
 what one sweep leaves over would shake a pile."""
 
 INLINE = {**OPTIONS, "forceinline": True}

@@ -23,8 +23,8 @@ import numpy as np
 from springgym.contact.ground import Grounded, ahead_of, find_ground
 from springgym.contact.law import Span
 from springgym.contact.movers import spin, velocity_between
+from springgym.contact.records import MANY, Problem, RowSpace, Surfaces
 from springgym.contact.records import ROWS as CONTACTS
-from springgym.contact.records import Problem, RowSpace, Surfaces
 from springgym.contact.round import Way
 from springgym.contact.solver import add_totals, reach_of, solve, weigh
 from springgym.contact.totals import list_changing
@@ -36,15 +36,7 @@ from springgym.core.vectors import choose, cross, dot, plus_scaled, row, set_row
 from springgym.forces.ledger import WORK, record
 from springgym.integrators.envelope import Block
 from springgym.integrators.record import Phase
-from springgym.integrators.rows import (
-    MANY,
-    begin_rows,
-    enter_touching,
-    find_among,
-    first_row,
-    look,
-    record_losses,
-)
+from springgym.integrators.rows import begin_rows, enter_touching, find_among, first_row, look, record_losses
 from springgym.rigid.body import read_state, set_particles
 from springgym.rigid.flight import angular_velocity, combine, components, fly, turned
 from springgym.rigid.kick import load_of_actuators, weight
@@ -60,7 +52,8 @@ AGREED = 1e-9
 
 FEW = 4
 """Sweeps of a flight, and flights, among more than `MANY` bodies: the next node goes on from there
-(`springgym.contact.warm`). To end them at 1e-3 Δ shakes a pile: what is left over differs from node to node."""
+(`springgym.contact.warm`). If they ended at 1e-3 Δ, what is left over would differ from node to node, and
+shake a pile."""
 
 STILL = 1e-3
 """Turning in a step, over Δ in metres, below which arms stay: what a way is curved by is then less than
@@ -360,20 +353,16 @@ def find_impulses(
 ) -> None:
     """Find all impulses, in turns with the flights that they make, where there are surfaces."""
     contacts, span = space.rows.contacts, problem.span
-    one = 1.0 + 0.0 * span.out
-    enough, sweeps, flights = AGREED + 64 * epsilon(one), SWEEPS, FLIGHTS
-    if bodies_of(phase.x) > MANY:
-        sweeps, flights = FEW, FEW
-    if surfaces is None or contacts.length[CONTACTS] == among:
-        flights = 1
-    going = one
-    for turn in range(flights):
+    going = 1.0 + 0.0 * span.out
+    enough = AGREED + 64 * epsilon(going)
+    sweeps, flights = (SWEEPS, FLIGHTS) if bodies_of(phase.x) <= MANY else (FEW, FEW)
+    for turn in range(1 if surfaces is None or contacts.length[CONTACTS] == among else flights):
         store(contacts.going, 0, going)
         solve(space.rows.velocity, sweeps, enough, turn == 0, problem)
         if surfaces is not None and turn < flights - 1 and contacts.length[CONTACTS] > among:
             for body in range(bodies_of(phase.x)):
                 fly_on(body, phase, span, space, of_body(twins, body))
-            moved = 0.0 * one
+            moved = 0.0 * span.out
             for k in range(among, contacts.length[CONTACTS]):
                 own = grounded(contacts.body[2 * k], phase, space, twins)
                 ahead = ahead_of(k, own, of_body(twins, contacts.body[2 * k])[2].rounds)

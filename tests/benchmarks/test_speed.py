@@ -320,7 +320,7 @@ def test_every_row_has_a_speed_and_sections_their_error() -> None:
     """All of it, in one round."""
     for name, section in SECTIONS.items():
         rows = section(1)
-        assert all(row.low > 0 for row in rows), name
+        assert all(row.low > 0 or row.unit == "of the size" for row in rows), name
         stated = "o error" in str(section.__doc__) or all(
             "error" in row.facts or row.unit == "of the size" for row in rows
         )

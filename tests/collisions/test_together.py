@@ -138,8 +138,7 @@ def test_how_bodies_meet_varies_copy_by_copy() -> None:
         assert reported(one, 0) == reported(many, n), n
     own = Stepped(scene.with_(collisions=Contact(friction=0.2)), copies=3).simulator
     own.vary(None, friction=mu)
-    among = own._terms.collisions.pairs.among
-    assert (numbers(own._terms.collisions.pairs.friction)[:, :among] == 0.2).all()
+    assert (numbers(own._terms.collisions.pairs.friction)[:, :1] == 0.2).all()
 
 
 def test_readings_add_up() -> None:
