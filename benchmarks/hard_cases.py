@@ -871,7 +871,7 @@ def thrown(rows: list[tuple[np.ndarray, np.ndarray, tuple[float, float]]], speed
 
 
 def parted(simulator: Simulator, speed: float, most: float = 0.05) -> Outcome:
-    """Throw two cubes at each other, and check that they part with all but a share of their energy."""
+    """Let two cubes meet, and check that they part and keep their energy to a share ``most``."""
     kept, energy = momenta(simulator), simulator.measure().energy
     depth = 0.0
     for _ in range(60):

@@ -166,8 +166,7 @@ class MuJoCo:
         mujoco.set_mju_user_warning(lambda message: None)  # a step too long shows in the error
         self.mujoco, self.scene, self.step, self.rigid = mujoco, scene, step, rigid
         self.evaluations = MUJOCO.get(integrator, 1)
-        self.start = Simulator(scene, dynamics="rigid").positions[0] if rigid else scene.positions.copy()
-        world, self.velocities = _rigid_body(scene) if rigid else _springs(scene)
+        world, self.start, self.velocities = _rigid_body(scene) if rigid else _springs(scene)
         self.model = mujoco.MjModel.from_xml_string(
             f'<mujoco><compiler inertiafromgeom="false"/><option timestep="{step!r}" '
             f'integrator="{integrator}" gravity="{_text(scene.gravity or (0, 0, 0))}">'
@@ -235,8 +234,8 @@ def _text(values: Iterable[float]) -> str:
     return " ".join(repr(float(value)) for value in values)
 
 
-def _springs(scene: Scene) -> tuple[str, np.ndarray]:
-    """Return the world of MuJoCo's file, and velocities of the joints, of the particles of a scene."""
+def _springs(scene: Scene) -> tuple[str, np.ndarray, np.ndarray]:
+    """Return the world of MuJoCo's file, the initial positions of the particles, and joints' velocities."""
     body, free = scene.body, scene.free
     sites, bodies = "", ""
     for n, (x, m) in enumerate(zip(scene.positions, body.masses.tolist(), strict=True)):
@@ -254,11 +253,12 @@ def _springs(scene: Scene) -> tuple[str, np.ndarray]:
         for (i, j), length, k, c in zip(*numbers, strict=True)
     )
     world = f"<worldbody>{sites}{bodies}</worldbody><tendon>{tendons}</tendon>"
-    return world, scene.velocities[free].ravel()
+    return world, scene.positions, scene.velocities[free].ravel()
 
 
-def _rigid_body(scene: Scene) -> tuple[str, np.ndarray]:
-    """Return the world of MuJoCo's file, and the angular velocity, of a scene as one rigid body."""
+def _rigid_body(scene: Scene) -> tuple[str, np.ndarray, np.ndarray]:
+    """Return the world of MuJoCo's file, the initial positions of the particles of the rigid twin, and its
+    angular velocity."""
     start = Simulator(scene, dynamics="rigid")
     x, masses = start.positions[0] - scene.positions[scene.pivot], scene.body.masses
     centre = masses @ x / masses.sum()
@@ -269,7 +269,7 @@ def _rigid_body(scene: Scene) -> tuple[str, np.ndarray]:
         "</body></worldbody>"
     )
     momentum = masses @ np.cross(x, start.velocities[0])
-    return world, np.linalg.solve(inertia(x, masses), momentum)
+    return world, start.positions[0], np.linalg.solve(inertia(x, masses), momentum)
 
 
 def mujoco_rungs(problem: Problem, scene: Scene) -> list[Rung]:

@@ -22,10 +22,10 @@ from springgym.core.vectors import choose, dot, plus_scaled, row, set_row, unit
 from springgym.terms import Terms
 
 TURNS = 40
-"""How often the surfaces that know of each other are taken in turn, at the most."""
+"""Largest number of turns in which surfaces that know of each other find their impulses."""
 
 AGREED = 1e-9
-"""Change of the way by the last turn, as a share of Δ, at which they agree."""
+"""Largest change of a particle's way, as a share of Δ, by a turn that is the last."""
 
 ALMOST = 1.1
 """Share of Δ below which a surface is near: where a way ends out of it, the next begins out of Δ, whatever is

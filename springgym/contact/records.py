@@ -55,7 +55,8 @@ class Given(NamedTuple):
 
 
 MANY = 10
-"""Number of bodies beyond which contacts take a fixed number of sweeps; the next node goes on from there."""
+"""Largest number of bodies whose sweeps end as soon as impulses agree. Among more bodies a node takes a few
+sweeps, and the next node continues from its impulses."""
 
 
 PASSES = 2

@@ -55,11 +55,11 @@ from springgym.integrators.node import (
 )
 
 SWEEPS = 2
-"""Sweeps, there and back, in which impulses are found."""
+"""Number of sweeps, forth and back, in which a node finds its impulses."""
 
 ENOUGH = 1e-3
-"""Share of Δ: a sweep that changes no gap by more is the last; but not among more than `MANY` bodies, where
-what one sweep leaves over would shake a pile."""
+"""Largest change of a gap, as a share of Δ, by a sweep that is the last. Among more than `MANY` bodies no
+sweep is left out, because the error that one sweep leaves shakes a pile."""
 
 INLINE = {**OPTIONS, "forceinline": True}
 

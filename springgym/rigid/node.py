@@ -44,20 +44,21 @@ from springgym.rigid.solid import Motion, Rigid, Solid, State, Twin
 from springgym.terms import Thrust, Wrench
 
 SWEEPS, FLIGHTS = 80, 40
-"""Most sweeps in which impulses are found, and most turns in which flights and impulses follow from each
-other. Where that is too seldom, the next step goes on from there."""
+"""Largest number of sweeps in a turn, and of turns in which flights and impulses are found from each other.
+If they do not suffice, the next step continues from their impulses."""
 
 AGREED = 1e-9
-"""Change of a way by the last sweep, as a share of Δ, at which impulses are found."""
+"""Largest change of a gap, as a share of Δ, by a sweep or a turn that is the last."""
 
 FEW = 4
-"""Sweeps of a flight, and flights, among more than `MANY` bodies: the next node goes on from there
-(`springgym.contact.warm`). If they ended at 1e-3 Δ, what is left over would differ from node to node, and
-shake a pile."""
+"""Largest number of sweeps in a turn, and of turns, among more than `MANY` bodies. The next node continues
+from their impulses (`springgym.contact.warm`). If sweeps ended at 1e-3 Δ instead, their error would differ
+from node to node and shake a pile."""
 
 STILL = 1e-3
-"""Turning in a step, over Δ in metres, below which arms stay: what a way is curved by is then less than
-1e-10 Δ, and its quotient by the turning is rounding, which would shake what rests."""
+"""Turning in a step per Δ [rad/m] below which a way counts as straight: it is curved by less than 1e-10 Δ
+then, and arms that `look_ahead` moved by the quotient of both, which is rounding, would shake bodies at
+rest."""
 
 AXES, SPIN, POSITION, VELOCITY, CENTRE, MASS = 0, 3, 4, 5, 6, 7
 """Rows of a body at the node: its `State` and `Solid`, with 1 over its mass behind the mass."""

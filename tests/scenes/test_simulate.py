@@ -366,7 +366,7 @@ def test_plot_shows_the_recording(name, tmp_path):
     energies = next(axes for axes in figure.axes if axes.get_title(loc="left").startswith("energy"))
     total = next(line for line in energies.get_lines() if line.get_label() == "sum").get_ydata()
     parts = [line.get_ydata() for line in energies.get_lines() if line.get_label() != "sum"]
-    # the box's are its vibrations, which steps of two thirds of the limit follow to 3 %
+    # the flipping box only vibrates, and steps of two thirds of the limit keep that energy to 3 %
     assert np.ptp(total) < 0.04 * max(np.abs(part).max() for part in parts)
 
 
