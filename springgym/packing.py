@@ -190,7 +190,7 @@ def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Optio
             for decaying in decays(part, order, options.every * options.step, body.damping, body.masses)
         )
         dampers = Dampers(parameter({"damping"}, body.damping[order]), half, whole, paired=body.floppy)
-    surfaces = shared.surfaces
+    surfaces, nodes = shared.surfaces, has_nodes(scene, options.method)
     if surfaces is not None:
         c, reach = scales(part.contact, body)
         round_bodies = any(of.body.radius > 0 for of in scene.bodies)
@@ -198,9 +198,9 @@ def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Optio
             strength=parameter({"strength"}, np.array([c])),
             reach=reach,
             radius=float(body.radius) if round_bodies else None,
+            totals=options.blocks(ENTRIES) if nodes and shared.collisions is None else None,
         )
-    actuators = _actuators(part, scene, options.blocks)
-    last, nodes = None, has_nodes(scene, options.method)
+    actuators, last = _actuators(part, scene, options.blocks), None
     if nodes and dampers is not None and not twin:
         last = LastNode(options.blocks(count, 3), options.blocks(1))
     terms = shared._replace(
@@ -468,6 +468,7 @@ def reset_flags(terms: Terms) -> list[np.ndarray]:
     """Return the arrays that are zero in copies just reset, whose positions and velocities alone count."""
     kept: list[np.ndarray | Ragged] = [] if terms.cycle is None else [terms.cycle.marks]
     kept += [] if terms.last is None else list(terms.last)
+    kept += [] if terms.surfaces is None or terms.surfaces.totals is None else [terms.surfaces.totals]
     found = [of.values if isinstance(of, Ragged) else of for of in kept]
     if terms.collisions is not None and terms.collisions.warm is not None:
         found.append(terms.collisions.warm.pair)

@@ -23,7 +23,6 @@ from springgym import checks, contacts, measures, packing, stability
 from springgym.checks import FLOAT, HUGE, INDEX, MANY, TINY
 from springgym.contact import totals
 from springgym.contact.overlap import outlines, tell_shown
-from springgym.contact.records import Collisions
 from springgym.contact.solver import QUICK
 from springgym.contact.totals import RESOLVED, PairReadings
 from springgym.contacts import Contacts, PairSums
@@ -152,8 +151,8 @@ class Simulator:
         Largest |L/L₀ − 1| of a spring. A copy beyond it has diverged. The default is `STRAIN_LIMIT`. If you
         give a limit, you intend strains up to it, and no `PrecisionWarning` appears.
     unresolved
-        What `advance` does if bodies that collide or roll meet each other, or a surface, in a way that a step
-        cannot resolve: "raise" an error, or "count" it, so that `pairs` and `unresolved` report it.
+        What `advance` does if bodies meet each other, or a surface, in a way that a step cannot resolve:
+        "raise" an error, or "count" it, so that `pairs` and `unresolved` report it.
     damping_every
         Number of steps in a cycle of dampers and wrench, see `springgym.forces.cycle`: 1, or an even number
         of at most `springgym.stability.LONGEST_CYCLE`. `advance` then takes whole cycles. It must be 1 where
@@ -370,6 +369,15 @@ class Simulator:
         return [(lanes, np.zeros((1, lanes.shape[1]))) for lanes in emptied]
 
     @cached_property
+    def _totals(self) -> tuple[np.ndarray | None, np.ndarray]:
+        """Totals of pairs and their reach [m]; or of each body, where its particles meet surfaces."""
+        if self._terms.collisions is not None:
+            return self._terms.collisions.totals, self._terms.collisions.pairs.reach
+        of = [packed.terms.surfaces for packed in self._packed if packed.terms.surfaces is not None]
+        own = None if self._terms.surfaces is None else self._terms.surfaces.totals
+        return own.values if isinstance(own, Ragged) else own, np.array([each.reach for each in of])
+
+    @cached_property
     def _all(self) -> np.ndarray:
         """Return the indices of all copies."""
         return np.arange(self.copies)
@@ -463,7 +471,7 @@ class Simulator:
             put(lanes, index, zeros, HUGE)
         if self._terms.collisions is not None:
             totals.empty_totals(self._terms.collisions, index)
-            self.unresolved[index] = False
+        self.unresolved[index] = False
         self._find_touching(index)
         self.time[index] = 0.0
         if read:
@@ -703,7 +711,7 @@ class Simulator:
         """Compute the quantities that follow from a new state, but are not part of the state."""
         if self._terms.collisions is not None:
             totals.find_changing(self._terms.collisions)
-            self._find_unresolved(self._terms.collisions, 0, len(self._x))
+        self._find_unresolved(0, len(self._x))
 
     @guarded
     def take_over(self, other: Simulator) -> None:
@@ -724,8 +732,8 @@ class Simulator:
         theirs = other._changing
         own = {name: array for name, array in self._changing.items() if not name.startswith(OF_A_STEP)}
         _set(own.values(), (theirs[name] for name in own))
-        self._recall()
         packing.renew(self._terms, self._all)
+        self._recall()
 
     @cached_property
     def _changing(self) -> dict[str, np.ndarray]:
@@ -818,13 +826,14 @@ class Simulator:
 
     def _unresolved_message(self, copy: int) -> str:
         """Return a message that names the bodies of a copy, how they met, and what would help."""
-        collisions = self._terms.collisions
-        assert collisions is not None
-        told = PairReadings(*(of[copy] for of in totals.read_pairs(collisions, self.copies)))
-        resolved = RESOLVED / self.step * collisions.pairs.reach
+        own, reach = self._totals
+        told = PairReadings(*(of[copy] for of in totals.read_pairs(own, self.copies)))
+        resolved, met = RESOLVED / self.step * reach, self.scene.meetings
+        names = [placed.name for placed in self.scene.bodies]
         n = int(np.argmax((told.fastest > resolved) | (told.misses > 0) | (told.overflow > 0)))
-        first, second = (repr(self.scene.bodies[of[n]].name) for of in collisions.pairs[1:3])
-        met = f"bodies {first} and {second}" if n < collisions.pairs.among else f"body {first} and a surface"
+        who = f"body {names[n - len(met)]!r} and a surface"
+        if n < len(met):
+            who = f"bodies {names[met.first[n]]!r} and {names[met.second[n]]!r}"
         how = [
             (told.fastest[n] > resolved[n], f"at {told.fastest[n]:.4g} m/s"),
             (told.misses[n] > 0, f"{told.misses[n]:.0f} times detected only when they (almost) overlapped"),
@@ -835,10 +844,10 @@ class Simulator:
         ]
         finer = self.step * min(1.0, resolved[n] / max(told.fastest[n], TINY))
         return (
-            f"{met} of copy {copy} met before t = {self.time[copy]:g} s "
+            f"{who} of copy {copy} met before t = {self.time[copy]:g} s "
             f"{' and '.join(what for wrong, what in how if wrong)}: a step of {self.step:g} s cannot resolve "
             f"that. It resolves contacts of up to {resolved[n]:.4g} m/s, which move by {RESOLVED:g} of their "
-            f"reach of {collisions.pairs.reach[n]:g} m. Take a step of less than {finer:.2g} s, a larger "
+            f"reach of {reach[n]:g} m. Take a step of less than {finer:.2g} s, a larger "
             'reach or stiffer contact, or say unresolved="count" to go on'
         )
 
@@ -880,13 +889,12 @@ class Simulator:
             reads,
             self._clock,
         )
-        collisions = self._terms.collisions
-        if steps > 0 and collisions is not None:
+        if steps > 0:
             if reads and self.scene.meetings:
-                self._count_overlaps(collisions, thread, first, last)
-            self._find_unresolved(collisions, first, last)
+                self._count_overlaps(thread, first, last)
+            self._find_unresolved(first, last)
 
-    def _count_overlaps(self, collisions: Collisions, thread: int, first: int, last: int) -> None:
+    def _count_overlaps(self, thread: int, first: int, last: int) -> None:
         """Count the pairs of bodies that are in each other where copies of blocks were read."""
         start = first * self.width
         copies = slice(start, min(last * self.width, self.copies))
@@ -894,12 +902,15 @@ class Simulator:
         place, met = self.readout.positions[copies], self.scene.meetings
         found = tell_shown(place, met.first, met.second, self._outlines, self._boxes[thread], shown)
         if found:
-            totals.count_shown(collisions, start, shown)
+            assert self._terms.collisions is not None
+            totals.count_shown(self._terms.collisions, start, shown)
 
-    def _find_unresolved(self, collisions: Collisions, first: int, last: int) -> None:
+    def _find_unresolved(self, first: int, last: int) -> None:
         """Find in which copies of blocks what was counted is more than a step can resolve."""
-        lanes, copies = numbers(collisions.totals)[first:last], slice(first * self.width, last * self.width)
-        totals.tell_unresolved(lanes, collisions.pairs.reach, self.step, self.unresolved[copies])
+        own, reach = self._totals
+        if own is not None:
+            copies = slice(first * self.width, last * self.width)
+            totals.tell_unresolved(numbers(own)[first:last], reach, self.step, self.unresolved[copies])
 
     @guarded
     def counts(self) -> np.ndarray:
@@ -975,10 +986,11 @@ class Simulator:
             If ``forget`` is not a bool.
         """
         checks.flag("forget", forget)
-        found = totals.read_pairs(self._terms.collisions, self.copies, len(self.scene.meetings))
-        if forget and self._terms.collisions is not None:
-            totals.forget_pairs(self._terms.collisions)
-            self._find_unresolved(self._terms.collisions, 0, len(self._x))
+        own, _ = self._totals
+        found = totals.read_pairs(own, self.copies, len(self.scene.meetings))
+        if forget and own is not None:
+            totals.forget_pairs(own)
+            self._find_unresolved(0, len(self._x))
         return found
 
     @guarded

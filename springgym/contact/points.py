@@ -15,6 +15,7 @@ from springgym.contact.cone import within_cone
 from springgym.contact.law import Span, meet
 from springgym.contact.records import Given, Surfaces
 from springgym.contact.surfaces import coefficient, count, facing, lowest, strength_and_reach
+from springgym.contact.totals import set_fastest
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Numbers, Vector
 from springgym.core.lanes import any_lane, epsilon, load, maximum, minimum, select, sqrt
@@ -96,6 +97,8 @@ def impulses(
             if any_lane(touching):
                 gain, impulse = meet((start, ahead, nothing[0]), span, c * square, reach, beta, touching)
                 gain, impulse = select(touching, gain, 0.0), select(touching, impulse, 0.0)
+                fast = sqrt(inverse_square) * select(gain > 0.0, maximum(u, -u), 0.0)
+                set_fastest(fast, 0, terms.surfaces.totals)
                 if terms.friction is not None:
                     one, length = select(touching, 1.0 + nothing[0], 0.0), sqrt(inverse_square)
                     across = nothing + length * n

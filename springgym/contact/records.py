@@ -32,6 +32,8 @@ class Surfaces(NamedTuple):
     """[m] of balls and rods, whose gaps count from their skin; None if all bodies are made of points"""
     coupled: bool | None
     """True if `springgym.surfaces.coupled`; else None, so that no turns are compiled"""
+    totals: Numbers | None = None
+    """(`ENTRIES`,) as of a pair: the largest speed of its particles; None where contacts are rows"""
 
 
 class Resistance(NamedTuple):

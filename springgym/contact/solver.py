@@ -47,7 +47,6 @@ from springgym.contact.records import (
     ENTRIES,
     FAR,
     FAST,
-    FASTEST,
     FRICTION,
     GAP,
     IMPULSE,
@@ -65,7 +64,7 @@ from springgym.contact.records import (
     Shapes,
     Turning,
 )
-from springgym.contact.totals import add_to, entry_of
+from springgym.contact.totals import add_to, entry_of, set_fastest
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
 from springgym.core.lanes import any_lane, load, load_each, maximum, minimum, select, sqrt, store
@@ -501,8 +500,7 @@ def add_totals(v: Rows, problem: Problem, changing: np.ndarray) -> None:
         add_loss(k, CONTACT, lost, problem)
         add_loss(k, FRICTION, rubbed, problem)
         fast = select(touches, maximum(u0, -u0), 0.0)
-        at = p * ENTRIES + FASTEST
-        store(totals, at, maximum(load(totals, at), fast))
+        set_fastest(fast, p, totals)
         add_to(totals, p, FAST, select(fast * span.whole > QUICK * reach, 1.0 + 0.0 * impulse, 0.0))
 
 

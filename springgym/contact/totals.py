@@ -22,7 +22,7 @@ from springgym.contact.records import (
 from springgym.core.blocks import numbers, set_copies, to_copies
 from springgym.core.compiling import compiled, kernel
 from springgym.core.kinds import Number, Numbers
-from springgym.core.lanes import any_lane, load, select, store
+from springgym.core.lanes import any_lane, load, maximum, select, store
 
 RESOLVED = 1.0
 """Share of Δ that a contact may move by in a step: what is faster is not in reach before it is through."""
@@ -96,14 +96,22 @@ def add_to(totals: Numbers, pair: int, entry: int, value: Number) -> None:
     store(totals, n, load(totals, n) + value)
 
 
+@compiled
+def set_fastest(speed: Number, pair: int, totals: Numbers | None) -> None:
+    """Keep the largest speed along a normal of a pair [m/s], if there are totals."""
+    if totals is not None:
+        n = pair * ENTRIES + FASTEST
+        store(totals, n, maximum(load(totals, n), speed))
+
+
 # --- Of all copies --------------------------------------------------------------------------------------
 
 
-def read_pairs(collisions: Collisions | None, copies: int, pairs: int | None = None) -> PairReadings:
+def read_pairs(totals: np.ndarray | None, copies: int, pairs: int | None = None) -> PairReadings:
     """Return the totals of the first pairs of some copies; of all if no number of ``pairs`` is given."""
-    if collisions is None:
+    if totals is None:
         return PairReadings(*np.zeros((ENTRIES, copies, 0)))
-    found = to_copies(collisions.totals, copies).reshape(copies, -1, ENTRIES)[:, :pairs].astype(float)
+    found = to_copies(totals, copies).reshape(copies, -1, ENTRIES)[:, :pairs].astype(float)
     entries = dict(zip(PairReadings._fields, np.moveaxis(found, -1, 0), strict=True))
     least = entries["least_gap"]
     return PairReadings(
@@ -138,9 +146,9 @@ def count_shown(collisions: Collisions, first: int, found: np.ndarray) -> None:
         lanes[block, pair * ENTRIES + MISSES, lane] += 1.0
 
 
-def forget_pairs(collisions: Collisions) -> None:
-    """Empty the totals, but for who touches, and the energy in the barriers."""
-    totals = numbers(collisions.totals)
+def forget_pairs(totals: np.ndarray) -> None:
+    """Empty totals, but for who touches, and the energy in the barriers."""
+    totals = numbers(totals)
     for entry in range(ENTRIES):
         if entry not in (TOUCHING, ENERGY):
             totals[:, entry::ENTRIES] = FAR if entry == GAP else 0.0

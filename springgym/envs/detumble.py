@@ -20,8 +20,8 @@ from springgym.envs.rewards import gaussian, thrift
 from springgym.envs.starts import any_rotation, direction, principal_axes
 from springgym.envs.task import Drawn, Factors, ResetOptions, Start, Task
 from springgym.measures import Measures
-from springgym.rendering import Arrow, Camera, Look, Marks, Scenery, two_tone
-from springgym.rendering.look import RED, TEAL
+from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
+from springgym.rendering.look import RED, TEAL, in_faces
 from springgym.scene import Scene, ThrustActuator, WrenchActuator
 
 TORQUE = 0.35  # [N·m]
@@ -145,13 +145,7 @@ class SpringDetumble(Task, kernels=(evaluate, compact)):
         return {"body_torque": TORQUE * action}
 
     def look(self) -> Look:
-        return Look(
-            triangles=self.body.triangles,
-            triangle_colors=two_tone(len(self.body.triangles), blocks=len(self.body.triangles) // 2),
-            springs=self.body.springs,
-            trace=0,
-            trace_length=60,
-        )
+        return in_faces(self.body.triangles, self.body.springs, trace=0, trace_length=60)
 
     def camera(self) -> Camera:
         return Camera.framing((0, 0, 0), 1.6 * float(np.linalg.norm(SIDES)))

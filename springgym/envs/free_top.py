@@ -16,7 +16,7 @@ from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import BodyOptions, EnvOptions, Modes, made, number
 from springgym.envs.randomisation import NOMINAL, weight_of
-from springgym.envs.rewards import angle_of, gaussian, spinning, thrift
+from springgym.envs.rewards import angle_of, gaussian, put_axis, spinning, thrift
 from springgym.envs.starts import above_bowl, standing, uniform, varied_top
 from springgym.envs.task import Drawn, Factors, ResetOptions, Start, Task
 from springgym.envs.top import tilt_of
@@ -61,11 +61,7 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
 @kernel
 def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
-        spin, _ = spinning(m, c)
-        for axis in range(3):
-            n = m.axis[c, axis]
-            observation[c, axis] = n
-            observation[c, 3 + axis] = m.angular_velocity[c, axis] - spin * n
+        spin = put_axis(m, c, 1.0, observation[c])
         observation[c, 6] = (spin - WANTED) / SPIN_UNIT
         for axis in range(2):
             observation[c, 7 + axis] = m.centre[c, axis] / WAY_UNIT

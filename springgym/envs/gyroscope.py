@@ -18,7 +18,7 @@ from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.goals import Aim
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import BodyOptions, EnvOptions, Modes, made, number
-from springgym.envs.rewards import angle_between, angle_of, gaussian, long_tail, spinning, thrift
+from springgym.envs.rewards import angle_between, angle_of, gaussian, long_tail, put_axis, spinning, thrift
 from springgym.envs.starts import direction, tilted, uniform
 from springgym.envs.task import Drawn, Factors, ResetOptions, Start, Task
 from springgym.measures import Measures
@@ -53,23 +53,17 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
 @kernel
 def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
-        spin, _ = spinning(m, c)
-        for axis in range(3):
-            n = m.axis[c, axis]
-            observation[c, axis] = n
-            observation[c, 3 + axis] = m.angular_velocity[c, axis] - spin * n
-            observation[c, 7 + axis] = s.goal[c, axis]
+        spin = put_axis(m, c, 1.0, observation[c])
+        observation[c, 7:10] = s.goal[c]
         observation[c, 6] = (spin - s.parameters[0]) / s.parameters[1]
 
 
 @kernel
 def achieve(m: Measures, s: Situation, achieved: np.ndarray, desired: np.ndarray) -> None:
     for c in range(achieved.shape[0]):
-        spin, _ = spinning(m, c)
-        for axis in range(3):
-            n = m.axis[c, axis]
-            achieved[c, axis], desired[c, axis] = n, s.goal[c, axis]
-            achieved[c, 3 + axis], desired[c, 3 + axis] = m.angular_velocity[c, axis] - spin * n, 0.0
+        put_axis(m, c, 1.0, achieved[c])
+        desired[c, :3] = s.goal[c]
+        desired[c, 3:] = 0.0
 
 
 class SpringGyroscope(Task, kernels=(evaluate, compact, achieve)):

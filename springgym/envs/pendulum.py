@@ -16,12 +16,12 @@ from springgym.envs.arrows import across, torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import BodyOptions, EnvOptions, Modes, made, number
-from springgym.envs.rewards import angle_of, gaussian, spinning, thrift
+from springgym.envs.rewards import angle_of, gaussian, put_axis, spinning, thrift
 from springgym.envs.starts import uniform
 from springgym.envs.task import Drawn, Factors, ResetOptions, Start, Task, at_rest
 from springgym.measures import Measures
-from springgym.rendering import Arrow, Camera, Look, Marks, Scenery, two_tone
-from springgym.rendering.look import GREEN, RED
+from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
+from springgym.rendering.look import GREEN, RED, in_faces
 from springgym.scene import Scene, ThrustActuator, WrenchActuator
 
 TORQUE = 4.25  # [N·m], half of the weight's largest moment
@@ -51,11 +51,7 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
 @kernel
 def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
-        spin, _ = spinning(m, c)
-        for axis in range(3):
-            n = m.axis[c, axis]
-            observation[c, axis] = n
-            observation[c, 3 + axis] = (m.angular_velocity[c, axis] - spin * n) / TURNING_UNIT
+        spin = put_axis(m, c, TURNING_UNIT, observation[c])
         observation[c, 6] = spin / TURNING_UNIT
 
 
@@ -116,12 +112,7 @@ class SpringPendulum(Task, kernels=(evaluate, compact)):
         return {"torque": TORQUE * action}
 
     def look(self) -> Look:
-        return Look(
-            triangles=self.body.triangles,
-            triangle_colors=two_tone(len(self.body.triangles), blocks=len(self.body.triangles) // 2),
-            springs=self.body.springs,
-            trace=FAR,
-        )
+        return in_faces(self.body.triangles, self.body.springs, trace=FAR)
 
     def camera(self) -> Camera:
         return Camera.framing((0, 0, 0), 4.4 * float(self.body.lengths.max()) / math.sqrt(3))

@@ -43,6 +43,18 @@ def spinning(m: Measures, c: int) -> tuple[float, float]:
 
 
 @compiled
+def put_axis(m: Measures, c: int, unit: float, entries: np.ndarray) -> float:
+    """Write the third axis of copy c and its angular velocity across it, in a unit [rad/s], to entries (6,);
+    return that along it [rad/s]."""
+    spin, _ = spinning(m, c)
+    for axis in range(3):
+        n = m.axis[c, axis]
+        entries[axis] = n
+        entries[3 + axis] = (m.angular_velocity[c, axis] - spin * n) / unit
+    return spin
+
+
+@compiled
 def angle_of(cosine: float) -> float:
     """Return the angle of a cosine that rounding may have brought beyond ±1 [rad]."""
     return math.acos(min(max(cosine, -1.0), 1.0))

@@ -16,7 +16,7 @@ from springgym.envs.arrows import across, torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import BodyOptions, EnvOptions, Modes, made, number
-from springgym.envs.rewards import angle_of, long_tail, spinning, thrift
+from springgym.envs.rewards import angle_of, long_tail, put_axis, spinning, thrift
 from springgym.envs.starts import standing, uniform, varied_top
 from springgym.envs.task import Drawn, Factors, ResetOptions, Start, Task
 from springgym.measures import Measures
@@ -61,11 +61,7 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
 @kernel
 def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
-        spin, _ = spinning(m, c)
-        for axis in range(3):
-            n = m.axis[c, axis]
-            observation[c, axis] = n
-            observation[c, 3 + axis] = (m.angular_velocity[c, axis] - spin * n) / ACROSS_UNIT
+        spin = put_axis(m, c, ACROSS_UNIT, observation[c])
         observation[c, 6] = (spin - WANTED) / SPIN_UNIT
 
 

@@ -163,6 +163,12 @@ class Look:
         return np.array(rows, dtype=np.intp).reshape(-1, 3)
 
 
+def in_faces(triangles: np.ndarray, springs: np.ndarray, **more: Any) -> Look:
+    """Return the look of a closed surface, coloured by faces of two triangles, and of its springs."""
+    colors = two_tone(len(triangles), blocks=len(triangles) // 2)
+    return Look(triangles=triangles, triangle_colors=colors, springs=springs, **more)
+
+
 def together(looks: Sequence[Look], counts: Sequence[int], trace: int | None = None) -> Look:
     """Join the looks of several bodies, whose particles lie one body after another.
 

@@ -119,21 +119,6 @@ def test_none_is_too_fast_to_be_found() -> None:
             simulator.advance(1 + int(0.6 / speed / simulator.step))
 
 
-def test_one_copy_does_not_concern_others() -> None:
-    """Copies beside one that is too fast are as they are without it, to the bit."""
-    pair = two_balls(5.0, copies=3, unresolved="count")
-    alone = two_balls(5.0, unresolved="count")
-    x, v = np.repeat(pair.scene.positions[None], 3, axis=0), np.repeat(pair.scene.velocities[None], 3, axis=0)
-    v[1] *= 100
-    pair.place(x, v)
-    for simulator in (pair, alone):
-        simulator.advance(100)
-    assert pair.unresolved.tolist() == [False, True, False]
-    for n in (0, 2):
-        assert pair.positions[n].tobytes() == alone.positions[0].tobytes()
-        assert pair.velocities[n].tobytes() == alone.velocities[0].tobytes()
-
-
 def test_option_is_checked() -> None:
     """`unresolved` takes "raise" and "count", and refuses everything else."""
     for wrong in ("ignore", True, None, 1):
