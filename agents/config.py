@@ -65,6 +65,12 @@ def number(low: float, high: float) -> Callable[[str], float]:
     return parse
 
 
+def command_line(description: str | None, program: str | None = None) -> argparse.ArgumentParser:
+    """Return a parser without arguments, which shows the ``description`` as it is."""
+    form = argparse.RawDescriptionHelpFormatter
+    return argparse.ArgumentParser(program, description=description, formatter_class=form)
+
+
 def whole(low: int, high: int) -> Callable[[str], int]:
     """Return a function that reads an argument of a command as a whole number from ``low`` to ``high``."""
 

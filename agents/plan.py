@@ -32,7 +32,7 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from config import MENDABLE, making, number, whole
+from config import MENDABLE, command_line, making, number, whole
 from evaluate import percent, score
 from gymnasium.vector import AutoresetMode, VectorEnv
 from results import (
@@ -341,9 +341,7 @@ def plan_tasks(options: argparse.Namespace) -> int:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Command line."""
     default = Planner()
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command_line(__doc__)
     every = [row.id for row in ENVIRONMENTS]
     parser.add_argument(
         "--tasks", nargs="+", default=every, metavar="ID", help="environment ids (default: all)"

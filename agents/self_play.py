@@ -30,7 +30,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import torch
 from agent import ALGORITHMS, save_agent
-from config import MENDABLE, PPOConfig, load_config, whole
+from config import MENDABLE, PPOConfig, command_line, load_config, whole
 from learner import new_model
 from runs import HELD_OUT_SEED, Run, create_run, locked, open_run, policy_in
 from stable_baselines3.common.callbacks import BaseCallback
@@ -245,9 +245,7 @@ def rate(run: Run, duels: int) -> list[dict[str, str]]:
 
 def main(given: Sequence[str] | None = None) -> int:
     """Run the command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command_line(__doc__)
     parser.add_argument("run", type=Path, help="run folder")
     parser.add_argument(
         "--seed", type=whole(0, HELD_OUT_SEED - 1), default=0, help="seed of a new run (default: 0)"

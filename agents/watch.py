@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
-from config import MENDABLE, ConfigError, add_overrides, making, whole
+from config import MENDABLE, ConfigError, add_overrides, command_line, making, whole
 from controllers import controller_env_kwargs, make_controller
 from evaluate import LAST_SEED, find_task, named, trained_kwargs, trained_on
 from runs import HELD_OUT_SEED, load_policy
@@ -114,9 +114,7 @@ def record(
 
 def main(arguments: Sequence[str] | None = None, program: str = "watch.py") -> int:
     """Run the command line."""
-    parser = argparse.ArgumentParser(
-        program, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command_line(__doc__, program)
     parser.add_argument(
         "agent", help="run folder, environment id, zero, random, classical or module:function"
     )

@@ -26,7 +26,7 @@ from typing import Any, Literal
 import _path  # noqa: F401  (first)
 import gymnasium as gym
 import numpy as np
-from config import MENDABLE, ConfigError, add_overrides, making, whole
+from config import MENDABLE, ConfigError, add_overrides, command_line, making, whole
 from evaluate import LAST_SEED, MOST_EPISODES, Evaluation, evaluate, find_task, named, percent, score
 from runs import HELD_OUT_SEED, write_atomically
 
@@ -159,9 +159,7 @@ def table(findings: Sequence[Finding], env_id: str) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command_line(__doc__)
     parser.add_argument("agent", help="a run folder, an environment id, or zero, random, classical")
     parser.add_argument("--env", help="environment id, unless the agent is a run folder")
     parser.add_argument("--episodes", type=whole(2, MOST_EPISODES), default=100)

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import _path  # noqa: F401  (first)
-from config import MENDABLE, ConfigError, making, whole
+from config import MENDABLE, ConfigError, command_line, making, whole
 from controllers import CLASSICAL
 from evaluate import MOST_EPISODES, evaluate, find_task, percent
 from results import PROTOCOL, interval_of_returns, made_with, probe
@@ -107,9 +107,7 @@ def table(rows: Sequence[Mapping[str, Any]]) -> list[str]:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command_line(__doc__)
     parser.add_argument("tasks", metavar="ID", nargs="*", help="environment ids (default: all)")
     parser.add_argument(
         "--episodes",

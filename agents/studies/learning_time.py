@@ -24,7 +24,7 @@ from typing import Any
 import _path  # noqa: F401  (first)
 import numpy as np
 import torch
-from config import CONFIG_FOLDER, DEFAULT, MENDABLE, Config, load_config, whole
+from config import CONFIG_FOLDER, DEFAULT, MENDABLE, Config, command_line, load_config, whole
 from learner import make_training_env, native_env, new_model
 from recorder import Recorder, make_logger
 from runs import HELD_OUT_SEED, Run, create_run, write_rows
@@ -124,9 +124,7 @@ def shown(rows: Sequence[dict[str, Any]]) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command_line(__doc__)
     parser.add_argument("tasks", nargs="*", help="environment ids (default: those in configs/ppo.yaml)")
     parser.add_argument("--config", type=Path, default=CONFIG_FOLDER / "ppo.yaml", help="hyperparameters")
     parser.add_argument("--seed", type=whole(0, HELD_OUT_SEED - 1), default=0)

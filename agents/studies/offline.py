@@ -13,7 +13,6 @@ of the benchmark. ``--rows`` adds the row of this run to a file.
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 import time
@@ -28,7 +27,7 @@ import _path  # noqa: F401  (first)
 import numpy as np
 import torch
 from agent import ACTIVATIONS
-from config import MENDABLE, ConfigError, IQLConfig, add_overrides, load_config, whole
+from config import MENDABLE, ConfigError, IQLConfig, add_overrides, command_line, load_config, whole
 from evaluate import evaluate, table, task_kwargs
 from gymnasium import spaces
 from results import EPISODES, Cell, add_row, folder_name, read_rows, row_of
@@ -258,9 +257,7 @@ def train(run: Run, data: Data) -> dict[str, Any]:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command_line(__doc__)
     parser.add_argument("env_id", help="environment id")
     parser.add_argument("--data", nargs="+", required=True, metavar="NAME", help="names of Minari data sets")
     parser.add_argument("--seed", type=whole(0, HELD_OUT_SEED - 1), default=0, help="seed (default: 0)")

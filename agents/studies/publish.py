@@ -14,7 +14,6 @@ environment.
 
 from __future__ import annotations
 
-import argparse
 import json
 import shlex
 import shutil
@@ -26,7 +25,7 @@ from typing import Any
 import _path  # noqa: F401  (first)
 import numpy as np
 from audit import audit
-from config import MENDABLE, ConfigError, config_path, load_config, whole
+from config import MENDABLE, ConfigError, command_line, config_path, load_config, whole
 from evaluate import evaluate, task_kwargs
 from results import probe, same_probe
 from runs import HELD_OUT_SEED, PUBLISHED_SEED, SELECTION_SEED, Run, open_run, write_atomically
@@ -140,9 +139,7 @@ def again(folders: Sequence[Path], episodes: int, audited: int) -> int:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command_line(__doc__)
     parser.add_argument("runs", nargs="+", type=Path, help="run folders")
     parser.add_argument("--episodes", type=whole(2, 100_000), default=EPISODES)
     parser.add_argument("--audited", type=whole(2, 100_000), default=EPISODES, help="episodes of the audit")

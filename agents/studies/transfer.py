@@ -22,7 +22,7 @@ import _path  # noqa: F401  (first)
 import matplotlib
 import numpy as np
 from benchmark import Plan, add_hyperparameters, parsed, run_cells, trained_for
-from config import MENDABLE, ONLINE, ConfigError, config_path, load_config, making, whole
+from config import MENDABLE, ONLINE, ConfigError, command_line, config_path, load_config, making, whole
 from evaluate import evaluate, percent, task_kwargs
 from results import Cell, interval_of_returns
 from runs import locked, write_atomically
@@ -178,9 +178,7 @@ def draw(rows: Sequence[dict[str, Any]], path: Path) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command_line(__doc__)
     parser.add_argument("task", metavar="ID", help="environment id")
     parser.add_argument("--algo", choices=sorted(ONLINE), default="ppo", help="algorithm (default: ppo)")
     parser.add_argument(

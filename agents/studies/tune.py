@@ -3,12 +3,12 @@
     python agents/studies/tune.py SpringGyroscope-v0 --trials 20 --seeds 2
     python agents/studies/tune.py SpringTop-v0 --algo sac --seconds 0 --set total_timesteps=50_000
 
-A trial trains agents as agents/train.py does, from several seeds one after another. It ends early if it is
-worse than half of the earlier trials were at that point. The criterion is the return on episodes that neither
-training nor evaluation uses. The study is stored in the folder of the runs. The same command continues it,
-even after a kill, and adds trials until there are --trials. configs/trials/ID-ALGORITHM.json (--out) holds
-the search space and all trials, and best.yaml in the study's folder the best hyperparameters, as an entry for
-configs/.
+The first trial is the configuration as it is. A trial trains agents as agents/train.py does, from several
+seeds one after another. It ends early if it is worse than half of the earlier trials were at that point. The
+criterion is the return on episodes that neither training nor evaluation uses. The study is stored in the
+folder of the runs. The same command continues it, even after a kill, and adds trials until there are
+--trials. configs/trials/ID-ALGORITHM.json (--out) holds the search space and all trials, and best.yaml in the
+study's folder the best hyperparameters, as an entry for configs/.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import asdict
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import _path  # noqa: F401  (first)
 import numpy as np
@@ -29,7 +29,7 @@ import torch
 import train
 import yaml
 from benchmark import Plan, add_hyperparameters, overrides_of, training
-from config import CONFIG_FOLDER, MENDABLE, ONLINE, ConfigError, config_path, load_config, whole
+from config import CONFIG_FOLDER, MENDABLE, ONLINE, ConfigError, command_line, config_path, load_config, whole
 from evaluate import evaluate, task_kwargs
 from results import Cell
 from runs import SELECTION_SEED, locked, write_atomically
@@ -38,19 +38,22 @@ from springgym.cli import INTERRUPTED, guarded
 
 if TYPE_CHECKING:
     import optuna
+    from config import Config
 
 EPISODES = 64
 
+Space: TypeAlias = dict[str, tuple[float, float] | list[Any]]
+
 #: By algorithm: what is searched, (low, high) on a logarithmic scale, or choices.
-SPACES: dict[str, dict[str, tuple[float, float] | list[Any]]] = {
+SPACES: dict[str, Space] = {
     "ppo": {
         "learning_rate": (1e-4, 3e-3),
-        "n_steps": [32, 64, 128, 256],
+        "n_steps": [8, 32, 64, 128, 256],
         "batch_size": [256, 512, 1024, 2048],
         "n_epochs": [3, 5, 10, 20],
         "gamma": [0.97, 0.98, 0.99, 0.995],
         "gae_lambda": [0.9, 0.95, 0.98],
-        "log_std_init": [-1.0, -0.5, 0.0],
+        "log_std_init": [-1.5, -1.0, -0.5, 0.0],
         "net_arch": ["[64, 64]", "[128, 128]"],
         "normalize": [False, True],
     },
@@ -73,6 +76,13 @@ SPACES: dict[str, dict[str, tuple[float, float] | list[Any]]] = {
 }
 SPACES["tqc"] = SPACES["sac"] | {"dropped_quantiles": [0, 2, 5]}
 SPACES["her"] = SPACES["sac"] | {"relabelled": [1, 2, 4, 8]}
+
+
+def shipped(config: Config, space: Space) -> dict[str, Any]:
+    """Return the values of a configuration, as far as they are in a space."""
+    own = {name: getattr(config, name) for name in space}
+    own = {name: str(list(value)) if isinstance(value, tuple) else value for name, value in own.items()}
+    return {name: own[name] for name in space if isinstance(space[name], tuple) or own[name] in space[name]}
 
 
 def suggested(trial: optuna.Trial, algo: str) -> list[str]:
@@ -134,7 +144,7 @@ def tune(options: argparse.Namespace) -> int:
     from optuna.trial import TrialState
 
     path = config_path(options.algo, options.configs) if options.configs else None
-    load_config(options.algo, options.task, options.overrides, path)  # what is wrong is told at once
+    config = load_config(options.algo, options.task, options.overrides, path)  # wrong ones are told at once
     folder = options.runs.absolute() / f"{options.task.rpartition(':')[2]}-{options.algo}"
     folder.mkdir(parents=True, exist_ok=True)
     optuna.logging.set_verbosity(optuna.logging.WARNING)
@@ -148,9 +158,12 @@ def tune(options: argparse.Namespace) -> int:
             direction="maximize",
             load_if_exists=True,
         )
-        for trial in study.get_trials(states=[TrialState.RUNNING]):  # a kill left it: its run goes on
-            study.tell(trial.number, state=TrialState.FAIL)
-            study.enqueue_trial(trial.params)
+        for trial in study.get_trials()[-1:]:
+            if trial.state == TrialState.RUNNING:  # a kill left it
+                study.tell(trial.number, state=TrialState.FAIL)
+            if trial.state in (TrialState.RUNNING, TrialState.FAIL):  # its run goes on
+                study.enqueue_trial(trial.params)
+        study.enqueue_trial(shipped(config, SPACES[options.algo]), skip_if_exists=True)
         done = [TrialState.COMPLETE, TrialState.PRUNED]
         try:
             while len(study.get_trials(states=done, deepcopy=False)) < options.trials:
@@ -185,9 +198,7 @@ def tell(study: optuna.Study, options: argparse.Namespace, folder: Path, path: P
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command_line(__doc__)
     parser.add_argument("task", metavar="ID", help="environment id")
     parser.add_argument("--algo", choices=sorted(ONLINE), default="ppo", help="algorithm (default: ppo)")
     parser.add_argument(
