@@ -37,15 +37,15 @@ within half a step, and there friction waits for the next."""
 @compiled
 def set_tilt(k: int, problem: Problem) -> None:
     """Find where friction acts in contact k, and its G and H, if its torque has to be cancelled."""
-    contacts, x = problem.contacts, problem.x
+    contacts, x, single = problem.contacts, problem.x, problem.pairs.single
     members, n = contacts.members[k], row(contacts.normal, k)
     none = 0.0 * n[0]
     for side in range(2):
         set_row(contacts.tilt, 2 * k + side, 0.0 * n)
-    if number_of(k, contacts.tilts) == 0:
-        store(contacts.grips, k, 1.0 + none)
-    elif members == 2:
+    if contacts.surface[k] < 0 and single[contacts.body[2 * k]] and single[contacts.body[2 * k + 1]]:
         store(contacts.grips, k, none)
+    elif number_of(k, contacts.tilts) == 0:
+        store(contacts.grips, k, 1.0 + none)
     else:
         first, third = row_of(x, k, 1, contacts), row_of(x, k, 2, contacts)
         d = load(contacts.height, k)
