@@ -53,17 +53,17 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
 @kernel
 def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
-        spin = put_axis(m, c, 1.0, observation[c])
-        observation[c, 7:10] = s.goal[c]
-        observation[c, 6] = (spin - s.parameters[0]) / s.parameters[1]
+        observation[c, 6] = (put_axis(m, c, 1.0, observation[c]) - s.parameters[0]) / s.parameters[1]
+        for axis in range(3):
+            observation[c, 7 + axis] = s.goal[c, axis]
 
 
 @kernel
 def achieve(m: Measures, s: Situation, achieved: np.ndarray, desired: np.ndarray) -> None:
     for c in range(achieved.shape[0]):
         put_axis(m, c, 1.0, achieved[c])
-        desired[c, :3] = s.goal[c]
-        desired[c, 3:] = 0.0
+        for axis in range(3):
+            desired[c, axis], desired[c, 3 + axis] = s.goal[c, axis], 0.0
 
 
 class SpringGyroscope(Task, kernels=(evaluate, compact, achieve)):
