@@ -53,12 +53,12 @@ def beads(
     how: Contact | None = None,
     surfaces: Any = FLOOR,
     gravity: Any = DOWN,
-    step: float = 1e-3,
     **options: Any,
 ) -> Simulator:
-    """Single particles of 1 kg, a copy each."""
+    """Single particles of 1 kg, a copy each, which may be faster than steps resolve."""
     scene = Scene(BEAD, positions[:1], gravity=gravity, surfaces=surfaces, contact=how or contact())
-    simulator = Simulator(scene, step=step, copies=max(2, len(positions)), varying=VARYING, **options)
+    options = {"step": 1e-3, "unresolved": "count"} | options
+    simulator = Simulator(scene, copies=max(2, len(positions)), varying=VARYING, **options)
     where, speed = (np.asarray(rows, float)[:, None] for rows in (positions, velocities))
     simulator.place(where, speed, np.arange(len(positions)))
     return simulator
