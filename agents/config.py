@@ -66,7 +66,7 @@ def number(low: float, high: float) -> Callable[[str], float]:
 
 
 def command_line(description: str | None, program: str | None = None) -> argparse.ArgumentParser:
-    """Return a parser without arguments, which shows the ``description`` as it is."""
+    """Return a parser without arguments, whose help keeps the line breaks of the ``description``."""
     form = argparse.RawDescriptionHelpFormatter
     return argparse.ArgumentParser(program, description=description, formatter_class=form)
 

@@ -871,7 +871,7 @@ def thrown(rows: list[tuple[np.ndarray, np.ndarray, tuple[float, float]]], speed
 
 
 def parted(simulator: Simulator, speed: float, most: float = 0.05) -> Outcome:
-    """Let two cubes meet, and check that they part and keep their energy to a share ``most``."""
+    """Let two cubes collide, and check that they part and lose at most a share ``most`` of their energy."""
     kept, energy = momenta(simulator), simulator.measure().energy
     depth = 0.0
     for _ in range(60):

@@ -370,7 +370,8 @@ class Simulator:
 
     @cached_property
     def _totals(self) -> tuple[np.ndarray | None, np.ndarray]:
-        """Totals of pairs and their reach [m]; or of each body, where its particles meet surfaces."""
+        """Totals of contacts and their reach Δ [m], by which `unresolved` is found: of pairs; or of bodies,
+        if their particles meet surfaces one by one. Without contacts the totals are None."""
         if self._terms.collisions is not None:
             return self._terms.collisions.totals, self._terms.collisions.pairs.reach
         of = [packed.terms.surfaces for packed in self._packed if packed.terms.surfaces is not None]
@@ -827,22 +828,21 @@ class Simulator:
     def _unresolved_message(self, copy: int) -> str:
         """Return a message that names the bodies of a copy, how they met, and what would help."""
         own, reach = self._totals
-        told = PairReadings(*(of[copy] for of in totals.read_pairs(own, self.copies)))
-        resolved, met = RESOLVED / self.step * reach, self.scene.meetings
-        names = [placed.name for placed in self.scene.bodies]
-        n = int(np.argmax((told.fastest > resolved) | (told.misses > 0) | (told.overflow > 0)))
-        who = f"body {names[n - len(met)]!r} and a surface"
+        read = PairReadings(*(of[copy] for of in totals.read_pairs(own, self.copies)))
+        resolved, met, bodies = RESOLVED / self.step * reach, self.scene.meetings, self.scene.bodies
+        n = int(np.argmax((read.fastest > resolved) | (read.misses > 0) | (read.overflow > 0)))
+        who = f"body {bodies[n - len(met)].name!r} and a surface"
         if n < len(met):
-            who = f"bodies {names[met.first[n]]!r} and {names[met.second[n]]!r}"
+            who = f"bodies {bodies[met.first[n]].name!r} and {bodies[met.second[n]].name!r}"
         how = [
-            (told.fastest[n] > resolved[n], f"at {told.fastest[n]:.4g} m/s"),
-            (told.misses[n] > 0, f"{told.misses[n]:.0f} times detected only when they (almost) overlapped"),
+            (read.fastest[n] > resolved[n], f"at {read.fastest[n]:.4g} m/s"),
+            (read.misses[n] > 0, f"{read.misses[n]:.0f} times detected only when they (almost) overlapped"),
             (
-                told.overflow[n] > 0,
-                f"{told.overflow[n]:.0f} times in too many points of contact, or too fast to be looked for",
+                read.overflow[n] > 0,
+                f"{read.overflow[n]:.0f} times in too many points of contact, or too fast to be looked for",
             ),
         ]
-        finer = self.step * min(1.0, resolved[n] / max(told.fastest[n], TINY))
+        finer = self.step * min(1.0, resolved[n] / max(read.fastest[n], TINY))
         return (
             f"{who} of copy {copy} met before t = {self.time[copy]:g} s "
             f"{' and '.join(what for wrong, what in how if wrong)}: a step of {self.step:g} s cannot resolve "
@@ -987,11 +987,11 @@ class Simulator:
         """
         checks.flag("forget", forget)
         own, _ = self._totals
-        found = totals.read_pairs(own, self.copies, len(self.scene.meetings))
+        readings = totals.read_pairs(own, self.copies, len(self.scene.meetings))
         if forget and own is not None:
             totals.forget_pairs(own)
             self._find_unresolved(0, len(self._x))
-        return found
+        return readings
 
     @guarded
     def pair_sums(self) -> PairSums:

@@ -82,11 +82,9 @@ def test_a_wheel_trains(clone: Path, tmp_path: Path) -> None:
         wheel.extractall(site)
     for kind in ("agents", "configs"):
         assert files(site / "springgym" / kind) == files(clone / kind)
-    (metadata,) = site.glob("*.dist-info/METADATA")
-    told = metadata.read_text(encoding="utf-8")
-    assert ("](docs/" in told) == (
-        "\nProject-URL: Source" not in told
-    )  # links are whole once there is an address
+    told = next(site.glob("*.dist-info/METADATA")).read_text(encoding="utf-8")
+    # links are whole once there is an address
+    assert ("](docs/" in told) == ("\nProject-URL: Source" not in told)
 
     def springgym(*words: str) -> str:
         code = "import sys; from springgym import cli; assert cli.__file__.startswith(sys.argv.pop(1)); "

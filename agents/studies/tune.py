@@ -79,7 +79,7 @@ SPACES["her"] = SPACES["sac"] | {"relabelled": [1, 2, 4, 8]}
 
 
 def shipped(config: Config, space: Space) -> dict[str, Any]:
-    """Return the values of a configuration, as far as they are in a space."""
+    """Return the hyperparameters of a configuration, by name, whose values the search space contains."""
     own = {name: getattr(config, name) for name in space}
     own = {name: str(list(value)) if isinstance(value, tuple) else value for name, value in own.items()}
     return {name: own[name] for name in space if isinstance(space[name], tuple) or own[name] in space[name]}
@@ -144,7 +144,7 @@ def tune(options: argparse.Namespace) -> int:
     from optuna.trial import TrialState
 
     path = config_path(options.algo, options.configs) if options.configs else None
-    config = load_config(options.algo, options.task, options.overrides, path)  # wrong ones are told at once
+    config = load_config(options.algo, options.task, options.overrides, path)  # which refuses wrong ones
     folder = options.runs.absolute() / f"{options.task.rpartition(':')[2]}-{options.algo}"
     folder.mkdir(parents=True, exist_ok=True)
     optuna.logging.set_verbosity(optuna.logging.WARNING)

@@ -23,10 +23,10 @@ from springgym.core.vectors import choose, dot, plus_scaled, row, set_row, unit
 from springgym.terms import Terms
 
 TURNS = 40
-"""Largest number of turns in which surfaces that know of each other find their impulses."""
+"""Largest number of turns that find the impulses of coupled surfaces."""
 
 AGREED = 1e-9
-"""Largest change of a particle's way, as a share of Δ, by a turn that is the last."""
+"""Change of a particle's displacement, as a share of Δ, at which turns end."""
 
 ALMOST = 1.1
 """Share of Δ below which a surface is near: where a way ends out of it, the next begins out of Δ, whatever is

@@ -33,7 +33,7 @@ class Surfaces(NamedTuple):
     coupled: bool | None
     """True if `springgym.surfaces.coupled`; else None, so that no turns are compiled"""
     totals: Numbers | None = None
-    """(`ENTRIES`,) as of a pair: the largest speed of its particles; None where contacts are rows"""
+    """(`ENTRIES`,) totals as of a pair; particles enter their largest speed; None where contacts are rows"""
 
 
 class Resistance(NamedTuple):
@@ -57,8 +57,8 @@ class Given(NamedTuple):
 
 
 MANY = 10
-"""Largest number of bodies whose sweeps end as soon as impulses agree. Among more bodies a node takes a few
-sweeps, and the next node continues from its impulses."""
+"""Largest number of bodies with which a node's sweeps end as soon as impulses agree. With more bodies, a node
+takes a few sweeps, and the next node continues from its impulses."""
 
 
 PASSES = 2

@@ -48,7 +48,6 @@ from springgym.contact.records import (
     FAR,
     FAST,
     FRICTION,
-    GAP,
     IMPULSE,
     LEAST,
     MET,
@@ -64,7 +63,7 @@ from springgym.contact.records import (
     Shapes,
     Turning,
 )
-from springgym.contact.totals import add_to, entry_of, set_fastest
+from springgym.contact.totals import add_to, entry_of, set_fastest, set_least_gap, set_touching
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
 from springgym.core.lanes import any_lane, load, load_each, maximum, minimum, select, sqrt, store
@@ -562,17 +561,3 @@ def clear_current(where: Mask, totals: Numbers, changing: np.ndarray) -> None:
         for entry in (TOUCHING, ENERGY):
             n = p * ENTRIES + entry
             store(totals, n, select(where, 0.0, load(totals, n)))
-
-
-@compiled
-def set_touching(touches: Mask, pair: int, totals: Numbers) -> None:
-    """Say that a pair touches, where it does."""
-    n = pair * ENTRIES + TOUCHING
-    store(totals, n, select(touches, 1.0, load(totals, n)))
-
-
-@compiled
-def set_least_gap(gap: Number, pair: int, totals: Numbers) -> None:
-    """Keep the least gap of a pair [m]."""
-    n = pair * ENTRIES + GAP
-    store(totals, n, minimum(load(totals, n), gap))

@@ -21,8 +21,8 @@ from springgym.contact.records import (
 )
 from springgym.core.blocks import numbers, set_copies, to_copies
 from springgym.core.compiling import compiled, kernel
-from springgym.core.kinds import Number, Numbers
-from springgym.core.lanes import any_lane, load, maximum, select, store
+from springgym.core.kinds import Mask, Number, Numbers
+from springgym.core.lanes import any_lane, load, maximum, minimum, select, store
 
 RESOLVED = 1.0
 """Share of Δ that a contact may move by in a step: what is faster is not in reach before it is through."""
@@ -98,10 +98,24 @@ def add_to(totals: Numbers, pair: int, entry: int, value: Number) -> None:
 
 @compiled
 def set_fastest(speed: Number, pair: int, totals: Numbers | None) -> None:
-    """Keep the largest speed along a normal of a pair [m/s], if there are totals."""
+    """Raise the largest speed [m/s] that a pair had along a normal to ``speed``, if there are totals."""
     if totals is not None:
         n = pair * ENTRIES + FASTEST
         store(totals, n, maximum(load(totals, n), speed))
+
+
+@compiled
+def set_touching(touches: Mask, pair: int, totals: Numbers) -> None:
+    """Mark a pair as touching, in copies where it does."""
+    n = pair * ENTRIES + TOUCHING
+    store(totals, n, select(touches, 1.0, load(totals, n)))
+
+
+@compiled
+def set_least_gap(gap: Number, pair: int, totals: Numbers) -> None:
+    """Lower the least gap [m] that a pair had to ``gap``, in copies where that is less."""
+    n = pair * ENTRIES + GAP
+    store(totals, n, minimum(load(totals, n), gap))
 
 
 # --- Of all copies --------------------------------------------------------------------------------------
@@ -111,8 +125,8 @@ def read_pairs(totals: np.ndarray | None, copies: int, pairs: int | None = None)
     """Return the totals of the first pairs of some copies; of all if no number of ``pairs`` is given."""
     if totals is None:
         return PairReadings(*np.zeros((ENTRIES, copies, 0)))
-    found = to_copies(totals, copies).reshape(copies, -1, ENTRIES)[:, :pairs].astype(float)
-    entries = dict(zip(PairReadings._fields, np.moveaxis(found, -1, 0), strict=True))
+    values = to_copies(totals, copies).reshape(copies, -1, ENTRIES)[:, :pairs].astype(float)
+    entries = dict(zip(PairReadings._fields, np.moveaxis(values, -1, 0), strict=True))
     least = entries["least_gap"]
     return PairReadings(
         **entries
@@ -147,7 +161,7 @@ def count_shown(collisions: Collisions, first: int, found: np.ndarray) -> None:
 
 
 def forget_pairs(totals: np.ndarray) -> None:
-    """Empty totals, but for who touches, and the energy in the barriers."""
+    """Set the totals of pairs to those of no contact, but keep who touches and the energy of barriers."""
     totals = numbers(totals)
     for entry in range(ENTRIES):
         if entry not in (TOUCHING, ENERGY):

@@ -44,8 +44,10 @@ def spinning(m: Measures, c: int) -> tuple[float, float]:
 
 @compiled
 def put_axis(m: Measures, c: int, unit: float, entries: np.ndarray) -> float:
-    """Write the third axis of copy c and its angular velocity across it, in a unit [rad/s], to entries (6,);
-    return that along it [rad/s]."""
+    """Write the third axis of copy c and the angular velocity across it to ``entries`` (6,).
+
+    The latter is divided by a ``unit`` [rad/s]. Returns the angular velocity along the axis [rad/s].
+    """
     spin, _ = spinning(m, c)
     for axis in range(3):
         n = m.axis[c, axis]

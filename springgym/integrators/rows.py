@@ -55,11 +55,11 @@ from springgym.integrators.node import (
 )
 
 SWEEPS = 2
-"""Number of sweeps, forth and back, in which a node finds its impulses."""
+"""Number of sweeps over the contacts of a node, in alternating order, that find their impulses."""
 
 ENOUGH = 1e-3
-"""Largest change of a gap, as a share of Δ, by a sweep that is the last. Among more than `MANY` bodies no
-sweep is left out, because the error that one sweep leaves shakes a pile."""
+"""Change of a gap, as a share of Δ, by a sweep after which no other is needed. With more than `MANY` bodies
+no sweep is left out, because the error that one sweep leaves shakes a pile."""
 
 INLINE = {**OPTIONS, "forceinline": True}
 

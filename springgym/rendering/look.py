@@ -164,7 +164,7 @@ class Look:
 
 
 def in_faces(triangles: np.ndarray, springs: np.ndarray, **more: Any) -> Look:
-    """Return the look of a closed surface, coloured by faces of two triangles, and of its springs."""
+    """Return a `Look` that shows springs and a closed surface. Two triangles at a time have one colour."""
     colors = two_tone(len(triangles), blocks=len(triangles) // 2)
     return Look(triangles=triangles, triangle_colors=colors, springs=springs, **more)
 

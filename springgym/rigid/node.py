@@ -48,17 +48,17 @@ SWEEPS, FLIGHTS = 80, 40
 If they do not suffice, the next step continues from their impulses."""
 
 AGREED = 1e-9
-"""Largest change of a gap, as a share of Δ, by a sweep or a turn that is the last."""
+"""Change of a gap, as a share of Δ, at which sweeps end, and turns."""
 
 FEW = 4
-"""Largest number of sweeps in a turn, and of turns, among more than `MANY` bodies. The next node continues
+"""Largest number of sweeps in a turn, and of turns, with more than `MANY` bodies. The next node continues
 from their impulses (`springgym.contact.warm`). If sweeps ended at 1e-3 Δ instead, their error would differ
 from node to node and shake a pile."""
 
 STILL = 1e-3
-"""Turning in a step per Δ [rad/m] below which a way counts as straight: it is curved by less than 1e-10 Δ
-then, and arms that `look_ahead` moved by the quotient of both, which is rounding, would shake bodies at
-rest."""
+"""Rotation in a step per Δ [rad/m] below which `look_ahead` moves no arm. The path of a contact is then
+curved by less than 1e-10 Δ. The quotient of this curve and the rotation is rounding, and would shake bodies
+at rest."""
 
 AXES, SPIN, POSITION, VELOCITY, CENTRE, MASS = 0, 3, 4, 5, 6, 7
 """Rows of a body at the node: its `State` and `Solid`, with 1 over its mass behind the mass."""

@@ -34,8 +34,8 @@ def test_what_collides() -> None:
     ],
 )
 def test_batch_threads_and_single(name: str, dtype: Any) -> None:
-    """Restored from halfway, too; and nothing is missed, left out or too fast, but for one miss that float32
-    may have in all copies: two edges that cross are read from within."""
+    """Batches, threads and single copies agree to the bit, restored from halfway, too. No contact is missed
+    or left out, but for one of two tops in float32: the side of two edges that cross is mistaken."""
     plan = load(name)
     if not plan.scene.meetings:
         pytest.skip("nothing collides in it")
@@ -54,7 +54,7 @@ def test_batch_threads_and_single(name: str, dtype: Any) -> None:
         simulator.advance(steps - steps // 2, check=False)
 
     assert batch.pairs().impulse.any(axis=1).all()
-    assert np.sum([batch.pairs().misses, batch.pairs().overflow]) <= (dtype is np.float32)
+    assert np.sum([batch.pairs().misses, batch.pairs().overflow]) <= (name == "two-tops")
     each = range(copies)
     assert [reported(batch, n) for n in each] == [reported(threads, n) for n in each]
     for n in (0, 17, copies - 1):

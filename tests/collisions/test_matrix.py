@@ -129,14 +129,12 @@ def test_what_a_step_cannot_resolve_is_told(mover: str, on: str, dynamics: str) 
 
 
 def test_particles_that_surfaces_alone_meet_tell_it_too() -> None:
-    """Their body is named, and its next start is told anew."""
-    bodies = [Placed(cube(), cube().positions + np.array([n, 0, 0.7])) for n in range(2)]
+    """An error names the body that hits a surface too fast, and a new start clears it."""
+    bodies = [Placed(cube(), cube().positions + 0.7, np.tile([0, 0, -99.0 * n], (8, 1))) for n in range(2)]
     simulator = Simulator(Scene(bodies=bodies, surfaces=[floor()], collisions=()), step=4e-4)
-    down = -99.0 * np.repeat([np.zeros(3), (0.0, 0.0, 1.0)], 8, axis=0)
-    simulator.place(simulator.scene.positions, down)
     with pytest.raises(UnresolvedContactError, match=r"'cube1' and a surface of copy 0 .* at 99.02 m/s"):
         simulator.advance(50)
-    simulator.place(simulator.scene.positions, 0.01 * down)
+    simulator.place(simulator.scene.positions, 0.01 * simulator.scene.velocities)
     simulator.advance(2000)
     assert not simulator.unresolved.any()
 
@@ -173,7 +171,8 @@ def test_on_a_slope_it_holds_rolls_or_slides(mover: str, on: str, dynamics: str)
     off = GAP if on == "block" and dynamics == "rigid" else 1e-4
     gained = (v - before)[:, 0] / 0.2
     np.testing.assert_allclose(gained, np.where(mu < needs, slides, sticks), rtol=0, atol=off * G)
-    np.testing.assert_allclose(v[:, 1], 0.0, atol=1e-4)  # a capsule's first pushes, end by end, turn it
+    # the first pushes, end by end, turn a capsule of springs
+    assert np.abs(v[:, 1]).max() < (1e-4 if mover == "capsule" and dynamics == "springs" else 1e-5)
     if share:
         assert (np.abs(slip[2:]) < off * v[2:, 0]).all()
         assert (slip[:2] > 0.01).all()

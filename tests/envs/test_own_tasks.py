@@ -44,10 +44,6 @@ def measured(m: MeasuresOfBodies, s: Situation) -> dict[str, np.ndarray]:
     return {"angle": angle, "spin": spin, "precession": across}
 
 
-def long_tail(value: np.ndarray, margin: float, bound: float) -> np.ndarray:
-    return 1 / (1 + 9 * (np.maximum(value - bound, 0) / margin) ** 2)
-
-
 def gaussian(value: np.ndarray, margin: float, bound: float) -> np.ndarray:
     return 0.1 ** (np.maximum(value - bound, 0) / margin) ** 2
 
@@ -55,7 +51,7 @@ def gaussian(value: np.ndarray, margin: float, bound: float) -> np.ndarray:
 def reward(m: MeasuresOfBodies, s: Situation) -> dict[str, np.ndarray]:
     seen = measured(m, s)
     thrift = 1 - 0.1 * (s.action**2).mean(axis=1)
-    aligned = long_tail(seen["angle"], 0.5, 0.03) / 4 * thrift
+    aligned = 1 / (1 + 9 * (np.maximum(seen["angle"] - 0.03, 0) / 0.5) ** 2) / 4 * thrift
     calm = gaussian(seen["angle"], 0.15, 0.03) * gaussian(seen["precession"], 0.3, 0.1)
     return {"aligned": aligned, "calm": 3 * aligned * calm}
 

@@ -55,7 +55,7 @@ def beads(
     gravity: Any = DOWN,
     **options: Any,
 ) -> Simulator:
-    """Single particles of 1 kg, a copy each, which may be faster than steps resolve."""
+    """Return a simulator of particles of 1 kg, one in each copy. Impacts too fast for a step are counted."""
     scene = Scene(BEAD, positions[:1], gravity=gravity, surfaces=surfaces, contact=how or contact())
     options = {"step": 1e-3, "unresolved": "count"} | options
     simulator = Simulator(scene, copies=max(2, len(positions)), varying=VARYING, **options)

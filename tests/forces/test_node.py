@@ -28,7 +28,7 @@ def fallen(surfaces: Any, copies: int = 3, wrench: WrenchActuator | None = None,
     body = body.with_(positions=positions, lengths=0.3 * body.lengths)
     how = Contact(friction=0.4, restitution=0.5, strength=0.05, reach=0.02)
     scene = Scene(body, positions, surfaces=surfaces, contact=how, wrench=wrench)
-    simulator = Simulator(scene, **{"step": 1e-3, "copies": copies, "unresolved": "count", **options})
+    simulator = Simulator(scene, **{"step": 1e-3, "copies": copies, **options})
     pace = 1 + 0.3 * np.arange(copies)[:, None, None]
     simulator.place(
         positions + np.zeros((copies, 1, 1)),

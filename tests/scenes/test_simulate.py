@@ -584,12 +584,8 @@ def test_a_spin_that_would_be_seen_backwards_is_slowed_down():
     assert visible_speed(fastest, 50.0) == 1.0
     assert visible_speed(fastest, 25.0) == 0.5
     assert visible_speed(0.0, 25.0) == 1.0
-    short = recording_of("top", 0.2)
+    short = record(replace(load("top"), duration=0.2))
     assert len(list(frames(short, fps=25.0))) == 11
-
-
-def recording_of(name, duration):
-    return record(replace(load(name), duration=duration))
 
 
 def test_a_camera_follows_what_goes_far():
