@@ -83,7 +83,7 @@ class _Common(Stateful):
             settings = settings._replace(integrator=self.chosen.integrator)
             pace = task.period / self.chosen.steps
             self.episodes = Episodes(task, copies, settings, given, pace, SAFETY * self.chosen.error)
-        self.episodes.each_period = self._show_period
+        self.episodes.each_period = self._show_period if self.render_mode else None
         if self.episodes.goals is not None:
             self.compute_reward = self.episodes.goals.compute_reward
 
@@ -767,4 +767,4 @@ def _add(infos: dict[str, Any], values: Mapping[str, Any], mask: np.ndarray) -> 
 
 def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
     """Return the same of a single copy, as plain Python numbers."""
-    return {k: _plain(v) if isinstance(v, dict) else v.item() for k, v in values.items()}
+    return {k: v.item() if v.__class__ is np.ndarray else _plain(v) for k, v in values.items()}
