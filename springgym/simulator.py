@@ -419,7 +419,7 @@ class Simulator:
         """Return a copy of the velocities of the particles [m/s], (copies, N, 3)."""
         return to_copies(self._v, self.copies)
 
-    @property
+    @cached_property
     def width(self) -> int:
         """Return the number of copies in a block."""
         return int(numbers(self._x).shape[-1])
