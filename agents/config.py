@@ -66,7 +66,7 @@ def number(low: float, high: float) -> Callable[[str], float]:
 
 
 def command_line(description: str | None, program: str | None = None) -> argparse.ArgumentParser:
-    """Return a parser without arguments, whose help keeps the line breaks of the ``description``."""
+    """Return an argument parser, still empty, whose help keeps the line breaks of the ``description``."""
     form = argparse.RawDescriptionHelpFormatter
     return argparse.ArgumentParser(program, description=description, formatter_class=form)
 

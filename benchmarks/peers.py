@@ -235,7 +235,7 @@ def _text(values: Iterable[float]) -> str:
 
 
 def _springs(scene: Scene) -> tuple[str, np.ndarray, np.ndarray]:
-    """Return MuJoCo's world as XML, the particles' initial positions [m], and joint velocities [m/s]."""
+    """Return the scene as MuJoCo's XML, initial positions of particles [m] and joint velocities [m/s]."""
     body, free = scene.body, scene.free
     sites, bodies = "", ""
     for n, (x, m) in enumerate(zip(scene.positions, body.masses.tolist(), strict=True)):
@@ -257,8 +257,10 @@ def _springs(scene: Scene) -> tuple[str, np.ndarray, np.ndarray]:
 
 
 def _rigid_body(scene: Scene) -> tuple[str, np.ndarray, np.ndarray]:
-    """Return MuJoCo's world as XML, and of the rigid twin the particles' initial positions [m] and the
-    angular velocity [rad/s]."""
+    """Return the rigid twin as MuJoCo's XML, its initial positions [m] and its angular velocity [rad/s].
+
+    The positions are those of its particles.
+    """
     start = Simulator(scene, dynamics="rigid")
     x, masses = start.positions[0] - scene.positions[scene.pivot], scene.body.masses
     centre = masses @ x / masses.sum()

@@ -370,8 +370,11 @@ class Simulator:
 
     @cached_property
     def _totals(self) -> tuple[np.ndarray | None, np.ndarray]:
-        """Totals of contacts and their reach Δ [m], by which `unresolved` is found: of pairs; or of bodies,
-        if their particles meet surfaces one by one. Without contacts the totals are None."""
+        """Return the totals of contacts that determine `unresolved`, and the reach Δ [m] of each.
+
+        They are those of pairs; or of bodies, if their particles meet surfaces one by one. Without contacts,
+        the totals are None.
+        """
         if self._terms.collisions is not None:
             return self._terms.collisions.totals, self._terms.collisions.pairs.reach
         of = [packed.terms.surfaces for packed in self._packed if packed.terms.surfaces is not None]

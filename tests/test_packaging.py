@@ -82,9 +82,9 @@ def test_a_wheel_trains(clone: Path, tmp_path: Path) -> None:
         wheel.extractall(site)
     for kind in ("agents", "configs"):
         assert files(site / "springgym" / kind) == files(clone / kind)
-    told = next(site.glob("*.dist-info/METADATA")).read_text(encoding="utf-8")
+    metadata = next(site.glob("*.dist-info/METADATA")).read_text(encoding="utf-8")
     # links are whole once there is an address
-    assert ("](docs/" in told) == ("\nProject-URL: Source" not in told)
+    assert ("](docs/" in metadata) == ("\nProject-URL: Source" not in metadata)
 
     def springgym(*words: str) -> str:
         code = "import sys; from springgym import cli; assert cli.__file__.startswith(sys.argv.pop(1)); "

@@ -79,7 +79,7 @@ SPACES["her"] = SPACES["sac"] | {"relabelled": [1, 2, 4, 8]}
 
 
 def shipped(config: Config, space: Space) -> dict[str, Any]:
-    """Return the hyperparameters of a configuration, by name, whose values the search space contains."""
+    """Return by name the hyperparameters of a configuration whose values the search space contains."""
     own = {name: getattr(config, name) for name in space}
     own = {name: str(list(value)) if isinstance(value, tuple) else value for name, value in own.items()}
     return {name: own[name] for name in space if isinstance(space[name], tuple) or own[name] in space[name]}

@@ -23,10 +23,10 @@ from springgym.core.vectors import choose, dot, plus_scaled, row, set_row, unit
 from springgym.terms import Terms
 
 TURNS = 40
-"""Largest number of turns that find the impulses of coupled surfaces."""
+"""Largest number of iterations (turns) that find the impulses of coupled surfaces."""
 
 AGREED = 1e-9
-"""Change of a particle's displacement, as a share of Δ, at which turns end."""
+"""Change of a displacement by an iteration, as a share of Δ, below which no other follows."""
 
 ALMOST = 1.1
 """Share of Δ below which a surface is near: where a way ends out of it, the next begins out of Δ, whatever is

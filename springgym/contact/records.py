@@ -33,7 +33,7 @@ class Surfaces(NamedTuple):
     coupled: bool | None
     """True if `springgym.surfaces.coupled`; else None, so that no turns are compiled"""
     totals: Numbers | None = None
-    """(`ENTRIES`,) totals as of a pair; particles enter their largest speed; None where contacts are rows"""
+    """(`ENTRIES`,) totals of the body, of which only `FASTEST` is set; None where contacts are rows"""
 
 
 class Resistance(NamedTuple):
@@ -57,7 +57,7 @@ class Given(NamedTuple):
 
 
 MANY = 10
-"""Largest number of bodies with which a node's sweeps end as soon as impulses agree. With more bodies, a node
+"""Largest number of bodies in a scene whose sweeps end as soon as impulses agree. With more bodies, a node
 takes a few sweeps, and the next node continues from its impulses."""
 
 

@@ -44,7 +44,6 @@ from springgym.contact.movers import (
 from springgym.contact.records import (
     CONTACT,
     ENERGY,
-    ENTRIES,
     FAR,
     FAST,
     FRICTION,
@@ -55,7 +54,6 @@ from springgym.contact.records import (
     OVERFLOW,
     PASSES,
     ROWS,
-    TOUCHING,
     ContactRows,
     Ends,
     Problem,
@@ -63,7 +61,7 @@ from springgym.contact.records import (
     Shapes,
     Turning,
 )
-from springgym.contact.totals import add_to, entry_of, set_fastest, set_least_gap, set_touching
+from springgym.contact.totals import add_to, clear_current, set_fastest, set_least_gap, set_touching
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
 from springgym.core.lanes import any_lane, load, load_each, maximum, minimum, select, sqrt, store
@@ -551,13 +549,3 @@ def start_totals(fresh: Mask, problem: Problem, changing: np.ndarray) -> None:
         set_touching(energy > 0.0, p, totals)
         set_least_gap(select(there, gap, FAR), p, totals)
         add_to(totals, p, ENERGY, energy)
-
-
-@compiled
-def clear_current(where: Mask, totals: Numbers, changing: np.ndarray) -> None:
-    """Clear what is told of one node alone: who touches, and the energy in the barriers."""
-    for m in range(1, entry_of(changing, 0) + 1):
-        p = entry_of(changing, m)
-        for entry in (TOUCHING, ENERGY):
-            n = p * ENTRIES + entry
-            store(totals, n, select(where, 0.0, load(totals, n)))

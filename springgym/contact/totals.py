@@ -90,15 +90,25 @@ def list_changing(contacts: ContactRows, totals: Numbers, changing: np.ndarray) 
 
 
 @compiled
+def clear_current(where: Mask, totals: Numbers, changing: np.ndarray) -> None:
+    """Set the entries that hold for one node alone, `TOUCHING` and `ENERGY`, to 0 in the copies ``where``."""
+    for m in range(1, entry_of(changing, 0) + 1):
+        p = entry_of(changing, m)
+        for entry in (TOUCHING, ENERGY):
+            n = p * ENTRIES + entry
+            store(totals, n, select(where, 0.0, load(totals, n)))
+
+
+@compiled
 def add_to(totals: Numbers, pair: int, entry: int, value: Number) -> None:
-    """Add to an entry of a pair."""
+    """Add ``value`` to the total ``entry`` of a pair, in its unit."""
     n = pair * ENTRIES + entry
     store(totals, n, load(totals, n) + value)
 
 
 @compiled
 def set_fastest(speed: Number, pair: int, totals: Numbers | None) -> None:
-    """Raise the largest speed [m/s] that a pair had along a normal to ``speed``, if there are totals."""
+    """Set the largest normal speed of a pair [m/s] to ``speed`` in the copies where that is larger."""
     if totals is not None:
         n = pair * ENTRIES + FASTEST
         store(totals, n, maximum(load(totals, n), speed))
@@ -106,14 +116,14 @@ def set_fastest(speed: Number, pair: int, totals: Numbers | None) -> None:
 
 @compiled
 def set_touching(touches: Mask, pair: int, totals: Numbers) -> None:
-    """Mark a pair as touching, in copies where it does."""
+    """Mark a pair as touching in the copies where ``touches`` holds."""
     n = pair * ENTRIES + TOUCHING
     store(totals, n, select(touches, 1.0, load(totals, n)))
 
 
 @compiled
 def set_least_gap(gap: Number, pair: int, totals: Numbers) -> None:
-    """Lower the least gap [m] that a pair had to ``gap``, in copies where that is less."""
+    """Set the least gap of a pair [m] to ``gap`` in the copies where that is smaller."""
     n = pair * ENTRIES + GAP
     store(totals, n, minimum(load(totals, n), gap))
 
@@ -161,7 +171,7 @@ def count_shown(collisions: Collisions, first: int, found: np.ndarray) -> None:
 
 
 def forget_pairs(totals: np.ndarray) -> None:
-    """Set the totals of pairs to those of no contact, but keep who touches and the energy of barriers."""
+    """Reset the totals of all pairs, except for `TOUCHING` and the `ENERGY` of barriers."""
     totals = numbers(totals)
     for entry in range(ENTRIES):
         if entry not in (TOUCHING, ENERGY):

@@ -169,8 +169,8 @@ class Episodes:
         self.rewarded = SPARSE if sparse else len(task.terms)
         self.out = np.zeros((copies, len(task.outcome)))
         """what `Task.evaluate` set last, a column for each name in `Task.outcome`"""
-        self.diverged, self._drift = np.zeros(copies, bool), np.zeros(copies)
-        self._succeeded, self._hold = np.zeros(copies, bool), np.array(task.hold)
+        self.diverged = np.zeros(copies, bool)
+        self._succeeded, self._drift = np.zeros(copies, bool), np.zeros(copies)
         self._bound_of_error = None if error_bound is None else np.full(copies, error_bound)
         self._names = np.dtype([(name, self.out.dtype) for name in task.outcome])
         self._first_memory = np.array(task.memory, float)
@@ -467,7 +467,7 @@ class Episodes:
 
     def info_arrays(self) -> dict[str, Any]:
         """Return ``info`` as arrays (n,) by name, views that the next step overwrites."""
-        np.greater_equal(self.held, self._hold, out=self._succeeded)
+        np.greater_equal(self.held, self.task.hold, out=self._succeeded)
         np.subtract(self.measures.balance, self.balance, out=self._drift)
         if self.task.scene.meetings:
             self._info.update(zip(OF_PAIRS, self.simulator.pair_sums(), strict=True))

@@ -55,10 +55,10 @@ from springgym.integrators.node import (
 )
 
 SWEEPS = 2
-"""Number of sweeps over the contacts of a node, in alternating order, that find their impulses."""
+"""Number of sweeps in which a node finds the impulses of its contacts, in alternating order."""
 
 ENOUGH = 1e-3
-"""Change of a gap, as a share of Δ, by a sweep after which no other is needed. With more than `MANY` bodies
+"""Change of a gap by a sweep, as a share of Δ, below which no other follows. With more than `MANY` bodies
 no sweep is left out, because the error that one sweep leaves shakes a pile."""
 
 INLINE = {**OPTIONS, "forceinline": True}

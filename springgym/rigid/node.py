@@ -44,19 +44,19 @@ from springgym.rigid.solid import Motion, Rigid, Solid, State, Twin
 from springgym.terms import Thrust, Wrench
 
 SWEEPS, FLIGHTS = 80, 40
-"""Largest number of sweeps in a turn, and of turns in which flights and impulses are found from each other.
-If they do not suffice, the next step continues from their impulses."""
+"""Largest number of sweeps in a turn, and of turns, which find flights and impulses from each other. If
+they do not suffice, the next step continues from their impulses."""
 
 AGREED = 1e-9
-"""Change of a gap, as a share of Δ, at which sweeps end, and turns."""
+"""Change of a gap by a sweep or a turn, as a share of Δ, below which no other follows."""
 
 FEW = 4
-"""Largest number of sweeps in a turn, and of turns, with more than `MANY` bodies. The next node continues
-from their impulses (`springgym.contact.warm`). If sweeps ended at 1e-3 Δ instead, their error would differ
-from node to node and shake a pile."""
+"""Largest number of sweeps in a turn, and of turns, with more than `MANY` bodies in a scene. The next node
+continues from their impulses (`springgym.contact.warm`). If sweeps ended at 1e-3 Δ instead, their
+error would differ from node to node and shake a pile."""
 
 STILL = 1e-3
-"""Rotation in a step per Δ [rad/m] below which `look_ahead` moves no arm. The path of a contact is then
+"""Rotation of a body in a step, over Δ [rad/m], below which `look_ahead` moves no lever arm. Paths are then
 curved by less than 1e-10 Δ. The quotient of this curve and the rotation is rounding, and would shake bodies
 at rest."""
 

@@ -129,7 +129,7 @@ def test_what_a_step_cannot_resolve_is_told(mover: str, on: str, dynamics: str) 
 
 
 def test_particles_that_surfaces_alone_meet_tell_it_too() -> None:
-    """An error names the body that hits a surface too fast, and a new start clears it."""
+    """The error names the body that hits a surface too fast, and placing it anew clears `unresolved`."""
     bodies = [Placed(cube(), cube().positions + 0.7, np.tile([0, 0, -99.0 * n], (8, 1))) for n in range(2)]
     simulator = Simulator(Scene(bodies=bodies, surfaces=[floor()], collisions=()), step=4e-4)
     with pytest.raises(UnresolvedContactError, match=r"'cube1' and a surface of copy 0 .* at 99.02 m/s"):

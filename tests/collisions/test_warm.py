@@ -32,7 +32,7 @@ def column() -> Scene:
 
 
 def pushes_and_law(found: Contacts, meetings: Meetings) -> tuple[np.ndarray, np.ndarray]:
-    """Return the force in each contact of two blocks, and the force of the contact law at its gap [N]."""
+    """Return the normal force of each contact of two blocks, and that of the law at its gap [N]."""
     between = found.there[0] & (found.second[0] >= 0)
     push = (found.force * found.normal).sum(axis=-1)[0][between]
     c, reach, gap = meetings.strength[0], meetings.reach[0], found.gap[0][between]
