@@ -27,7 +27,6 @@ import multiprocessing
 import os
 import sys
 import threading
-import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
@@ -97,10 +96,8 @@ def run_cell(cell: Cell, plan: Plan) -> dict[str, Any]:
     """Run a cell, from where it stands, and return its row."""
     import torch
     import train
-    from recorder import Recorder
 
     torch.set_num_threads(1)
-    Recorder.clock = staticmethod(time.process_time)
     folder = plan.folder(cell)
     folder.mkdir(parents=True, exist_ok=True)
     with open(folder / "log.txt", "a", encoding="utf-8") as log, redirect_stdout(log), redirect_stderr(log):

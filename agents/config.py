@@ -1,6 +1,6 @@
 """Hyperparameters: YAML files keyed by environment id, read strictly.
 
-``configs/<algo>.yaml``, of TQC ``configs/sac.yaml``, maps environment ids to the fields of a dataclass below.
+``configs/<algo>.yaml`` maps environment ids to the fields of a dataclass below.
 The entry ``default`` holds for all other ids. An unknown, duplicate or missing key, or a value of the wrong
 type, raises a `ConfigError` that names file, line and key.
 """
@@ -255,8 +255,8 @@ DEFAULT = "default"
 
 
 def config_path(algo: Algorithm, folder: Path = CONFIG_FOLDER) -> Path:
-    """Return the file of an algorithm's hyperparameters; TQC has those of SAC."""
-    return folder / f"{'sac' if algo == 'tqc' else algo}.yaml"
+    """Return the file of an algorithm's hyperparameters."""
+    return folder / f"{algo}.yaml"
 
 
 def load_config(

@@ -50,7 +50,7 @@ from matplotlib.ticker import EngFormatter
 
 COLUMNS = (
     "timesteps",  # environment steps of all copies together
-    "seconds",  # spent training
+    "seconds",  # of processor time, spent training
     "reward_per_step",  # mean over the steps since the row before
     "episodes",  # that ended since the row before
     "return_per_step",  # return over time limit, mean over the last 100 episodes
@@ -71,8 +71,8 @@ class Recorder(BaseCallback):
     """Writes rows and checkpoints between iterations, and moves the progress bar."""
 
     bar: tqdm
-    clock = staticmethod(time.perf_counter)
-    """what the column "seconds" counts"""
+    clock = staticmethod(time.process_time)
+    """what the column "seconds" counts: what other programs take does not enter"""
 
     def __init__(self, run: Run, env: StaggeredMonitor) -> None:
         super().__init__()

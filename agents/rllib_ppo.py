@@ -22,7 +22,7 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from config import MENDABLE, ConfigError, PPOConfig, load_config, making, whole
+from config import MENDABLE, ConfigError, PPOConfig, command_line, load_config, making, whole
 
 from springgym.cli import INTERRUPTED, guarded
 from springgym.envs.starts import spawned
@@ -173,9 +173,7 @@ def learn(options: argparse.Namespace) -> int:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command_line(__doc__)
     parser.add_argument("env_id", help="environment id")
     parser.add_argument(
         "--runners", type=whole(1, 10_000), default=2, help="number of environment processes (default: 2)"

@@ -16,7 +16,6 @@ import argparse
 import json
 import sys
 import tempfile
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -42,8 +41,6 @@ ENOUGH = 0.9
 
 class Stopwatch(Recorder):
     """Takes the time of rollouts and of the native steps in them, and ends the training."""
-
-    clock = staticmethod(time.process_time)
 
     def __init__(self, run: Run, env: StaggeredMonitor) -> None:
         super().__init__(run, env)

@@ -65,7 +65,6 @@ def card(run: Run, episodes: int, audited: int, made_with: dict[str, Any]) -> di
         "algorithm": run.algo,
         "seed": run.seed,
         "command": command(run),
-        "steps": run.config.total_timesteps,
         "selection_return": selected(run, episodes),
         **reached(run, episodes),
         "audited": audited,
@@ -82,15 +81,16 @@ def command(run: Run) -> str:
     Raises
     ------
     ConfigError
-        If its configuration is not the one that ships: nobody could train it again.
+        If its configuration, but for its seconds, is not the one that ships: nobody could train it again.
     """
-    if run.config != load_config(run.algo, run.env_id):
+    seconds = f"seconds={run.config.seconds:g}"
+    if run.config != load_config(run.algo, run.env_id, [seconds]):
         raise ConfigError(
             f"{run.folder} was trained with a configuration that differs from "
             f"configs/{config_path(run.algo).name}"
         )
     words = ["python", "agents/train.py", run.env_id, "--algo", run.algo, "--seed", str(run.seed)]
-    return shlex.join(words)
+    return shlex.join([*words, *(["--set", seconds] if run.config.seconds else [])])
 
 
 def publish(folders: Sequence[Path], episodes: int, audited: int, into: Path) -> int:

@@ -85,7 +85,7 @@ def shipped(config: Config, space: Space) -> dict[str, Any]:
     return {name: own[name] for name in space if isinstance(space[name], tuple) or own[name] in space[name]}
 
 
-def suggested(trial: optuna.Trial, algo: str) -> list[str]:
+def suggested(trial: optuna.trial.BaseTrial, algo: str) -> list[str]:
     """Return the settings of a trial, in the form that ``--set`` takes."""
     chosen = []
     for name, space in SPACES[algo].items():
@@ -188,7 +188,7 @@ def tell(study: optuna.Study, options: argparse.Namespace, folder: Path, path: P
     complete = [trial for trial in trials if trial["state"] == "COMPLETE"]
     print(f"trial {trials[-1]['number']}: {trials[-1]['state'].lower()}, {trials[-1]['value']}")
     if complete:
-        overrides = [*options.overrides, *(f"{k}={v}" for k, v in study.best_params.items())]
+        overrides = [*options.overrides, *suggested(study.best_trial, options.algo)]
         best = asdict(load_config(options.algo, options.task, overrides, path))
         text = f"# return per step {study.best_value:.4f} on {EPISODES} episodes of {options.seeds} agents\n"
         text += yaml.safe_dump({options.task: best}, sort_keys=False, default_flow_style=None)
