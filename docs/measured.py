@@ -480,7 +480,7 @@ def table_of_environments(report: Report) -> str:
         "`SyncVectorEnv`, 64",
         "native, 64",
         "native, 1024",
-        "error of a step",
+        "median error of a step",
     ]
     return table(head, rows)
 

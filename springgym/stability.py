@@ -228,6 +228,6 @@ def steps_in(period: float, step: float) -> int:
     if steps < 1 or abs(steps * step - period) > 1e-9 * period:
         raise ValueError(
             f"a period of {period:g} s is not a whole number of steps of {step:g} s; "
-            f"take a step of {period / max(1, steps):g} s"
+            f"take a step of {period / math.ceil(period / step)!r} s"
         )
     return steps

@@ -163,7 +163,7 @@ def test_a_measure_has_one_value_in_all_pages() -> None:
         for line in page.read_text(encoding="utf-8").splitlines():
             cells = [cell.strip() for cell in line.strip("|").split("|")] if line.startswith("|") else []
             head = (head or cells) if cells else []
-            for name in {"error of a step", "median error"} & set(head):
+            for name in {"median error of a step", "median error"} & set(head):
                 if cells and cells[0].startswith("`Spring") and (len(cells) == len(head)):
                     arguments = cells[head.index("arguments")] if "arguments" in head else ""
                     value = f"{float(cells[head.index(name)]):.1e}"
