@@ -191,7 +191,7 @@ def table(evaluations: Sequence[Evaluation], env_id: str) -> str:
     """Return the evaluations as lines of text, one agent a line; the JSON file holds everything."""
     scale, unit = score(env_id)
     extra = [key for key in evaluations[0].last_infos if not key.startswith(("reward_", "energy"))]
-    header = ["agent", f"return/{unit}", "success", "steps", *extra]
+    header = ["agent", f"return/{unit} ± SD", "success", "steps", *extra]
     rows = [header]
     for e in evaluations:
         spread = scale * float(np.std(e.returns_per_step))

@@ -20,9 +20,10 @@ import springgym  # noqa: F401  (registers the environments)
 from springgym.envs.sb3 import Monitor, SB3VecEnv, StaggeredMonitor
 
 HYPERPARAMETERS: dict[str, Any] = {
-    "n_steps": 64,  # of each environment between two updates
-    "batch_size": 1024,
-    "learning_rate": 7e-4,
+    "n_steps": 32,  # of each environment between two updates
+    "batch_size": 512,
+    "n_epochs": 5,
+    "learning_rate": 1.5e-3,
     "gamma": 0.98,
     "policy_kwargs": {"log_std_init": -0.5},
 }
@@ -36,6 +37,7 @@ def make(env_id: str, num_envs: int, monitor: type[Monitor] = Monitor) -> Monito
         num_envs=num_envs,
         vectorization_mode="vector_entry_point",
         autoreset_mode=AutoresetMode.SAME_STEP,
+        observation="frame",
     )
     return monitor(SB3VecEnv(envs))
 
@@ -73,7 +75,7 @@ if __name__ == "__main__":
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--env", default="SpringTop-v0", help="environment id (default: SpringTop-v0)")
-    parser.add_argument("--timesteps", type=int, default=400_000, help="steps of all environments together")
+    parser.add_argument("--timesteps", type=int, default=200_000, help="steps of all environments together")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", default="ppo.zip", help="file for the agent, which PPO.load reads")
     options = parser.parse_args()

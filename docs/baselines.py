@@ -63,7 +63,7 @@ TASKS: tuple[Row | Variant, ...] = (*ENVIRONMENTS, *VARIANTS)
 TIERS = {
     "first steps": "A linear policy solves these tasks, and is found in seconds. Begin here.",
     "standard": "PPO solves most of these tasks with the package's hyperparameters; linear policies do not.",
-    "harder": "PPO succeeds in most episodes, where it was trained (3 seeds).",
+    "harder": "PPO succeeds in most episodes, where it was trained.",
     "hard": "PPO fails in most episodes, although most of these tasks can be done.",
 }
 INTRODUCTION = """# Baselines
@@ -176,9 +176,9 @@ python docs/baselines.py --rows runs/benchmark/baselines.json
 python docs/environments.py
 ```
 
-The second command trains and evaluates everything, on all cores or on a Ray cluster; run again, it
-continues. The third writes this page and draws all curves. The same command, seed, machine and commit
-give bit-identical curves.
+The second command trains and evaluates the suite, on all cores or on a Ray cluster; run again, it
+continues. The third writes this page and draws all curves. Runs of a number of steps (`--seconds 0`) are
+bit-identical on the same machine and commit; those of a number of seconds end at another step each time.
 
 - *Linear* is a ← clip(W o + b) over `observation="frame"`, found by the cross-entropy method.
 - *Classical* is the hand-written controller in `agents/controllers.py`.

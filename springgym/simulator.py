@@ -834,24 +834,22 @@ class Simulator:
         read = PairReadings(*(of[copy] for of in totals.read_pairs(own, self.copies)))
         resolved, met, bodies = RESOLVED / self.step * reach, self.scene.meetings, self.scene.bodies
         n = int(np.argmax((read.fastest > resolved) | (read.misses > 0) | (read.overflow > 0)))
-        who = f"body {bodies[n - len(met)].name!r} and a surface"
         if n < len(met):
             who = f"bodies {bodies[met.first[n]].name!r} and {bodies[met.second[n]].name!r}"
+        else:
+            who = f"body {bodies[n - len(met)].name!r} and a surface"
         how = [
             (read.fastest[n] > resolved[n], f"at {read.fastest[n]:.4g} m/s"),
             (read.misses[n] > 0, f"{read.misses[n]:.0f} times detected only when they (almost) overlapped"),
-            (
-                read.overflow[n] > 0,
-                f"{read.overflow[n]:.0f} times in too many points of contact, or too fast to be looked for",
-            ),
+            (read.overflow[n] > 0, f"{read.overflow[n]:.0f} times at too many points, or too fast to seek"),
         ]
         finer = self.step * min(1.0, resolved[n] / max(read.fastest[n], TINY))
         return (
             f"{who} of copy {copy} met before t = {self.time[copy]:g} s "
             f"{' and '.join(what for wrong, what in how if wrong)}: a step of {self.step:g} s cannot resolve "
             f"that. It resolves contacts of up to {resolved[n]:.4g} m/s, which move by {RESOLVED:g} of their "
-            f"reach of {reach[n]:g} m. Take a step of less than {finer:.2g} s, a larger "
-            'reach or stiffer contact, or say unresolved="count" to go on'
+            f"reach of {reach[n]:g} m. Take a step of less than {finer:.2g} s; or, if the contact is too "
+            'soft for the impact, a larger reach, more strength or stiffer springs; or unresolved="count"'
         )
 
     def _check_distance(self, positions: np.ndarray) -> None:

@@ -225,10 +225,10 @@ class Episodes:
         ranges = f" with randomize={self.ranges}" if self.ranges else ""
         if step is not None:
             step = checks.number("step", step, TINY)
-            if self.ranges and stability.is_unstable(step, limit := kind.largest_step(scene, method)):
+            if stability.is_unstable(step, limit := kind.largest_step(scene, method)):
                 raise ValueError(
                     f"a step of {step:g} s is unstable: {method.name} on this body{ranges} allows at most "
-                    f"{stability.REFUSED * limit:.4g} s. Take a smaller step, or narrower ranges"
+                    f"{stability.REFUSED * limit:.4g} s. Take a smaller one"
                 )
             if period / step > MOST_STEPS:
                 raise ValueError(

@@ -65,7 +65,7 @@ def test_command_line(classical, tmp_path, capsys):
     out = capsys.readouterr().out
     assert f"Toy-v0: 5 episodes, seeds from {HELD_OUT_SEED}" in out
     header, zero, classical_line = out.splitlines()[1:]
-    assert header.split() == ["agent", "return/step", "success", "steps", "distance"]
+    assert header.split() == ["agent", "return/step", "±", "SD", "success", "steps", "distance"]
     assert zero.startswith("zero")
     assert classical_line.split()[4:6] == ["100", "%"]
     written = json.loads(path.read_text())

@@ -62,12 +62,9 @@ def test_geometry_of_throws() -> None:
 def test_too_fast_is_an_error() -> None:
     """It names the bodies, the copy, the speed and the largest one that the step resolves."""
     simulator = two_balls(30.0)
-    with pytest.raises(UnresolvedContactError) as caught:
+    told = r"'left' and 'right' of copy 0 .* t = 0\.1 s at 30 m/s.* up to 10 m/s.* less than 0\.00033 s"
+    with pytest.raises(SimulationDivergedError, match=told):
         simulator.advance(100)
-    told = str(caught.value)
-    for part in ("'left' and 'right' of copy 0", "at 30 m/s", "up to 10 m/s", "0.00033 s", "t = 0.1 s"):
-        assert part in told
-    assert isinstance(caught.value, SimulationDivergedError)
     with pytest.raises(UnresolvedContactError):  # it stays told
         simulator.advance(1)
     simulator.place(simulator.scene.positions, 0.1 * simulator.scene.velocities)

@@ -13,7 +13,7 @@ from springgym.contact.totals import PairReadings
 from springgym.core.blocks import numbers
 from springgym.scene import Placed, Scene, WrenchActuator
 from springgym.scenes import load
-from springgym.simulator import Simulator
+from springgym.simulator import SimulationDivergedError, Simulator
 from springgym.surfaces import Bowl, Contact, Plane
 from tests.collisions.impacts import impacts
 from tests.collisions.stepped import Stepped
@@ -38,6 +38,12 @@ def among(*placed: Placed, **more: Any) -> Scene:
 
 def put(body: Body, place: Any, name: str) -> Placed:
     return Placed(body, body.positions + np.asarray(place, float), name=name)
+
+
+def test_a_pair_among_many_bodies_is_named() -> None:
+    """With more pairs than bodies, the error names the two that met."""
+    with pytest.raises(SimulationDivergedError, match="bodies 'cue' and 'b1' of copy 0 met"):
+        Simulator(load("billiard-break").scene, step=3.5e-4).advance(1500)
 
 
 @pytest.mark.slow
