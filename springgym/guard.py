@@ -16,8 +16,8 @@ class Guard:
 
     def __init__(self) -> None:
         lock = RLock()
-        self.taken: Callable[..., bool] = lock.acquire
-        self.given_back: Callable[[], None] = lock.release
+        self.take: Callable[..., bool] = lock.acquire
+        self.release: Callable[[], None] = lock.release
 
     def __reduce__(self) -> tuple[type[Guard], tuple[()]]:
         return Guard, ()
@@ -35,7 +35,7 @@ def guarded(method: Method) -> Method:
     @wraps(method)
     def alone(self: Any, /, *arguments: object, **options: object) -> object:
         guard = self._guard
-        if not guard.taken(False):
+        if not guard.take(False):
             raise RuntimeError(
                 f"two threads use one {type(self).__name__} at once: {method.__name__} was called while "
                 "another thread is in a call; give each thread its own, or use a lock"
@@ -43,6 +43,6 @@ def guarded(method: Method) -> Method:
         try:
             return method(self, *arguments, **options)
         finally:
-            guard.given_back()
+            guard.release()
 
     return cast(Method, alone)

@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--check",
         action="store_true",
-        help=f"compare with theory; exit with 1 on failure, {UNCOVERED} if no theory applies",
+        help=f"compare with theory; exit with 1 on failure, {UNCOVERED} if theory does not cover a check",
     )
 
 

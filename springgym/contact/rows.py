@@ -1,9 +1,9 @@
 """Rows of contacts: one for each contact of two bodies, or of a body and a surface, at a node.
 
-A row of two bodies holds a contact of each copy, its own: row r the r-th of each. A copy that has less than
-others has a gap of `FAR` there, and the particles of another. So the list is as long as the longest of a
-copy, and what a copy has, and in which order, does not depend on the others. A row of a surface is of the
-same particle, or the same round feature, in all copies.
+Row r of two bodies holds the r-th contact of each copy, which may be of other particles in each. A copy with
+fewer contacts has a gap of `FAR` in the rows that it lacks. So the list is as long as that of the copy with
+most contacts, and which contacts a copy has, and in which order, does not depend on other copies. A row of a
+surface is of the same particle, or the same round feature, in all copies.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from springgym.core.vectors import choose, dot, plus_scaled, row, row_each, set_
 def new_contacts(
     pairs: Pairs, among: int, surfaces: int, bodies: int, turning: Turning | None, dtype: DTypeLike
 ) -> ContactRows:
-    """Return an empty list of contacts, on elements of ``dtype``.
+    """Return an empty list of contacts on elements of ``dtype``; `ContactRows` says what its arrays hold.
 
     A block has at most as many contacts ``among`` bodies, and with ``surfaces``.
     """
@@ -112,10 +112,11 @@ def set_arms(
     problem: Problem,
     turning: Turning | None,
 ) -> None:
-    """Find where contact k is given to the bodies that turn, of the points of both sides.
+    """Find the points at which contact k pushes bodies that turn as one, from the points of both sides.
 
-    Two of them get it halfway between both; a body that turns alone at its own skin, from where the other has
-    a face that friction can tilt, or else at the other's point. A body of a single particle gets it there.
+    Two such bodies are pushed halfway between both points. One beside a body of particles is pushed at its
+    own skin if friction can tilt a face of the other, or else at the other's point. A body of a single
+    particle is pushed at its particle.
     """
     if turning is not None:
         contacts, pairs = problem.contacts, problem.pairs

@@ -167,7 +167,7 @@ def all_far_are_far(lists: Lists) -> bool:
     for body in range(lists.margin.size):
         gone = load(lists.travelled, body) + load(lists.moved, body)
         margin = load(lists.margin, body)
-        if any_lane(select(gone <= margin, 0.0, 1.0 + 0.0 * margin) > 0.5):  # be it no number
+        if any_lane(select(gone <= margin, 0.0, 1.0 + 0.0 * margin) > 0.5):  # also if not a number
             return False
     return True
 

@@ -44,13 +44,13 @@ class PairReadings(NamedTuple):
     friction_loss: np.ndarray
     """and to friction [J]"""
     misses: np.ndarray
-    """how often a contact was found when the bodies were in each other already, or almost, or were read so"""
+    """number of contacts that were found, or read, only when the bodies (almost) overlapped"""
     too_fast: np.ndarray
-    """how often one came faster than it is computed well for: a fifth of Δ in a step"""
+    """number of contacts that moved by more than a fifth of Δ in a step, so that their impact is coarse"""
     overflow: np.ndarray
-    """how often one was left out: for want of space, or of bodies so fast that it was not looked for"""
+    """number of contacts left out, for want of space or because the bodies were too fast to search"""
     fastest: np.ndarray
-    """the largest speed along its normal that any contact which pushes was reached with [m/s]"""
+    """the largest speed of approach, along the normal, of any contact that pushed [m/s]"""
 
 
 @compiled
@@ -67,12 +67,15 @@ def set_entry(changing: np.ndarray, n: int, value: int) -> None:
 
 @compiled
 def list_changing(contacts: ContactRows, totals: Numbers, changing: np.ndarray) -> None:
-    """List the pairs that have contacts, or touched at the last node."""
+    """List the pairs that have contacts, or touched at the last node.
+
+    Entry 0 of ``changing`` is their number; the pairs follow from entry 1 on, in ascending order.
+    """
     count = 0
     for n in range(1, entry_of(changing, 0) + 1):
         p = entry_of(changing, n)
         touching, energy = load(totals, p * ENTRIES + TOUCHING), load(totals, p * ENTRIES + ENERGY)
-        # be it no number
+        # an energy that is not a number counts as contact
         if any_lane(select(energy <= 0.0, touching, 1.0 + 0.0 * touching) > 0.5):
             count += 1
             set_entry(changing, count, p)
@@ -163,7 +166,7 @@ def tell_unresolved(totals: np.ndarray, reach: np.ndarray, step: float, found: n
 
 
 def count_shown(collisions: Collisions, first: int, found: np.ndarray) -> None:
-    """Count as a miss of each copy, from the ``first`` on, and pair that it is shown in each other."""
+    """Count a miss for each copy, from ``first`` on, and pair where ``found`` (copies, pairs) is set."""
     lanes = numbers(collisions.totals)
     for n, pair in np.argwhere(found).tolist():
         block, lane = divmod(first + n, lanes.shape[-1])

@@ -30,8 +30,7 @@ from springgym.scenes import film
 KEYWORD = inspect.Parameter.KEYWORD_ONLY
 
 MET, FAILED = -2, -1
-"""Columns of an outcome that are not reported: whether the aim is met now, and whether the episode has
-failed."""
+"""Columns of an outcome beside its metrics: whether the aim is met now, and whether the episode failed."""
 
 
 ResetOptions = dict[str, Any]
@@ -133,8 +132,8 @@ class Task:
     K that are desired"""
     achieve: ClassVar[Callable[..., None] | None] = None
     prepare: ClassVar[Callable[..., None] | None] = None
-    """takes m and s of the scene as it is, once, before the first episode: it may find out `terms`, `metrics`
-    and `entries`"""
+    """called once, before the first episode, with the measures m and the situation s of the scene; it may set
+    `terms`, `metrics` and `entries`"""
 
     def __init_subclass__(cls, kernels: Sequence[Callable[..., None]] = ()) -> None:
         super().__init_subclass__()

@@ -38,7 +38,7 @@ from springgym.forces.springs import damp
 from springgym.terms import Cycle, Dampers, LastNode, Terms
 
 START = -1
-"""As a number of steps: none, but it is told which bodies of fresh copies touch."""
+"""Number of steps by which a kernel takes none, but finds which bodies of fresh copies touch."""
 
 
 class Space(NamedTuple):
@@ -49,7 +49,7 @@ class Space(NamedTuple):
     b: Rows
     """(N, 3) accelerations by actuators [m/s²]"""
     w: Rows
-    """(N, 3) velocities amid the node, before contact [m/s]; unused if contact alone acts there"""
+    """(N, 3) velocities between the kicks, before contact [m/s]; unused if contact alone acts there"""
     direction: Rows
     """(springs, 3) where each spring points"""
     pushes: Rows
@@ -125,7 +125,7 @@ def relax_some(part: int, own: Bodies, dampers: Dampers | None, last: LastNode |
 
 
 @compiled
-def acts_amid(terms: Terms) -> bool:
+def acts_between_kicks(terms: Terms) -> bool:
     """Tell whether anything but contact acts between the two kicks of a node."""
     driven = terms.wrench is not None or terms.thrust is not None or terms.drive is not None
     return driven or terms.dampers is not None
@@ -133,8 +133,8 @@ def acts_amid(terms: Terms) -> bool:
 
 @compiled
 def before_contact(i: int, before: Rows, span: Span, own: Bodies) -> Vector:
-    """Return the velocity of a particle amid a node before contact, of its row ``before`` the node [m/s]."""
-    if acts_amid(own.terms):
+    """Return the velocity of a particle between the kicks of a node, before contact [m/s]."""
+    if acts_between_kicks(own.terms):
         return row(own.space.w, i)
     return plus_scaled(row(before, i), span.lead, row(own.space.a, i))
 
@@ -196,7 +196,7 @@ def record_cross_work(ledger: Ledger, work: Number, dampers: Dampers | None) -> 
 def pass_particles(own: Bodies, span: Span) -> None:
     """Let all act on a body at a node that meets surfaces by its particles, and drift to the end of the step.
 
-    The way of what was not busy begins where that of the last node ended, out of reach.
+    The path of a particle that was out of reach of all surfaces begins where that of the last node ended.
     """
     x, v, space, terms = own.x, own.v, own.space, own.terms
     give_expected(own, terms.last)
@@ -222,7 +222,7 @@ def meet_surfaces(i: int, free: Vector, span: Span, own: Bodies) -> Vector:
     """Return the velocity of particle ``i`` after surfaces have acted, and enter what it lost.
 
     What barriers gave less the work of their impulses is lost to restitution. Without loss the energy is
-    kept; what rounding leaves of that is not entered.
+    kept; its rounding error is not entered.
     """
     ledger, mass, terms = own.ledger, load(own.terms.particles.mass, i), own.terms
     start, place = row(own.v, i), row(own.x, i)

@@ -21,7 +21,7 @@ from springgym.forces import (
     set_forces,
 )
 from springgym.forces.cycle import count_step, damps_somewhere, relax_in_turn, turn_in_turn
-from springgym.integrators.node import START, Bodies, Space, acts_amid, pass_particles, span_of
+from springgym.integrators.node import START, Bodies, Space, acts_between_kicks, pass_particles, span_of
 from springgym.integrators.record import Integrator
 from springgym.integrators.rows import pass_rows, store_energy_of_pairs
 from springgym.terms import Terms
@@ -59,7 +59,7 @@ def integrate(
         set_forces(x, a, direction, True, terms)
         actuate(x, b, terms)
         inner = 0 < n < steps
-        if inner and not acts_amid(terms):
+        if inner and not acts_between_kicks(terms):
             kick_through(x, v, a, 0.5 * h, h, terms.particles)
             continue
         whole = inner and not pair
@@ -157,7 +157,7 @@ def reach_node(own: Bodies, span: Span) -> None:
     drift(x, own.v, span.lead)
     set_forces(x, space.a, space.direction, damps_somewhere(terms.cycle), terms)
     actuate(x, space.b, terms)
-    if acts_amid(terms):
+    if acts_between_kicks(terms):
         divide_and_kick(space.a, own.v, space.w, span.lead, terms.particles)
     else:
         divide_by_mass(space.a, terms.particles)

@@ -140,12 +140,15 @@ def turning(scene: Scene, bodies: Sequence[Measures]) -> float:
     return max((float(np.linalg.norm(omega, axis=1).max()) for omega in turns), default=0.0)
 
 
-def camera(recording: Recording, size: tuple[int, int] = SIZE) -> Camera:
-    """Return a camera that sees the whole motion or, if the body goes far, all of the body at its start."""
+def camera(recording: Recording, size: tuple[int, int] = SIZE, moments: Sequence[int] = ()) -> Camera:
+    """Return a camera that sees the whole motion or, if the body goes far, all of the body at some moments.
+
+    Without ``moments`` that is at its start, and the camera is to move along `way`.
+    """
     x, view, scene = recording.positions, recording.plan.view, recording.plan.scene
     along = way(recording)
     if along is not None:
-        x = x - along[:, None]
+        x = x - along[:, None] if not moments else x[list(moments)]
     drawn = look(scene, None)
     radii = np.asarray(drawn.radii)
     thick = float(radii.max()) if len(radii) else 0.0

@@ -87,16 +87,18 @@ def _picture(
     figure: Figure,
     place: SubplotSpec,
     size: tuple[float, float],
-    moments: Sequence[int],
-    title: str,
+    moments: Sequence[int] = (),
+    title: str = "",
     until: int | None = None,
 ) -> Axes:
     """Draw the body at some moments, with the path of the traced particle and that of the centre of mass.
 
-    ``size`` is that of the picture in inches.
+    ``size`` is that of the picture in inches. Without moments, it is drawn at the end.
     """
+    if not moments:
+        moments, title = [len(recording.times) - 1], f"at {recording.times[-1]:g} s"
     pixels = (round(FINER * DPI * size[0]), round(FINER * DPI * size[1]))
-    camera = film.camera(recording, pixels)
+    camera = film.camera(recording, pixels, moments)
     axes = figure.add_subplot(place)
     axes.set_title(title)
     axes.imshow(film.strobe(recording, moments, camera, pixels), aspect="equal")
@@ -229,8 +231,7 @@ def top(recording: Recording, figure: Figure) -> None:
     """Draw the crown's trace in space and from above, beside the rigid twin's; the tilt; the energies."""
     path, twin, pinned = _path(recording), rigid_twin(recording), bool(recording.plan.scene.pinned)
     grid = figure.add_gridspec(2, 3, width_ratios=(1.25, 1.15, 1.15))
-    end = len(recording.times) - 1
-    _picture(recording, figure, grid[:, 0], (3.7, 4.1), [end], f"at {recording.times[-1]:g} s")
+    _picture(recording, figure, grid[:, 0], (3.7, 4.1))
     above = _panel(figure, grid[:, 1], "trace from above", "x [m]", "y [m]")
     above.plot(*path[:, :2].T, color=TRACE, label="springs" if pinned else _part(recording))
     if twin is not None:
@@ -353,8 +354,7 @@ def slide(recording: Recording, figure: Figure) -> None:
 def rotation(recording: Recording, figure: Figure) -> None:
     """Draw the angular velocity in the body's axes, with the twin's; a particle's path; the energies."""
     grid = figure.add_gridspec(2, 2, width_ratios=(1, 1.4))
-    end = len(recording.times) - 1
-    _picture(recording, figure, grid[:, 0], (4.4, 5.2), [end], f"at {recording.times[-1]:g} s")
+    _picture(recording, figure, grid[:, 0], (4.4, 5.2))
     where = "the world's" if _straight(recording) else "the body's"
     turning = _panel(figure, grid[0, 1], f"angular velocity in {where} axes", "", "[rad/s]")
     twin = rigid_twin(recording)
@@ -362,8 +362,7 @@ def rotation(recording: Recording, figure: Figure) -> None:
         turning.plot(recording.times, _turning(recording)[:, n], color=color, label=name)
         if twin is not None:
             label = "rigid twin" if n == 2 else None
-            own = _turning(twin)[:, n]
-            turning.plot(twin.times, own, "k", linestyle=DASHES, linewidth=0.7, label=label)
+            turning.plot(twin.times, _turning(twin)[:, n], "k", linestyle=DASHES, linewidth=0.7, label=label)
     _legend(turning)
     _energies(recording, figure, grid[1, 1])
 
@@ -374,8 +373,7 @@ def bodies(recording: Recording, figure: Figure) -> None:
     """
     t, scene, met = recording.times, recording.plan.scene, recording.plan.scene.meetings
     grid = figure.add_gridspec(4 if met else 3, 2, width_ratios=(1, 1.05))
-    end = len(t) - 1
-    _picture(recording, figure, grid[:, 0], (5.0, 5.2), [end], f"at {t[-1]:g} s")
+    _picture(recording, figure, grid[:, 0], (5.0, 5.2))
     high = _panel(figure, grid[0, 1], "height of the centres of mass", "", "[m]")
     turning = _panel(figure, grid[1, 1], "angular speed", "", "[rad/s]")
     for placed, m, color in zip(scene.bodies, recording.bodies, cycle(OF_BODIES)):  # endless
@@ -390,8 +388,11 @@ def bodies(recording: Recording, figure: Figure) -> None:
         _legend(high)
     if met:
         given = _panel(figure, grid[2, 1], "impulse from body to body, so far", "", "[N·s]")
-        for n in np.flatnonzero(recording.pairs.impulse[-1] > 0).tolist():
-            given.plot(t, recording.pairs.impulse[:, n], color=OF_BODIES[met[n].first % len(OF_BODIES)])
+        for n, color in zip(np.flatnonzero(recording.pairs.impulse[-1] > 0).tolist(), cycle(OF_BODIES)):
+            names = (scene.bodies[body].name for body in (met[n].first, met[n].second))
+            given.plot(t, recording.pairs.impulse[:, n], color=color, label=" on ".join(names))
+        if 0 < len(given.lines) <= 4:
+            _legend(given)
     _energies(recording, figure, grid[-1, 1])
 
 
@@ -411,10 +412,9 @@ def ringing(recording: Recording, figure: Figure) -> None:
     swings = _panel(figure, grid[0, 1], "how much longer it is across", "", f"[{unit}]")
     swings.plot(t, factor * longer, color=TRACE, linewidth=0.7, label="springs")
     if isinstance(body.solid, Elastic):
-        left = np.exp(-body.solid.material.loss * body.solid.frequency * t / 2)
+        left = np.abs(longer).max() * np.exp(-body.solid.material.loss * body.solid.frequency * t / 2)
         for side, label in ((1, "solid"), (-1, None)):
-            edge = side * factor * np.abs(longer).max() * left
-            swings.plot(t, edge, "k", linestyle=DASHES, linewidth=0.7, label=label)
+            swings.plot(t, side * factor * left, "k", linestyle=DASHES, linewidth=0.7, label=label)
     _legend(swings)
     _energies(recording, figure, grid[1, 1])
 

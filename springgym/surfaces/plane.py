@@ -92,5 +92,5 @@ def floor(z: float = 0.0) -> Plane:
 
 def incline(angle: float, point: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Plane:
     """Return a slope that rises towards +x by ``angle`` [rad], through a point."""
-    angle = number("angle", angle)
+    angle = number("angle of an incline [rad]", angle, -math.pi / 2, math.pi / 2)
     return Plane(point, (-math.sin(angle), 0.0, math.cos(angle)))
