@@ -26,7 +26,7 @@ class HER(SAC):
 ALGORITHMS: dict[Algorithm, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "tqc": TQC, "her": HER}
 
 ADAM_EPSILON = 1e-5
-"""Stable-Baselines3's for PPO. Adam is fused into one call: a step of it has a dozen small tensors."""
+"""Stable-Baselines3's for PPO. Adam is fused into one call: its steps are of a dozen small tensors."""
 
 ACTIVATIONS: dict[str, type[torch.nn.Module]] = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
 """What stands between the layers of a network, by its name in configurations."""
@@ -35,11 +35,10 @@ ACTIVATIONS: dict[str, type[torch.nn.Module]] = {"tanh": torch.nn.Tanh, "relu": 
 def policy_kwargs(config: NetworkConfig) -> dict[str, Any]:
     """Return the settings of the networks, in the form that Stable-Baselines3's policies take."""
     kwargs: dict[str, Any] = {"net_arch": config.net_arch, "activation_fn": ACTIVATIONS[config.activation]}
+    kwargs["optimizer_kwargs"] = {"fused": True}
     if isinstance(config, PPOConfig):
-        kwargs |= {
-            "log_std_init": config.log_std_init,
-            "optimizer_kwargs": {"eps": ADAM_EPSILON, "fused": True},
-        }
+        kwargs["log_std_init"] = config.log_std_init
+        kwargs["optimizer_kwargs"]["eps"] = ADAM_EPSILON
     return kwargs
 
 

@@ -79,7 +79,7 @@ def describe(row: Row, report: Report) -> str:
 def film(row: Row) -> list[str]:
     """Return the poster of the trained agent's film; the site puts the film in its place."""
     card = json.loads((CARDS / row.id / "card.json").read_text(encoding="utf-8"))
-    caption = f"The published agent: {card['algorithm'].upper()}, {card['steps']:,} steps."
+    caption = f"The published agent, trained by {card['algorithm'].upper()}."
     return [f"![{caption}](../figures/posters/{row.id}.webp)\n"]
 
 
