@@ -3,12 +3,13 @@
     python agents/studies/tune.py SpringGyroscope-v0 --trials 20 --seeds 2
     python agents/studies/tune.py SpringTop-v0 --algo sac --seconds 0 --set total_timesteps=50_000
 
-The first trial is the configuration as it is. A trial trains agents as agents/train.py does, from several
-seeds one after another. It ends early if it is worse than half of the earlier trials were at that point. The
-criterion is the return on episodes that neither training nor evaluation uses. The study is stored in the
-folder of the runs. The same command continues it, even after a kill, and adds trials until there are
---trials. configs/trials/ID-ALGORITHM.json (--out) holds the search space and all trials, and best.yaml in the
-study's folder the best hyperparameters, as an entry for configs/.
+The first trial is the configuration as it is, the second has wider networks and running normalisation, the
+others are drawn. A trial trains agents as agents/train.py does, from several seeds one after another. It ends
+early if it is worse than half of the earlier trials were at that point. The criterion is the return on
+episodes that neither training nor evaluation uses. The study is stored in the folder of the runs. The same
+command continues it, even after a kill, and adds trials until there are --trials. The file
+configs/trials/ID-ALGORITHM.json (--out) holds the search space and all trials, and best.yaml in the study's
+folder the best hyperparameters, as an entry for configs/.
 """
 
 from __future__ import annotations
@@ -41,6 +42,8 @@ if TYPE_CHECKING:
     from config import Config
 
 EPISODES = 64
+WIDER = {"net_arch": "[128, 128]", "normalize": True}
+"""What the second trial changes."""
 
 Space: TypeAlias = dict[str, tuple[float, float] | list[Any]]
 
@@ -81,7 +84,7 @@ SPACES["her"] = SPACES["sac"] | {"relabelled": [1, 2, 4, 8]}
 def shipped(config: Config, space: Space) -> dict[str, Any]:
     """Return by name the hyperparameters of a configuration whose values the search space contains."""
     own = {name: getattr(config, name) for name in space}
-    own = {name: str(list(value)) if isinstance(value, tuple) else value for name, value in own.items()}
+    own = {name: str(value) if isinstance(value, list) else value for name, value in own.items()}
     return {name: own[name] for name in space if isinstance(space[name], tuple) or own[name] in space[name]}
 
 
@@ -126,8 +129,7 @@ def objective(trial: optuna.Trial, options: argparse.Namespace, folder: Path) ->
         if status:
             raise optuna.TrialPruned(log_file.read_text(encoding="utf-8").splitlines()[-1])
         config = load_config(options.algo, options.task, plan.overrides, plan.config(options.algo))
-        kwargs = task_kwargs(config)
-        found = evaluate(str(run), options.task, kwargs, EPISODES, SELECTION_SEED)
+        found = evaluate(str(run), options.task, task_kwargs(config), EPISODES, SELECTION_SEED)
         returns.append(found.return_per_step)
         trial.set_user_attr(f"success_{seed}", found.success_rate)
         trial.report(float(np.mean(returns)), seed)
@@ -163,7 +165,9 @@ def tune(options: argparse.Namespace) -> int:
                 study.tell(trial.number, state=TrialState.FAIL)
             if trial.state in (TrialState.RUNNING, TrialState.FAIL):  # its run goes on
                 study.enqueue_trial(trial.params)
-        study.enqueue_trial(shipped(config, SPACES[options.algo]), skip_if_exists=True)
+        space = SPACES[options.algo]
+        for change in ({}, {name: value for name, value in WIDER.items() if name in space}):
+            study.enqueue_trial(shipped(config, space) | change, skip_if_exists=True)
         done = [TrialState.COMPLETE, TrialState.PRUNED]
         try:
             while len(study.get_trials(states=done, deepcopy=False)) < options.trials:
@@ -185,9 +189,8 @@ def tell(study: optuna.Study, options: argparse.Namespace, folder: Path, path: P
     content = {"task": options.task, "algo": options.algo, "searched": SPACES[options.algo], "trials": trials}
     options.out.mkdir(parents=True, exist_ok=True)
     write_atomically(options.out / f"{folder.name}.json", json.dumps(content, indent=1) + "\n")
-    complete = [trial for trial in trials if trial["state"] == "COMPLETE"]
     print(f"trial {trials[-1]['number']}: {trials[-1]['state'].lower()}, {trials[-1]['value']}")
-    if complete:
+    if any(trial["state"] == "COMPLETE" for trial in trials):
         overrides = [*options.overrides, *suggested(study.best_trial, options.algo)]
         best = asdict(load_config(options.algo, options.task, overrides, path))
         text = f"# return per step {study.best_value:.4f} on {EPISODES} episodes of {options.seeds} agents\n"
