@@ -157,7 +157,7 @@ These commands record the data of SpringTop-v0 and learn from it:
 
 ```sh
 springgym train SpringTop-v0 --timesteps 100_000 --run runs/medium
-python agents/studies/dataset.py SpringTop-v0 random SpringTop-v0
+python agents/studies/dataset.py SpringTop-v0 random SpringTop-v0 --set observation=frame
 python agents/studies/dataset.py SpringTop-v0 runs/medium --noise 0.3
 python agents/studies/offline.py SpringTop-v0 --data springgym/SpringTop/medium-noisy-v0 \\
     --rows runs/offline.json
@@ -165,7 +165,7 @@ python docs/baselines.py --rows runs/offline.json
 ```
 
 The medium agent of SpringTumble-v0 took 300,000 steps, that of SpringRope-v0 65,536. The random data of
-SpringTumble-v0 is recorded with `--set observation=frame`, which the trained agents of this task observe.
+SpringTumble-v0, too, is recorded with `--set observation=frame`, which the trained agents observe.
 """
 METHOD = """## How it was made
 
