@@ -318,5 +318,5 @@ def test_digests_know_of_defaults():
     def digest(*overrides):
         return results.digest_of(benchmark.load_config("ppo", "SpringTop-v0", overrides))
 
-    assert digest() == digest("anneal=false") == digest("env_kwargs={}")
+    assert digest() == digest("anneal=false") == digest("eval_env_kwargs={}")
     assert len({digest(), digest("anneal=true"), digest("gamma=0.9"), digest("env_kwargs.hard=true")}) == 4

@@ -89,5 +89,5 @@ def test_a_table_is_in_what_its_task_is_scored_by(task, unit, score, successes, 
     """A duel is won or lost in one step, so its score is of an episode; no success is a dash."""
     found = evaluate.Evaluation("zero", 0, [0.002, 0.0], [500, 500], successes, {})
     header, line = evaluate.table([found], task).splitlines()
-    assert header.split() == ["agent", f"return/{unit}", "success", "steps"]
+    assert header.split() == ["agent", f"return/{unit}", "±", "SD", "success", "steps"]
     assert line.split() == ["zero", *score.split(), *told.split(), "500"]

@@ -173,7 +173,7 @@ def test_what_nobody_could_train_again_is_not_published(copied, tmp_path, capsys
     shutil.copytree(PUBLISHED / "SpringTop-v0", tmp_path / "run")
     text = (tmp_path / "run" / "config.yaml").read_text()
     (tmp_path / "run" / "config.yaml").write_text(
-        text.replace("total_timesteps: 1000000", "total_timesteps: 8")
+        text.replace("total_timesteps: 500000", "total_timesteps: 8")
     )
     (tmp_path / "run" / "versions.json").write_text("{}")
     assert publish.main([str(tmp_path / "run"), "--into", str(copied)]) == 2

@@ -50,7 +50,7 @@ WRONG = [
         ("plan", ["--tasks", TOP, "--horizon", time], "must be a number from 0.001 to 1000")
         for time in ("0", "-1", "nan", "inf", "far", "1e9")
     ),
-    ("rllib_ppo", [TOP, "--run", ".", "--copies", "3"], "= 384 is not a multiple of 1024"),
+    ("rllib_ppo", [TOP, "--run", ".", "--copies", "3"], "= 384 is not a multiple of 512"),
     ("rllib_ppo", [TOP, "--run", ".", "--resume"], "has no checkpoint"),
     ("train", [], "give an environment id, or --resume and a run folder"),
     ("train", ["A-v0", "--resume", "x"], "give an environment id, or --resume and a run folder"),
@@ -63,7 +63,7 @@ WRONG = [
     ("train", [TOP, "--timesteps", "0"], "total_timesteps: must lie between 1 and inf, got 0"),
     ("train", [TOP, "--set", "env_kwargs.obs=frame"], "SpringTop-v0: "),
     ("train", [TOP, "--set", "env_kwargs.observation=fram"], "observation is 'fram'"),
-    ("train", [TOP, "--set", "imitate=100"], "compact observation"),
+    ("train", [TOP, "--set", "imitate=100", "env_kwargs={}"], "compact observation"),
     ("train", [TOP, "--set", "imitate=-1", FRAME], "between 0"),
     ("train", [TOP, "--set", "imitate=20_000_000", FRAME], "less than total_timesteps"),
     ("train", [TOP, "--set", "imitate=63", FRAME], "at least n_envs, 64"),
