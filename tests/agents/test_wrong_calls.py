@@ -50,7 +50,7 @@ WRONG = [
         ("plan", ["--tasks", TOP, "--horizon", time], "must be a number from 0.001 to 1000")
         for time in ("0", "-1", "nan", "inf", "far", "1e9")
     ),
-    ("rllib_ppo", [TOP, "--run", ".", "--copies", "3"], "= 384 is not a multiple of 512"),
+    ("rllib_ppo", [TOP, "--run", ".", "--copies", "3"], "= 192 is not a multiple of 512"),
     ("rllib_ppo", [TOP, "--run", ".", "--resume"], "has no checkpoint"),
     ("train", [], "give an environment id, or --resume and a run folder"),
     ("train", ["A-v0", "--resume", "x"], "give an environment id, or --resume and a run folder"),
