@@ -23,9 +23,9 @@ HYPERPARAMETERS: dict[str, Any] = {
     "n_steps": 32,  # of each environment between two updates
     "batch_size": 512,
     "n_epochs": 5,
-    "learning_rate": 1.5e-3,
+    "learning_rate": 2e-3,
     "gamma": 0.98,
-    "policy_kwargs": {"log_std_init": -0.5},
+    "policy_kwargs": {"log_std_init": -0.5, "net_arch": [32, 32]},
 }
 """Those of configs/ppo.yaml for SpringTop-v0; all others are the defaults of Stable-Baselines3."""
 

@@ -841,7 +841,7 @@ class Simulator:
         how = [
             (read.fastest[n] > resolved[n], f"at {read.fastest[n]:.4g} m/s"),
             (read.misses[n] > 0, f"{read.misses[n]:.0f} times detected only when they (almost) overlapped"),
-            (read.overflow[n] > 0, f"{read.overflow[n]:.0f} times at too many points, or too fast to seek"),
+            (read.overflow[n] > 0, f"{read.overflow[n]:.0f} times at too many points, or too fast to find"),
         ]
         finer = self.step * min(1.0, resolved[n] / max(read.fastest[n], TINY))
         return (

@@ -41,7 +41,7 @@ def test_its_hyperparameters_are_those_of_the_task():
     )
     assert {name: getattr(model, name) for name in names} == {name: getattr(settings, name) for name in names}
     assert model.policy.log_std.mean().item() == settings.log_std_init
-    assert settings.net_arch == [64, 64]
+    assert settings.net_arch == model.policy.net_arch
     assert settings.activation == "tanh"
 
 
