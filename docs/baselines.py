@@ -101,8 +101,9 @@ was audited.
 TIME = """## Time to learn
 
 Training time of PPO, with the configuration that ships, until it succeeds in 90 % of 20 held-out episodes
-(evaluated every 32,768 steps, in SpringTop-v0 every 16,384). Times are seconds of one core of {cpu}, divided into physics, policy and
-learning. `python agents/studies/learning_time.py --json docs/learning_time.json` measures them.
+(evaluated every 32,768 steps; of SpringTop-v0, every 16,384). Times are seconds of one core of {cpu}, divided
+into physics, policy and learning. `python agents/studies/learning_time.py --json docs/learning_time.json`
+measures them.
 
 {table}
 """
