@@ -72,7 +72,7 @@ class Recorder(BaseCallback):
 
     bar: tqdm
     clock = staticmethod(time.process_time)
-    """what the column "seconds" counts: what other programs take does not enter"""
+    """processor time [s], which other programs do not lengthen; the column "seconds" holds it"""
 
     def __init__(self, run: Run, env: StaggeredMonitor) -> None:
         super().__init__()

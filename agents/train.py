@@ -163,8 +163,8 @@ def finish(run: Run, env: StaggeredMonitor, model: BaseAlgorithm, recorder: Reco
                 left = steps - model.num_timesteps
                 model.learn(left, recorder, log_interval=None, reset_num_timesteps=False)  # type: ignore[arg-type]
     except KeyboardInterrupt:
-        kept = recorder.checkpoint_at
-        print(f"\nstopped; continue from step {kept:,} with: springgym train --resume {run.folder}")
+        saved = recorder.checkpoint_at
+        print(f"\nstopped; continue from step {saved:,} with: springgym train --resume {run.folder}")
         return INTERRUPTED
     except OSError as error:
         if str(run.folder) in str(error):

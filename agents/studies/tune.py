@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 EPISODES = 64
 WIDER = {"net_arch": "[128, 128]", "normalize": True}
-"""What the second trial changes."""
+"""Hyperparameters that the second trial changes."""
 
 Space: TypeAlias = dict[str, tuple[float, float] | list[Any]]
 
@@ -82,7 +82,7 @@ SPACES["her"] = SPACES["sac"] | {"relabelled": [1, 2, 4, 8]}
 
 
 def shipped(config: Config, space: Space) -> dict[str, Any]:
-    """Return by name the hyperparameters of a configuration whose values the search space contains."""
+    """Return the hyperparameters of a configuration, by name, whose values lie in the search space."""
     own = {name: getattr(config, name) for name in space}
     own = {name: str(value) if isinstance(value, list) else value for name, value in own.items()}
     return {name: own[name] for name in space if isinstance(space[name], tuple) or own[name] in space[name]}
@@ -129,9 +129,9 @@ def objective(trial: optuna.Trial, options: argparse.Namespace, folder: Path) ->
         if status:
             raise optuna.TrialPruned(log_file.read_text(encoding="utf-8").splitlines()[-1])
         config = load_config(options.algo, options.task, plan.overrides, plan.config(options.algo))
-        found = evaluate(str(run), options.task, task_kwargs(config), EPISODES, SELECTION_SEED)
-        returns.append(found.return_per_step)
-        trial.set_user_attr(f"success_{seed}", found.success_rate)
+        played = evaluate(str(run), options.task, task_kwargs(config), EPISODES, SELECTION_SEED)
+        returns.append(played.return_per_step)
+        trial.set_user_attr(f"success_{seed}", played.success_rate)
         trial.report(float(np.mean(returns)), seed)
         if trial.should_prune():
             raise optuna.TrialPruned(f"behind after seed {seed}")

@@ -26,7 +26,7 @@ TURNS = 40
 """Largest number of iterations (turns) that find the impulses of coupled surfaces."""
 
 AGREED = 1e-9
-"""Change of a displacement by an iteration, as a share of Δ, below which no other follows."""
+"""Iterations end when none changes a displacement by more than this share of Δ."""
 
 ALMOST = 1.1
 """Share of Δ below which a surface is near: where a way ends out of it, the next begins out of Δ, whatever is

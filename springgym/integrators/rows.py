@@ -58,8 +58,8 @@ SWEEPS = 2
 """Number of sweeps in which a node finds the impulses of its contacts, in alternating order."""
 
 ENOUGH = 1e-3
-"""Change of a gap by a sweep, as a share of Δ, below which no other follows. With more than `MANY` bodies
-no sweep is left out, because the error that one sweep leaves shakes a pile."""
+"""Sweeps end when none changes a gap by more than this share of Δ. With more than `MANY` bodies none is left
+out, because the error that one sweep leaves shakes a pile."""
 
 INLINE = {**OPTIONS, "forceinline": True}
 

@@ -48,7 +48,7 @@ SWEEPS, FLIGHTS = 80, 40
 they do not suffice, the next step continues from their impulses."""
 
 AGREED = 1e-9
-"""Change of a gap by a sweep or a turn, as a share of Δ, below which no other follows."""
+"""Sweeps and turns end when none changes a gap by more than this share of Δ."""
 
 FEW = 4
 """Largest number of sweeps in a turn, and of turns, with more than `MANY` bodies in a scene. The next node

@@ -97,14 +97,14 @@ def nutation(recording: Recording) -> list[Check]:
 
     passed = times[-1] - times[0] if len(times) > 1 else math.nan
     rate = float(around[1] - around[0]) / passed
-    found = [
+    checks = [
         _compared(WITHIN, "largest tilt", turning(0), top, _mean(lowest), by, "rad"),
         _compared(WITHIN, "smallest tilt", turning(1), top, -_mean(highest), by, "rad"),
         _compared(WITHIN, "nutation period", duration, top, passed / max(len(times) - 1, 1), by, "s"),
     ]
     if precession(top):  # else it swings in a plane, through the vertical, where its azimuth jumps
-        found.append(_compared(WITHIN, "mean precession", precession, top, rate, by, "rad/s"))
-    return found
+        checks.append(_compared(WITHIN, "mean precession", precession, top, rate, by, "rad/s"))
+    return checks
 
 
 def _mean(values: np.ndarray) -> float:
