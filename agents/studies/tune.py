@@ -51,7 +51,7 @@ Space: TypeAlias = dict[str, tuple[float, float] | list[Any]]
 SPACES: dict[str, Space] = {
     "ppo": {
         "learning_rate": (1e-4, 3e-3),
-        "n_steps": [8, 32, 64, 128, 256],
+        "n_steps": [32, 64, 128, 256],
         "batch_size": [256, 512, 1024, 2048],
         "n_epochs": [3, 5, 10, 20],
         "gamma": [0.97, 0.98, 0.99, 0.995],
@@ -160,11 +160,12 @@ def tune(options: argparse.Namespace) -> int:
             direction="maximize",
             load_if_exists=True,
         )
-        for trial in study.get_trials()[-1:]:
+        tried = [trial.system_attrs.get("fixed_params", trial.params) for trial in study.get_trials()]
+        for trial in study.get_trials():
             if trial.state == TrialState.RUNNING:  # a kill left it
                 study.tell(trial.number, state=TrialState.FAIL)
-            if trial.state in (TrialState.RUNNING, TrialState.FAIL):  # its run goes on
-                study.enqueue_trial(trial.params)
+            if trial.state in (TrialState.RUNNING, TrialState.FAIL) and tried.count(trial.params) == 1:
+                study.enqueue_trial(trial.params)  # its run goes on
         space = SPACES[options.algo]
         for change in ({}, {name: value for name, value in WIDER.items() if name in space}):
             study.enqueue_trial(shipped(config, space) | change, skip_if_exists=True)
@@ -176,7 +177,6 @@ def tune(options: argparse.Namespace) -> int:
         except KeyboardInterrupt:
             print("\nstopped; the same command continues")
             return INTERRUPTED
-        tell(study, options, folder, path)
     return 0
 
 

@@ -52,14 +52,14 @@ def test_a_search_and_its_continuation(command, narrow, tmp_path, capsys):
 
 
 def test_an_interrupted_trial_goes_on(command, narrow, tmp_path, monkeypatch, capsys):
-    """Its parameters are tried again first, and its run goes on from its checkpoint."""
+    """Its parameters are tried again, beside those that wait, and its run goes on from its checkpoint."""
     monkeypatch.setattr(toy_env, "interrupt_at", 20)
-    assert tune.main(command("--trials", "1")) == 130
+    assert tune.main(command("--trials", "2")) == 130
     monkeypatch.setattr(toy_env, "interrupt_at", None)
-    assert tune.main(command("--trials", "1")) == 0
-    first, second = study(tmp_path)["trials"]
-    assert [first["state"], second["state"]] == ["FAIL", "COMPLETE"]
-    assert first["learning_rate"] == second["learning_rate"]
+    assert tune.main(command("--trials", "2")) == 0
+    tried = [(trial["state"], trial["net_arch"]) for trial in study(tmp_path)["trials"]]
+    assert tried == [("FAIL", NETS[0]), ("COMPLETE", NETS[1]), ("COMPLETE", NETS[0])]
+    assert len(list((tmp_path / "tune" / "Toy-v0-ppo").glob("*/Toy-v0-ppo-0"))) == 2
 
 
 def test_what_cannot_be_trained_is_given_up(command, monkeypatch, tmp_path):
