@@ -184,11 +184,12 @@ bit-identical on the same machine and commit; those of a number of seconds end a
 - *Linear* is a ← clip(W o + b) over `observation="frame"`, found by the cross-entropy method.
 - *Classical* is the hand-written controller in `agents/controllers.py`.
 - `configs/` holds the hyperparameters and the observation. Where a file names no observation, PPO
-  observes particles, and the other algorithms `"frame"`. A variant uses the hyperparameters of its
-  environment.
+  observes particles, and the other algorithms `"frame"`. A variant that a file does not name uses the
+  hyperparameters of its environment.
+- Runs outside the suite take the steps of their configuration (`--seconds 0`).
 - In some tasks, PPO first [imitates](training.md#warm-starting-from-the-classical-controller) classical
-  control: in the first 400,000 steps of `SpringDuel-v0` and `SpringDuelStrong-v0`, and in the first
-  250,000 steps of `SpringShove-v0` and `SpringStack-v0`.
+  control: in the first 400,000 steps of `SpringDuel-v0`, and in the first 250,000 steps of `SpringShove-v0`
+  and `SpringStack-v0`.
 - Seconds are processor time of one core, so they do not depend on what else the machine does.
 {older}
 The results are in `docs/baselines.json`; [the protocol](benchmark.md) describes its entries.

@@ -8,8 +8,8 @@ others are drawn. A trial trains agents as agents/train.py does, from several se
 early if it is worse than half of the earlier trials were at that point. The criterion is the return on
 episodes that neither training nor evaluation uses. The study is stored in the folder of the runs. The same
 command continues it, even after a kill, and adds trials until there are --trials. The file
-configs/trials/ID-ALGORITHM.json (--out) holds the search space and all trials, and best.yaml in the study's
-folder the best hyperparameters, as an entry for configs/.
+configs/trials/ID-ALGORITHM.json (--out) holds the number of seeds, what --set and --seconds set, the search
+space and all trials, and best.yaml in the study's folder the best hyperparameters, as an entry for configs/.
 """
 
 from __future__ import annotations
@@ -186,7 +186,8 @@ def tell(study: optuna.Study, options: argparse.Namespace, folder: Path, path: P
         {"number": t.number, "state": t.state.name, "value": t.value, **t.params, **t.user_attrs}
         for t in study.get_trials(deepcopy=False)
     ]
-    content = {"task": options.task, "algo": options.algo, "searched": SPACES[options.algo], "trials": trials}
+    made = {"task": options.task, "algo": options.algo, "seeds": options.seeds, "set": overrides_of(options)}
+    content = {**made, "searched": SPACES[options.algo], "trials": trials}
     options.out.mkdir(parents=True, exist_ok=True)
     write_atomically(options.out / f"{folder.name}.json", json.dumps(content, indent=1) + "\n")
     print(f"trial {trials[-1]['number']}: {trials[-1]['state'].lower()}, {trials[-1]['value']}")
@@ -204,9 +205,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = command_line(__doc__)
     parser.add_argument("task", metavar="ID", help="environment id")
     parser.add_argument("--algo", choices=sorted(ONLINE), default="ppo", help="algorithm (default: ppo)")
-    parser.add_argument(
-        "--trials", type=whole(1, 100_000), default=20, help="trials of the whole study (default: 20)"
-    )
+    parser.add_argument("--trials", type=whole(1, 100_000), default=20, help="trials in all (default: 20)")
     parser.add_argument("--seeds", type=whole(1, 1000), default=2, help="agents of each trial (default: 2)")
     parser.add_argument("--seed", type=whole(0, 2**31 - 1), default=0, help="seed of the search")
     parser.add_argument("--runs", type=Path, default=Path("runs/tune"), help="folder for the studies")

@@ -41,10 +41,10 @@ def narrow(monkeypatch):
 def test_a_search_and_its_continuation(command, narrow, tmp_path, capsys):
     assert [tune.main(command("--trials", trials)) for trials in "23"] == [0, 0]
     found = study(tmp_path)
-    assert [trial["state"] for trial in found["trials"]] == ["COMPLETE"] * 3
     assert found["searched"] == {"learning_rate": [1e-3, 1e-2], "net_arch": NETS}
-    first, wider, _ = ((trial["learning_rate"], trial["net_arch"]) for trial in found["trials"])
-    assert [first, wider] == [(3e-3, net) for net in NETS]
+    assert (found["seeds"], found["set"]) == (1, ["total_timesteps=2048", "n_envs=64"])
+    tried = [(trial["state"], trial["learning_rate"], trial["net_arch"]) for trial in found["trials"]]
+    assert tried[:2] == [("COMPLETE", 3e-3, net) for net in NETS]
     best = max(found["trials"], key=lambda trial: trial["value"])
     config = load_config("ppo", TOY, path=tmp_path / "tune" / "Toy-v0-ppo" / "best.yaml")
     assert (str(config.net_arch), config.total_timesteps) == (best["net_arch"], 2048)
