@@ -36,7 +36,7 @@ def environments(rounds: int) -> list[Row]:
 def _cases(env_id: str, stack: ExitStack) -> Iterator[Case]:
     """Yield the measurements of an environment; the stack closes what has to be closed."""
     episodes = gym.make(env_id).unwrapped.episodes  # type: ignore[attr-defined]
-    facts = {"substeps": episodes.steps}
+    facts = {"substeps": episodes.steps * episodes.task.periods}
 
     def case(how: str, run: Callable[[], object], units: int, **what: int) -> Case:
         return Case({"environment": env_id, "how": how} | what, run, units, facts=facts)

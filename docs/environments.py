@@ -397,7 +397,7 @@ as solved.
 
 SHARED = """## Shared definitions
 
-These hold for all environments; their pages tell the rest.
+These hold for all environments; their pages give the rest.
 
 - **U(a, b)** is drawn uniformly from a to b.
 - **Actions** lie in [−1, 1]; values outside are clipped.
@@ -428,7 +428,7 @@ All environments have these arguments, which `springgym.envs.base.SpringEnv` des
 
 | argument | default | meaning |
 |---|---|---|
-| `observation` | `"particles"` | or `"frame"` |
+| `observation` | `"particles"` | or `"frame"` (SpringBilliards: `"frame"` only) |
 | `action` | the page's first | mode of the actions |
 | `dynamics` | `"springs"` | or `"rigid"` (not SpringRope) |
 | `integrator`, `step` | `"verlet"`, as on the page | method and sub-step [s] |

@@ -129,7 +129,7 @@ class Simulator:
         "springs", or "rigid" for the same particles as one rigid body.
     integrator
         Name of the method, see `springgym.integrators.METHODS`, or `springgym.rigid.METHODS` for rigid
-        dynamics. The default is "verlet", or "suzuki" for rigid dynamics without surfaces.
+        dynamics. The default is "verlet", or "suzuki" for rigid bodies that can touch nothing.
     step
         Step h [s]. By default it follows from the stability limit, or for rigid dynamics from the angular
         velocities at the start.
@@ -585,7 +585,7 @@ class Simulator:
 
     @guarded
     def actuate(self, **values: Any) -> None:
-        """Set the forces of the scene's actuators until the next call.
+        """Set force [N], torque [N·m], acceleration [m/s²] and thrust [N] of actuators, until the next call.
 
         Parameters
         ----------
@@ -971,7 +971,7 @@ class Simulator:
 
     @guarded
     def pairs(self, *, forget: bool = False) -> PairReadings:
-        """Return impulses, losses and counts of pairs of bodies since copies were placed or last forgotten.
+        """Return impulses [N·s], losses [J] and counts of pairs since copies were placed or last forgotten.
 
         There is an entry for each pair, so 1000 bodies have half a million entries. `contacts` returns only
         those that touch.

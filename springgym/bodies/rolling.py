@@ -3,8 +3,8 @@
 The four particles of a ball, and the six of an ellipsoid or a disk, lie at S u about the centre of mass. The
 unit vectors u point to the corners of a regular tetrahedron, or of an octahedron, and S = √(3 C). The masses
 are equal. Their second moments Σ m X Xᵀ = M C are those of a solid with the mass M, whose inertia is
-M (tr C 1 − C). A spring joins every two. The body meets surfaces and other bodies with one round feature, see
-`springgym.bodies.round`.
+M (tr C 1 − C). A spring joins every two. The body meets surfaces with one round feature, see
+`springgym.bodies.round`; only a ball also meets other bodies.
 
 Two particles of a capsule lie at the ends of its axis, at ± l/2. The other four lie at (± b, 0, h) and
 (0, ± b, −h), with b² = 3 Cₓₓ and h² = 3/2 C_zz − l²/8, so that the second moments are those of the solid. It
@@ -115,11 +115,11 @@ def disk(
     stiffness: float = 1e5,
     damping: float = 10.0,
 ) -> Body:
-    """Make a coin about the z axis that meets surfaces and bodies with the rim of its middle plane.
+    """Make a coin about the z axis that meets surfaces with the rim of its middle plane.
 
-    Its inertia is that of a cylinder. It touches a plane in one point at a time, see `springgym.bodies.rim`.
-    If it strikes almost flat, that point runs from side to side within a step, and the coin can gain energy.
-    `Measures.balance` shows this.
+    Its inertia is that of a cylinder. It is refused among bodies that collide. It touches a plane in one
+    point at a time, see `springgym.bodies.rim`. If it strikes almost flat, that point runs from side to side
+    within a step, and the coin can gain energy. `Measures.balance` shows this.
 
     Parameters
     ----------

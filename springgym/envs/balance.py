@@ -201,7 +201,7 @@ class SpringBalanceEnv(SpringEnv, gym.Env, task=SpringBalance):
     """
     ## Description
     A plate stands with its tip on a stick, as a juggler's does, and a ball lies on it. Keep the ball at a
-    place that moves on a circle; neither plate nor ball stays by itself. 19 springs hold the plate: a ring of
+    place that moves on a circle; plate and ball are both unstable. 19 springs hold the plate: a ring of
     6 particles and a crown, flat above, with a pinned tip below. The ball (radius 6 cm) rolls, skids where
     friction (0.5) cannot hold it, and bounces.
 

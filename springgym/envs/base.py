@@ -40,7 +40,7 @@ class Stateful:
         raise NotImplementedError
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Set a state, to the bit. The same actions then have the same results."""
+        """Restore a state exactly: the same actions then give bit-identical results."""
         raise NotImplementedError
 
 
@@ -239,7 +239,7 @@ class SingleEnv(_Common):
 
     @guarded
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Set a state, to the bit. The same actions then have the same results.
+        """Restore a state exactly: the same actions then give bit-identical results.
 
         Wrappers do not change: the time limit that `gymnasium.make` adds continues to count from where it
         was. `springgym.set_state` sets it, too.
@@ -291,7 +291,7 @@ class SpringEnv(SingleEnv, gym.Env[np.ndarray, np.ndarray]):
         Whether the reward of a step is 1 if the aim is met and 0 otherwise, instead of the shaped reward.
         ``info`` still contains the terms of the shaped reward.
     goals
-        Whether observations tell the goal apart, as Gymnasium-Robotics' ``GoalEnv`` does: a dict of
+        Whether observations hold the goal apart, as Gymnasium-Robotics' ``GoalEnv`` does: a dict of
         ``observation``, the particles without the goal, ``achieved_goal`` and ``desired_goal``. The
         environment then has ``compute_reward(achieved_goal, desired_goal, info)``, see
         `springgym.envs.goals.Goals`. Needs ``sparse=True``, and a task with `Task.aims`.

@@ -190,7 +190,7 @@ class SpringBilliardsEnv(SpringEnv, gym.Env, task=SpringBilliards):
     be precise to 0.01 rad, and more for a cut. Hardly one random stroke in a hundred is that good.
 
     ## Action Space
-    The force is held for a control period of 20 ms. Then the balls roll.
+    The force is held for a control period of 20 ms. Then the balls slide.
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
@@ -213,7 +213,7 @@ class SpringBilliardsEnv(SpringEnv, gym.Env, task=SpringBilliards):
     one by U(−0.7, 0.7) rad. `reset(options={"cut": …})` sets this angle.
 
     ## Episode End
-    Termination: every step, after 100 control periods. Truncation: 1 steps, 2 s. `info["is_success"]`: the
+    Termination: every step, after 100 control periods. Truncation: 1 step, 2 s. `info["is_success"]`: the
     ball is in the pocket. It falls if its centre is less than 0.06 m from that of the pocket at the end of a
     control period. The render mode `"rgb_array_list"` has a picture of each period.
 

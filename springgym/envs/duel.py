@@ -384,7 +384,7 @@ class SpringDuelEnv(SpringEnv, gym.Env, task=SpringDuel):
 
     ## Arguments
     - `opponent="still"`: does nothing, while the usual `"script"` attacks with 20 N and returns to the middle
-      with 20 N a metre.
+      with 20 N/m.
     - `opponent="guard"`: returns to the middle, and rights its top.
     - `opponent="strong"`: attacks with full force, on the side on which its top rolls off the other one,
       rights its top and keeps to the middle, as classical control does.

@@ -199,7 +199,7 @@ class FreeTopOptions(EnvOptions, total=False):
 class SpringFreeTopEnv(SpringEnv, gym.Env, task=SpringFreeTop):
     """
     ## Description
-    A spinning top stands with its bare tip on a floor almost as smooth as ice, too slow to stand by itself.
+    A spinning top stands with its bare tip on an almost frictionless floor, too slow to stand by itself.
     Keep it upright, at 8 rad/s, in a small circle. 37 springs hold a ring of 12 particles, a crown and a tip,
     as in SpringTop, but this top is low, wide and not pinned. A push on the crown moves the whole top, so an
     agent has to push the top away first to tilt it back.

@@ -203,7 +203,7 @@ class Monitor(Stateful, VecMonitor):
         return sealed({"env": get_state(self.venv), **counts})
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Set a state, to the bit. The same actions then have the same results.
+        """Restore a state exactly: the same actions then give bit-identical results.
 
         Raises
         ------

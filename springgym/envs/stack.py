@@ -271,9 +271,9 @@ class SpringStackEnv(SpringEnv, gym.Env, task=SpringStack):
     Seen from above, e is the distance between the centres of box and block, φ the angle between them, and a
     the distance between ball and box. With N = [L(e; 0.03, 0.3) + G(e; 0.03, 0.5)]/2, P = 0.05 G(a; 0.3,
     0.5) + 0.95 N (1 + G(φ; 0.05, 0.8))/2 is at most 1 ([G, L](../environments.md#shared-definitions)).
-    `reward_nearer` is 0.2 times what P exceeds its largest value in the episode by; `reward_stacked` is 0.8
-    in the step in which the episode ends with success. So an episode that succeeds returns at least 0.8, any
-    other at most 0.2.
+    `reward_nearer` is 0.2 times the amount by which P exceeds its largest value so far; `reward_stacked` is
+    0.8 in the step in which the episode ends with success. So an episode that succeeds returns at least 0.8,
+    any other at most 0.2.
 
     ## Starting State
     Everything is at rest. The middle of the box is U(0.5, 0.9) m from the edge, and U(−0.3, 0.3) m along the

@@ -104,7 +104,7 @@ def varied_top(factors: Mapping[str, float]) -> tuple[float, float]:
 
 
 def standing(shape: StretchedShapes, tip: int, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the states of spinning, leaning tops.
+    """Return positions [m] and velocities [m/s], (k, N, 3) each, of spinning, leaning tops.
 
     Parameters
     ----------
