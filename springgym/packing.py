@@ -29,9 +29,9 @@ from springgym.forces.springs import decay, interleaved
 from springgym.integrators.node import Space
 from springgym.integrators.record import Integrator, workspace
 from springgym.own_forces import OfBody, to_compiled
-from springgym.rigid.node import ROWS, Company
+from springgym.rigid.node import ROWS, Workspace
 from springgym.scene import DriveActuator, Scene
-from springgym.surfaces import Contact, PaperContact, by_kind, coupled, loss_of, packed_kind, scales
+from springgym.surfaces import Contact, PaperContact, by_kind, coupled, loss_factor, packed_kind, scales
 from springgym.surfaces.contact import RESISTANCES
 from springgym.terms import (
     Dampers,
@@ -158,7 +158,7 @@ def _shared(scene: Scene, options: Options) -> Terms:
         else:
             resistance = resistance_of(*(np.array([getattr(contact, name)]) for name in RESISTANCES))
             if contact.restitution < 1 or "restitution" in varying:
-                loss = options.parameter({"restitution"}, loss_of([contact.restitution]))
+                loss = options.parameter({"restitution"}, loss_factor([contact.restitution]))
     return Terms(
         None,  # type: ignore[arg-type]
         gravity=gravity,
@@ -283,7 +283,7 @@ def pack_pairs(scene: Scene, options: Options) -> Pairs:
         strength=options.parameter({"strength"} & varying if count else (), strength),
         friction=options.parameter({"friction"} & varying, frictions) if rubs else None,
         resistance=resistance_of(*(np.where(resisted, of_all(name), 0.0) for name in RESISTANCES)),
-        loss=options.parameter({"restitution"} & varying, loss_of(restitutions)) if loses else None,
+        loss=options.parameter({"restitution"} & varying, loss_factor(restitutions)) if loses else None,
         radius=np.array([shape.radius for shape in scene.shapes]),
         single=np.array([len(body.masses) == 1 for body in bodies]),
         shapes=packed_shapes(scene.shapes, scene.starts[:-1]) if len(met) else None,
@@ -367,14 +367,14 @@ def node_workspace(scene: Scene, pairs: Pairs | None, dtype: DTypeLike) -> Space
     )
 
 
-def rigid_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> Company:
+def rigid_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> Workspace:
     """Return the workspace of a thread for rigid bodies that may touch something."""
     count, particles = len(scene.bodies), len(scene.positions)
 
     def lanes(*shape: int) -> np.ndarray:
         return aligned_zeros(shape, dtype)
 
-    return Company(
+    return Workspace(
         bodies=lanes(count, ROWS, 3),
         loads=lanes(count, 2, 3),
         begin=lanes(particles, 3),
@@ -521,7 +521,7 @@ def vary_pairs(
             if name == "strength":
                 rows[:, pairs.among :] = np.stack([own[name] for own in given], axis=1)
             else:
-                rows[:, of] = (loss_of(value) if name == "restitution" else value)[:, None]
+                rows[:, of] = (loss_factor(value) if name == "restitution" else value)[:, None]
             set_copies(array, index, rows)
 
 
@@ -547,7 +547,7 @@ def vary(
     renew(terms, index)
     for name, value in given.items():
         if name == "restitution":
-            value = loss_of(value)
+            value = loss_factor(value)
         if PARAMETERS[name].extent in ("scene", "bodies"):
             value = value[:, None]
         elif PARAMETERS[name].extent == "springs":

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, DTypeLike
 from springgym import checks, contacts, measures, packing, stability
 from springgym.checks import FLOAT, HUGE, INDEX, MANY, TINY
 from springgym.contact import totals
-from springgym.contact.overlap import outlines, tell_shown
+from springgym.contact.overlap import find_overlaps, outlines
 from springgym.contact.solver import QUICK
 from springgym.contact.totals import RESOLVED, PairReadings
 from springgym.contacts import Contacts, PairSums
@@ -901,7 +901,7 @@ class Simulator:
         copies = slice(start, min(last * self.width, self.copies))
         shown = self._shown[copies]
         place, met = self.readout.positions[copies], self.scene.meetings
-        found = tell_shown(place, met.first, met.second, self._outlines, self._boxes[thread], shown)
+        found = find_overlaps(place, met.first, met.second, self._outlines, self._boxes[thread], shown)
         if found:
             assert self._terms.collisions is not None
             totals.count_shown(self._terms.collisions, start, shown)

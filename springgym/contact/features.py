@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from springgym.contact.records import FAR, NONE, ContactRows, Lists, Near, Pairs, Quad, Search, Touch
+from springgym.contact.records import FAR, NONE, Closest, ContactRows, Near, Neighbours, Pairs, Quad, Search
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
 from springgym.core.lanes import (
@@ -118,7 +118,7 @@ def leave_out(pair: int, one: Number, contacts: ContactRows) -> None:
 
 
 @compiled
-def add_contact(count: int, first: int, members: int, touch: Touch, near: Near, seen: Search) -> int:
+def add_contact(count: int, first: int, members: int, touch: Closest, near: Near, seen: Search) -> int:
     """List a contact of each copy behind its others from row ``first`` on; the rows that makes."""
     contacts = seen.contacts
     whole, own, wanted = load(contacts.have, 0), load(contacts.have, 1), touch.share > 0.0
@@ -222,19 +222,19 @@ def vertex_faces(count: int, first: int, m: int, near: Near, seen: Search) -> in
         a, b, c = corners(face, lists)
         particles = (i, a, b, c)
         weights = (one, one * (second + third - 1.0), -one * second, -one * third)
-        touch = Touch(particles, weights, one * n, d - near.radius, select(won, 1.0 + 0.0 * d, 0.0))
+        touch = Closest(particles, weights, one * n, d - near.radius, select(won, 1.0 + 0.0 * d, 0.0))
         count = add_contact(count, first, 4, touch, near, seen)
     return count
 
 
 @compiled
-def side_of_vertex(m: int, near: Near, lists: Lists) -> float:
+def side_of_vertex(m: int, near: Near, lists: Neighbours) -> float:
     """Return 1 if the vertex in row ``m`` is of the first body, and −1 if it is of the second."""
     return 1.0 if m < lists.ends[near.pair, 0, 1] else -1.0
 
 
 @compiled
-def corners(n: Number, lists: Lists) -> tuple[Number, Number, Number]:
+def corners(n: Number, lists: Neighbours) -> tuple[Number, Number, Number]:
     """Return the particles of the triangles that copies have in the rows ``n`` of their lists."""
     of, k = lists.triangle_particles, 3.0 * n
     return load_each(of, k), load_each(of, k + 1.0), load_each(of, k + 2.0)
@@ -273,13 +273,13 @@ def vertex_rods(
             n, d = choose(through, -1.0 * n, n), select(through, -d, d)
             one = side_of_vertex(m, near, lists) + 0.0 * d
             weights = (one, one * (t - 1.0), -one * t, 0.0 * d)
-            touch = Touch((i, a, b, i), weights, one * n, d - near.radius, select(won, 1.0 + 0.0 * d, 0.0))
+            touch = Closest((i, a, b, i), weights, one * n, d - near.radius, select(won, 1.0 + 0.0 * d, 0.0))
             count = add_contact(count, first, 3, touch, near, seen)
     return count
 
 
 @compiled
-def tips(n: Number, lists: Lists) -> tuple[Number, Number]:
+def tips(n: Number, lists: Neighbours) -> tuple[Number, Number]:
     """Return the particles of the edges that copies have in the rows ``n`` of their lists."""
     return load_each(lists.edge_particles, 2.0 * n), load_each(lists.edge_particles, 2.0 * n + 1.0)
 
@@ -297,7 +297,7 @@ def ball_ball(
             one = 1.0 + 0.0 * d
             weights = (one, -one, 0.0 * d, 0.0 * d)
             normal = 1.0 / d * apart
-            touch = Touch((i, j, i, j), weights, normal, d - near.radius, select(meets, one, 0.0))
+            touch = Closest((i, j, i, j), weights, normal, d - near.radius, select(meets, one, 0.0))
             count = add_contact(count, first, 2, touch, near, seen)
     return count
 
@@ -357,7 +357,7 @@ def edge_edge(count: int, first: int, k: int, have: Number, near: Near, seen: Se
         )
         through = d - near.lead * dot(normal, speed) < 0.0
         normal, d = choose(through, -1.0 * normal, normal), select(through, -d, d)
-        touch = Touch((i, j, m, n), (1.0 - s, s, t - 1.0, -t), normal, d - near.radius, share)
+        touch = Closest((i, j, m, n), (1.0 - s, s, t - 1.0, -t), normal, d - near.radius, share)
         count = add_contact(count, first, 4, touch, near, seen)
     return count
 

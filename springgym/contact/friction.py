@@ -119,7 +119,7 @@ def normal_part(k: int, m: int, j: Vector, contacts: ContactRows) -> Number:
 
 @compiled
 def inverse_mass_along(along: Vector, k: int, problem: Problem) -> Number:
-    """Return K of contact k along a unit vector across its normal [1/kg]."""
+    """Return the effective inverse mass K [1/kg] of contact k along a unit vector across its normal."""
     contacts = problem.contacts
     only = contacts.only[k]
     if only >= 0:

@@ -15,7 +15,7 @@ import numpy as np
 from springgym.contact.movers import turns_as_one
 from springgym.contact.records import ContactRows, Rounds, Surfaces, Turning
 from springgym.contact.round import Way, at, moved, nearest
-from springgym.contact.surfaces import count, facing, height
+from springgym.contact.surfaces import count, height, mean_normal
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Number, Rows, Vector
 from springgym.core.lanes import any_lane, minimum, store
@@ -60,7 +60,7 @@ def find_ground(rows: int, own: Grounded, rounds: Rounds | None) -> int:
                 ahead = height(k, end, own.surfaces)
                 reach = NEAR * own.surfaces.reach
                 if any_lane(minimum(ahead, height(k, begin, own.surfaces)) < reach):
-                    n, _, start = facing(k, begin, end, own.surfaces)
+                    n, _, start = mean_normal(k, begin, end, own.surfaces)
                     add_row(rows, k, i, -1, (n, start, ahead), own)
                     set_particle_arm(rows, row(own.x, i), own, own.contacts.turning)
                     rows += 1

@@ -45,7 +45,7 @@ FOUND, EXACT = 1e-5, 1e-7
 nothing is lost, so that energy is kept to rounding."""
 
 
-class Span(NamedTuple):
+class Times(NamedTuple):
     """The time of a node: that of the drifts before and after it that are its own [s]."""
 
     lead: Number
@@ -73,7 +73,7 @@ def positive_root(linear: Number, product: Number) -> Number:
 
 @compiled
 def mean_force(start: Number, end: Number, on: Mask) -> tuple[Number, Number, Number, Number]:
-    """Return N and D, of which F̄ is c/Δ² N/D between two gaps, and their derivatives by the second gap.
+    """Return N and D of the mean force F̄ = c/Δ² N/D between two gaps, and their derivatives by the second.
 
     Gaps are in units of Δ. The numbers have a meaning where a contact is ``on``.
     """
@@ -173,13 +173,13 @@ def last_gap(
 
 
 @compiled
-def meet(
-    gaps: tuple[Number, Number, Number], span: Span, c: Number, reach: Number, beta: Number, on: Mask
+def solve_gap(
+    gaps: tuple[Number, Number, Number], span: Times, c: Number, reach: Number, beta: Number, on: Mask
 ) -> tuple[Number, Number]:
     """Solve one contact for a step, where it is ``on``; elsewhere the numbers have no meaning.
 
     ``gaps`` are h₀, that the step begins with, a, that all else would end it with, and where it may end, 0 if
-    that is not known [m]; ``c`` is the strength times W [m³/s²], ``beta`` is β. The `Span` says how long the
+    that is not known [m]; ``c`` is the strength times W [m³/s²], ``beta`` is β. The `Times` says how long the
     step is, and how long it lasts after the node.
 
     Returns

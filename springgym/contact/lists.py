@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike
 
-from springgym.contact.records import Lists, Pairs
+from springgym.contact.records import Neighbours, Pairs
 from springgym.core.blocks import aligned_zeros
 
 LISTED, CANDIDATES = 16, 8
@@ -20,7 +20,7 @@ LISTED, CANDIDATES = 16, 8
 node; and candidates for each row, or all are."""
 
 
-def new_lists(pairs: Pairs, particles: int, dtype: DTypeLike) -> Lists:
+def new_lists(pairs: Pairs, particles: int, dtype: DTypeLike) -> Neighbours:
     """Return empty lists of the features of ``particles`` in all, on elements of ``dtype``."""
     shapes = pairs.shapes
     bodies, count = len(shapes.radius), pairs.among
@@ -49,7 +49,7 @@ def new_lists(pairs: Pairs, particles: int, dtype: DTypeLike) -> Lists:
     )
     numbers = {"watched": count, "close": count, "used": 4, "length": 2}
     ends = {"ends": (count, 3, 3), "faces": (vertices, 2), "partners": (edges, 2)}
-    return Lists(
+    return Neighbours(
         **{name: aligned_zeros(tuple(shape), dtype) for names, *shape in of_copies for name in names.split()},
         **{name: np.zeros(shape, np.int64) for name, shape in (numbers | ends).items()},
         kept=np.zeros(1, np.bool_),

@@ -91,7 +91,7 @@ def reaches_into(x: np.ndarray, own: int, other: int, box: np.ndarray, of: Outli
 
 
 @kernel
-def tell_shown(
+def find_overlaps(
     x: np.ndarray, first: np.ndarray, second: np.ndarray, of: Outlines, boxes: np.ndarray, found: np.ndarray
 ) -> bool:
     """Find which pairs of bodies are shown in each other, ``found`` (copies, pairs); whether any is.

@@ -6,15 +6,15 @@ surfaces give is found in turns, each from what the others give (Gauss and Seide
 the surfaces that touch leave free, so that it moves nothing towards one, and stops what it can stop.
 
 On a curved surface n is the discrete gradient of the height for the way, see
-`springgym.contact.surfaces.facing`; as it depends on the end of the way, it is found in the same turns.
+`springgym.contact.surfaces.mean_normal`; as it depends on the end of the way, it is found in the same turns.
 """
 
 from __future__ import annotations
 
 from springgym.contact.cone import within_cone
-from springgym.contact.law import Span, meet
-from springgym.contact.records import Given, Surfaces
-from springgym.contact.surfaces import coefficient, count, facing, lowest, strength_and_reach
+from springgym.contact.law import Times, solve_gap
+from springgym.contact.records import SurfaceImpulse, Surfaces
+from springgym.contact.surfaces import coefficient, count, lowest, mean_normal, strength_and_reach
 from springgym.contact.totals import set_fastest
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Numbers, Vector
@@ -34,14 +34,14 @@ rounded."""
 
 
 @compiled
-def nothing_given(like: Vector) -> Given:
+def nothing_given(like: Vector) -> SurfaceImpulse:
     """Return what is given where no surface is near."""
     nothing = 0.0 * like
-    return Given(nothing, nothing, nothing)
+    return SurfaceImpulse(nothing, nothing, nothing)
 
 
 @compiled
-def in_last_turn(turn: int, k: int, nothing: Vector, pushes: Numbers, surfaces: Surfaces) -> Vector:
+def previous_push(turn: int, k: int, nothing: Vector, pushes: Numbers, surfaces: Surfaces) -> Vector:
     """Return the change of velocity by surface ``k`` in the last turn: ``nothing`` where one turn is all."""
     if surfaces.coupled is None or turn == 0:
         return nothing
@@ -60,10 +60,10 @@ def impulses(
     way: tuple[Vector, Vector],
     speed: Vector,
     smooth: Vector,
-    span: Span,
+    span: Times,
     pushes: Numbers,
     terms: Terms,
-) -> Given:
+) -> SurfaceImpulse:
     """Return what surfaces and friction give particle ``i`` at a node.
 
     Without them, its ``way`` would have these two ends. It begins with the velocity ``speed``, which all else
@@ -85,9 +85,9 @@ def impulses(
         pressed, touched = nothing[0], nothing[0]
         end = plus_scaled(free, span.out, given + rub)
         for k in range(count(terms.surfaces.kinds)):
-            n, square, start = facing(k, begin, end, terms.surfaces)
+            n, square, start = mean_normal(k, begin, end, terms.surfaces)
             inverse_square = 1.0 / square
-            own = in_last_turn(turn, k, nothing, pushes, terms.surfaces)
+            own = previous_push(turn, k, nothing, pushes, terms.surfaces)
             by_others = now - own
             others = smooth + (by_others + rub)
             u, s = dot(n, speed), dot(n, others)
@@ -95,7 +95,7 @@ def impulses(
             touching = minimum(start, ahead) < reach
             gain, impulse = nothing[0], nothing[0]
             if any_lane(touching):
-                gain, impulse = meet((start, ahead, nothing[0]), span, c * square, reach, beta, touching)
+                gain, impulse = solve_gap((start, ahead, nothing[0]), span, c * square, reach, beta, touching)
                 gain, impulse = select(touching, gain, 0.0), select(touching, impulse, 0.0)
                 fast = sqrt(inverse_square) * select(gain > 0.0, maximum(u, -u), 0.0)
                 set_fastest(fast, 0, terms.surfaces.totals)
@@ -117,7 +117,7 @@ def impulses(
             left = choose(touched > 2.0, nothing, left)
             rubbing = -1.0 * within_cone(left, mu * pressed)
         if terms.surfaces.coupled is None:
-            return Given(now, rubbing, pressing)
+            return SurfaceImpulse(now, rubbing, pressing)
         going = active > 0.5
         more = now - given
         far = span.whole * span.whole * dot(more, more) > enough * enough
@@ -126,4 +126,4 @@ def impulses(
         active = select(far, active, 0.0)
         if not any_lane(active > 0.5):
             break
-    return Given(given, rub, force)
+    return SurfaceImpulse(given, rub, force)

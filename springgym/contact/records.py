@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from springgym.contact.law import Span
+from springgym.contact.law import Times
 from springgym.core.kinds import Number, Numbers, Rows, Vector
 
 Kinds: TypeAlias = tuple[Any, ...]
@@ -45,7 +45,7 @@ class Resistance(NamedTuple):
     """τ [m]"""
 
 
-class Given(NamedTuple):
+class SurfaceImpulse(NamedTuple):
     """The impulses that surfaces give a particle at a node, as changes of its velocity."""
 
     change: Vector
@@ -150,7 +150,7 @@ WATCHED, CLOSE = range(2)
 """Lists of pairs."""
 
 
-class Lists(NamedTuple):
+class Neighbours(NamedTuple):
     """The lists of features that are near each other: the workspace of `springgym.contact.search`.
 
     Lists of features stay from node to node, one pair's behind another's.
@@ -266,8 +266,8 @@ class Near(NamedTuple):
     """the radii of what lies around their features, both together [m]"""
 
 
-class Touch(NamedTuple):
-    """A contact of each copy, where its ``share`` is positive."""
+class Closest(NamedTuple):
+    """The closest points of two features of each copy: a contact where its ``share`` is positive."""
 
     particles: Quad
     """the numbers of up to four particles"""
@@ -405,7 +405,7 @@ class ContactRows(NamedTuple):
 class Problem(NamedTuple):
     """All that the impulses of the contacts of a node follow from."""
 
-    span: Span
+    span: Times
     """the time of the node"""
     x: Rows
     """(N, 3) positions of all particles at the node, as others see them [m]"""
@@ -441,7 +441,7 @@ class RowSpace(NamedTuple):
     """(bodies,) whether a body has contacts in any copy"""
     rolls: np.ndarray
     """(bodies,) whether the slip of any contact of a body is measured at the end of the step"""
-    lists: Lists | None
+    lists: Neighbours | None
     """the features that are near each other; None if bodies do not collide"""
     contacts: ContactRows
 
@@ -454,7 +454,7 @@ class Search(NamedTuple):
     w: Rows
     """velocities (N, 3) before the node [m/s]"""
     pairs: Pairs
-    lists: Lists
+    lists: Neighbours
     contacts: ContactRows
 
 

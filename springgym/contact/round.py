@@ -23,7 +23,7 @@ from springgym.bodies import Body
 from springgym.bodies.round import weights
 from springgym.contact.law import barrier_energy
 from springgym.contact.records import Rounds, Surfaces
-from springgym.contact.surfaces import count, standing
+from springgym.contact.surfaces import count, normal_at
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Number, Rows, Vector
 from springgym.core.lanes import load, sqrt
@@ -118,10 +118,10 @@ def nearest(
 ) -> tuple[Vector, Vector, Number, Number]:
     """Return where feature ``e`` is nearest to surface ``k`` after a way: ξ − ξc, n, n² and the gap [m]."""
     point = 0.0 * row(way.rows, 0)
-    n, square, gap = standing(k, at(e, point, way, rounds), surfaces)
+    n, square, gap = normal_at(k, at(e, point, way, rounds), surfaces)
     for _ in range(1 if surfaces.coupled is None else BENDS):
         point = support(e, n, way, rounds)
-        n, square, gap = standing(k, at(e, point, way, rounds), surfaces)
+        n, square, gap = normal_at(k, at(e, point, way, rounds), surfaces)
     return point, 0.0 * point + n, 0.0 * gap + square, gap
 
 

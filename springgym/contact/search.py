@@ -38,7 +38,7 @@ from springgym.contact.features import (
     vertex_faces,
     vertex_rods,
 )
-from springgym.contact.law import Span
+from springgym.contact.law import Times
 from springgym.contact.records import (
     CLOSE,
     FAR,
@@ -46,8 +46,8 @@ from springgym.contact.records import (
     NONE,
     WATCHED,
     ContactRows,
-    Lists,
     Near,
+    Neighbours,
     Pairs,
     Search,
     Shapes,
@@ -111,13 +111,13 @@ def box_gap(low: Vector, high: Vector, other_low: Vector, other_high: Vector) ->
 
 
 @compiled
-def outside(low: Vector, high: Vector, body: int, lists: Lists) -> Number:
+def outside(low: Vector, high: Vector, body: int, lists: Neighbours) -> Number:
     """Find how far a box is outside that of a body."""
     return box_gap(low, high, row(lists.low, body), row(lists.high, body))
 
 
 @compiled
-def find(x: Rows, w: Rows, span: Span, pairs: Pairs, lists: Lists, contacts: ContactRows) -> int:
+def find(x: Rows, w: Rows, span: Times, pairs: Pairs, lists: Neighbours, contacts: ContactRows) -> int:
     """List the contacts of all pairs of bodies, and return how many rows that makes.
 
     Particles are at ``x`` (N, 3) and reach the node with velocities ``w`` (N, 3); ``span`` is its time.
@@ -153,7 +153,7 @@ def find(x: Rows, w: Rows, span: Span, pairs: Pairs, lists: Lists, contacts: Con
 
 
 @compiled
-def is_listed(kind: int, p: int, lists: Lists) -> bool:
+def is_listed(kind: int, p: int, lists: Neighbours) -> bool:
     """Tell whether features of a kind are listed of a pair."""
     return lists.ends[p, kind, 0] < lists.ends[p, kind, 2]
 
@@ -162,7 +162,7 @@ def is_listed(kind: int, p: int, lists: Lists) -> bool:
 
 
 @compiled
-def all_far_are_far(lists: Lists) -> bool:
+def all_far_are_far(lists: Neighbours) -> bool:
     """Tell whether pairs that are not watched are still too far apart to be looked at."""
     for body in range(lists.margin.size):
         gone = load(lists.travelled, body) + load(lists.moved, body)
@@ -173,7 +173,7 @@ def all_far_are_far(lists: Lists) -> bool:
 
 
 @compiled
-def watch(x: Rows, w: Rows, span: Span, pairs: Pairs, lists: Lists) -> None:
+def watch(x: Rows, w: Rows, span: Times, pairs: Pairs, lists: Neighbours) -> None:
     """List the pairs of bodies that may come near each other before one of them has used up its margin."""
     shapes, count = pairs.shapes, 0
     measure_boxes(x, shapes, lists)
@@ -205,7 +205,7 @@ def near_enough(p: int, a: int, b: int, pairs: Pairs) -> Number:
 
 
 @compiled
-def measure_boxes(x: Rows, shapes: Shapes, lists: Lists) -> None:
+def measure_boxes(x: Rows, shapes: Shapes, lists: Neighbours) -> None:
     """Find the boxes around all bodies."""
     for body in range(shapes.radius.size):
         low = row(x, shapes.vertices[shapes.start[VERTICES, body], 0])
@@ -221,7 +221,7 @@ def measure_boxes(x: Rows, shapes: Shapes, lists: Lists) -> None:
 
 
 @compiled
-def measure_moved(x: Rows, w: Rows, span: Span, pairs: Pairs, lists: Lists) -> None:
+def measure_moved(x: Rows, w: Rows, span: Times, pairs: Pairs, lists: Neighbours) -> None:
     """Find how far the vertices of each body are from where they were when features were listed.
 
     What is fast is taken for farther, see `FARTHEST`, so that no pair is left out which may meet in a step.
@@ -242,7 +242,7 @@ def measure_moved(x: Rows, w: Rows, span: Span, pairs: Pairs, lists: Lists) -> N
 
 
 @compiled
-def lists_hold(w: Rows, span: Span, pairs: Pairs, lists: Lists) -> bool:
+def lists_hold(w: Rows, span: Times, pairs: Pairs, lists: Neighbours) -> bool:
     """Tell whether all that may touch is in the lists; of pairs that are close, find how far to look."""
     shapes, hold, averaged, shifted = pairs.shapes, lists.kept[0], False, False
     close = 0
@@ -299,7 +299,7 @@ def approach(a: int, b: int, mean: Rows, rest: Numbers) -> Number:
 
 
 @compiled
-def begin_lists(x: Rows, fresh: bool, pairs: Pairs, lists: Lists) -> None:
+def begin_lists(x: Rows, fresh: bool, pairs: Pairs, lists: Neighbours) -> None:
     """Empty the lists of features, remember where vertices are, and find the boxes around all bodies.
 
     A pair that is not close is as far apart as it was, less by what its bodies moved. Where pairs that are
@@ -330,7 +330,7 @@ def begin_lists(x: Rows, fresh: bool, pairs: Pairs, lists: Lists) -> None:
 
 
 @compiled
-def empty(lists: Lists) -> None:
+def empty(lists: Neighbours) -> None:
     """Let lists begin with their first rows; of candidates, behind those that are all there are."""
     for kind in range(3):
         lists.used[kind] = 0
@@ -338,7 +338,7 @@ def empty(lists: Lists) -> None:
 
 
 @compiled
-def list_features(near: Near, span: Span, seen: Search, triangles: Indices, edges: Indices) -> bool:
+def list_features(near: Near, span: Times, seen: Search, triangles: Indices, edges: Indices) -> bool:
     """List what of two bodies is near the other, and tell whether it is for this node alone.
 
     It is where the margin would not last: then it is cheaper to have none.
@@ -367,7 +367,7 @@ def list_features(near: Near, span: Span, seen: Search, triangles: Indices, edge
 
 
 @compiled
-def measure_slab(x: Rows, a: int, b: int, shapes: Shapes, lists: Lists) -> Number:
+def measure_slab(x: Rows, a: int, b: int, shapes: Shapes, lists: Neighbours) -> Number:
     """Find how far vertices of two bodies are from the other, along the line of the middles of their boxes;
     and how far apart the bodies are."""
     axis = unit(row(lists.low, b) + row(lists.high, b) - (row(lists.low, a) + row(lists.high, a)))
@@ -386,7 +386,7 @@ def measure_slab(x: Rows, a: int, b: int, shapes: Shapes, lists: Lists) -> Numbe
 
 
 @compiled
-def make_space(a: int, b: int, shapes: Shapes, lists: Lists) -> None:
+def make_space(a: int, b: int, shapes: Shapes, lists: Neighbours) -> None:
     """Begin all lists anew if those of two bodies may not fit behind the others, which do not last then."""
     sizes, fits = (lists.vertex.size, lists.triangle.size, lists.edge.size), True
     for kind in range(3):
@@ -438,7 +438,7 @@ def list_kind(
 
 
 @compiled
-def listed_as(kind: int, lists: Lists) -> tuple[Numbers, Numbers]:
+def listed_as(kind: int, lists: Neighbours) -> tuple[Numbers, Numbers]:
     """Return the list of a kind of features, and that of their particles."""
     if kind == VERTICES:
         return lists.vertex, lists.vertex_particle
@@ -505,9 +505,9 @@ def list_near(
     of: tuple[int, int],
     others: tuple[int, int],
     every: bool,
-    lists: Lists,
+    lists: Neighbours,
     candidates: np.ndarray,
-    is_near: Callable[[int, int, Number, Lists], bool],
+    is_near: Callable[[int, int, Number, Neighbours], bool],
 ) -> None:
     """List which of the ``others`` are near each feature ``of`` a body in any copy, by ``is_near``.
 
@@ -529,7 +529,7 @@ def list_near(
 
 
 @compiled
-def face_is_near(m: int, n: int, wide: Number, lists: Lists) -> bool:
+def face_is_near(m: int, n: int, wide: Number, lists: Neighbours) -> bool:
     """Tell whether a vertex may be near a triangle in any copy: near its plane and its box."""
     r, u, q = row(lists.point, m) - row(lists.corner, n), row(lists.first, n), row(lists.second, n)
     none, height = 0.0 * u, dot(row(lists.normal, n), r)  # times |normal|
@@ -538,7 +538,7 @@ def face_is_near(m: int, n: int, wide: Number, lists: Lists) -> bool:
 
 
 @compiled
-def edge_is_near(m: int, n: int, wide: Number, lists: Lists) -> bool:
+def edge_is_near(m: int, n: int, wide: Number, lists: Neighbours) -> bool:
     """Tell whether two edges may be near each other in a copy: their lines, if skew, and their boxes."""
     a, b, r = row(lists.way, m), row(lists.way, n), row(lists.start, m) - row(lists.start, n)
     none, across = 0.0 * a, cross(a, b)

@@ -28,7 +28,7 @@ import numpy as np
 from springgym.contact.cone import part_resisted, within_cone
 from springgym.contact.features import TAPER, smooth
 from springgym.contact.friction import inverse_mass_along, push_across, set_tilt, slip_of
-from springgym.contact.law import barrier_energy, meet
+from springgym.contact.law import barrier_energy, solve_gap
 from springgym.contact.movers import (
     inverse_mass_of,
     number_of,
@@ -103,7 +103,7 @@ def prepare(k: int, free: Rows, problem: Problem) -> None:
     """
     span, contacts = problem.span, problem.contacts
     n = row(contacts.normal, k)
-    store(contacts.inverse_mass, k, weigh(k, problem))
+    store(contacts.inverse_mass, k, prepare_row(k, problem))
     u0 = dot(n, velocity_between(problem.before, k, 0, problem))
     store(contacts.approach, k, u0)
     store(contacts.impulse, k, 0.0)
@@ -135,8 +135,8 @@ def clear_couple(k: int, contacts: ContactRows, resistance: Resistance | None) -
 
 
 @compiled
-def weigh(k: int, problem: Problem) -> Number:
-    """Return W of contact k [1/kg]; how it moves particles is stored."""
+def prepare_row(k: int, problem: Problem) -> Number:
+    """Return the effective inverse mass W [1/kg] of contact k; how it moves particles is stored."""
     contacts = problem.contacts
     n = row(contacts.normal, k)
     total = inverse_mass_of(n, 0, k, problem, contacts.turning)
@@ -191,7 +191,7 @@ def solve_row(v: Rows, k: int, problem: Problem) -> None:
     if any_lane(select(meets, 1.0, going * old) > 0.0):  # what was given may have to be taken back
         c, beta = strength_of(k, problem) * inverse, beta_of(k, inverse, problem, problem.pairs.loss)
         gaps = start, free, select(old > 0.0, last, 0.0)
-        change, _ = meet(gaps, span, c, reach, beta, meets)
+        change, _ = solve_gap(gaps, span, c, reach, beta, meets)
         new = select(meets, change / (inverse + TINY), 0.0)
         new = select(going > 0.5, new, old)
         store(contacts.impulse, k, new)
@@ -203,7 +203,7 @@ def solve_row(v: Rows, k: int, problem: Problem) -> None:
 
 @compiled
 def reach_of(k: int, problem: Problem) -> float:
-    """Return Δ of contact k [m]."""
+    """Return the range Δ [m] of contact k."""
     return problem.pairs.reach[problem.contacts.pair[k]]
 
 
@@ -215,7 +215,7 @@ def strength_of(k: int, problem: Problem) -> Number:
 
 @compiled
 def beta_of(k: int, like: Number, problem: Problem, loss: Numbers | None) -> Number:
-    """Return β of contact k: 0 if none loses anything."""
+    """Return the loss factor β [1] of contact k: 0 if none loses anything."""
     beta = 0.0 * like
     if loss is not None:
         beta = beta + load(loss, problem.contacts.pair[k])

@@ -139,7 +139,7 @@ def height(k: int, place: Vector, surfaces: Surfaces) -> Number:
 
 
 @compiled
-def facing(k: int, begin: Vector, end: Vector, surfaces: Surfaces) -> Facing:
+def mean_normal(k: int, begin: Vector, end: Vector, surfaces: Surfaces) -> Facing:
     """Return the normal n̄ of surface ``k`` for a way, its square, and the gap [m] where the way begins.
 
     n̄ · (end − begin) is the difference of both gaps: n̄ is the discrete gradient of the height h (Gonzalez,
@@ -156,9 +156,9 @@ def facing(k: int, begin: Vector, end: Vector, surfaces: Surfaces) -> Facing:
 
 
 @compiled
-def standing(k: int, place: Vector, surfaces: Surfaces) -> Facing:
+def normal_at(k: int, place: Vector, surfaces: Surfaces) -> Facing:
     """Return the normal of surface ``k`` at a place, its square, and the gap there [m]."""
-    return facing(k, place, place, surfaces)
+    return mean_normal(k, place, place, surfaces)
 
 
 @compiled

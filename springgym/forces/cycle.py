@@ -67,7 +67,7 @@ def relax_in_turn(v: Rows, direction: Rows, backward: bool, ledger: Ledger, term
 
 
 @compiled
-def turn_in_turn(
+def apply_wrench(
     x: Rows, v: Rows, b: Rows, n: int, steps: int, h: Number, ledger: Ledger, terms: Terms
 ) -> None:
     """The wrench acts after ``n`` of ``steps``: where a cycle ends, where the next begins, or amid it."""

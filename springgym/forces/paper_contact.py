@@ -13,7 +13,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from springgym.contact.records import Facing, Surfaces
-from springgym.contact.surfaces import count, standing
+from springgym.contact.surfaces import count, normal_at
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Number, Numbers, Rows
 from springgym.core.lanes import load, maximum, minimum, select, sqrt
@@ -48,7 +48,7 @@ def add_paper_forces(
         for i in range(particles.mass.size):
             if particles.free[i]:
                 for k in range(count(surfaces.kinds)):
-                    above = standing(k, row(at.x, i), surfaces)
+                    above = normal_at(k, row(at.x, i), surfaces)
                     add_paper_force(i, above, at, particles, surfaces, friction, law)
 
 
@@ -62,7 +62,7 @@ def add_paper_force(
     friction: Numbers,
     law: PaperLaw,
 ) -> None:
-    """Add the force on particle ``i`` that is ``above`` a surface: `springgym.contact.surfaces.standing`."""
+    """Add the force on particle ``i`` that is ``above`` a surface: `springgym.contact.surfaces.normal_at`."""
     n, square, h = above
     c, velocity = load(surfaces.strength, 0), row(at.v, i)
     push = maximum(c / (h * h) - c / (surfaces.reach * surfaces.reach), 0.0)
@@ -86,7 +86,7 @@ def clamp(x: Rows, v: Rows, particles: Particles, surfaces: Surfaces | None, law
         for i in range(particles.mass.size):
             if particles.free[i]:
                 for k in range(count(surfaces.kinds)):
-                    n, square, h = standing(k, row(x, i), surfaces)
+                    n, square, h = normal_at(k, row(x, i), surfaces)
                     missing = CLAMP * surfaces.reach - h
                     too_low = missing > 0.0
                     set_row(x, i, row(x, i) + select(too_low, missing, 0.0) / square * n)

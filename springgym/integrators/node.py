@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from springgym.contact.law import Span
+from springgym.contact.law import Times
 from springgym.contact.points import impulses, near
 from springgym.contact.records import RowSpace
 from springgym.contact.surfaces import coefficient
@@ -76,11 +76,11 @@ class Bodies(NamedTuple):
 
 
 @compiled
-def span_of(h: Number, goes: bool, x: Rows) -> Span:
+def span_of(h: Number, goes: bool, x: Rows) -> Times:
     """Return the time of a node in each lane; it has no drift before it if it only tells what touches."""
     whole = h + 0.0 * load(of_body(x, 0), (0, 0))
     half = 0.5 * whole
-    return Span(half if goes else 0.0 * whole, half, whole if goes else half)
+    return Times(half if goes else 0.0 * whole, half, whole if goes else half)
 
 
 @compiled
@@ -132,7 +132,7 @@ def acts_between_kicks(terms: Terms) -> bool:
 
 
 @compiled
-def before_contact(i: int, before: Rows, span: Span, own: Bodies) -> Vector:
+def before_contact(i: int, before: Rows, span: Times, own: Bodies) -> Vector:
     """Return the velocity of a particle between the kicks of a node, before contact [m/s]."""
     if acts_between_kicks(own.terms):
         return row(own.space.w, i)
@@ -140,7 +140,7 @@ def before_contact(i: int, before: Rows, span: Span, own: Bodies) -> Vector:
 
 
 @compiled
-def free_velocity(i: int, span: Span, own: Bodies) -> Vector:
+def free_velocity(i: int, span: Times, own: Bodies) -> Vector:
     """Return the velocity of a particle after a node, but for contact [m/s]."""
     return plus_scaled(before_contact(i, own.v, span, own), span.out, row(own.space.a, i))
 
@@ -159,7 +159,7 @@ def give_expected(own: Bodies, last: LastNode | None) -> None:
 
 
 @compiled
-def take_back_expected(own: Bodies, span: Span, last: LastNode | None) -> None:
+def take_back_expected(own: Bodies, span: Times, last: LastNode | None) -> None:
     """Take that back, when all but contact have acted, and enter its product with what they did."""
     if last is not None:
         space, work = own.space, 0.0 * span.out
@@ -193,7 +193,7 @@ def record_cross_work(ledger: Ledger, work: Number, dampers: Dampers | None) -> 
 
 
 @compiled
-def pass_particles(own: Bodies, span: Span) -> None:
+def pass_particles(own: Bodies, span: Times) -> None:
     """Let all act on a body at a node that meets surfaces by its particles, and drift to the end of the step.
 
     The path of a particle that was out of reach of all surfaces begins where that of the last node ended.
@@ -218,7 +218,7 @@ def pass_particles(own: Bodies, span: Span) -> None:
 
 
 @compiled
-def meet_surfaces(i: int, free: Vector, span: Span, own: Bodies) -> Vector:
+def meet_surfaces(i: int, free: Vector, span: Times, own: Bodies) -> Vector:
     """Return the velocity of particle ``i`` after surfaces have acted, and enter what it lost.
 
     What barriers gave less the work of their impulses is lost to restitution. Without loss the energy is

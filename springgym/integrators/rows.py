@@ -16,7 +16,7 @@ from numba import types
 from numba.extending import overload
 
 from springgym.contact.ground import Grounded, find_ground, shift_arms
-from springgym.contact.law import Span
+from springgym.contact.law import Times
 from springgym.contact.movers import find_inertia, gather, turned
 from springgym.contact.records import (
     ENERGY,
@@ -26,7 +26,7 @@ from springgym.contact.records import (
     ROWS,
     Collisions,
     ContactRows,
-    Lists,
+    Neighbours,
     Problem,
     RowSpace,
     Surfaces,
@@ -87,7 +87,7 @@ def _first_row(rows: Any, body: int) -> Callable[..., int]:
 
 
 @compiled
-def pass_rows(bodies: Bodies, span: Span, goes: bool, space: RowSpace) -> None:
+def pass_rows(bodies: Bodies, span: Times, goes: bool, space: RowSpace) -> None:
     """Let all act on all bodies at a node, and drift to the end of the step.
 
     If it does not go on, it only tells which bodies of fresh copies touch.
@@ -139,11 +139,11 @@ def enter_touching(problem: Problem, collisions: Collisions) -> None:
 
 
 @compiled
-def begin_rows(among: int, v: Rows, problem: Problem, collisions: Collisions, lists: Lists | None) -> None:
-    """Prepare all rows, the first ``among`` of which are of two bodies, and start their impulses warm."""
+def begin_rows(n: int, v: Rows, problem: Problem, collisions: Collisions, lists: Neighbours | None) -> None:
+    """Prepare all rows, the first ``n`` of which are of two bodies, and start their impulses warm."""
     contacts = problem.contacts
     for k in range(contacts.length[ROWS]):
-        if lists is not None and k < among:
+        if lists is not None and k < n:
             describe(k, problem)
         else:
             shift_arms(k, contacts, contacts.turning)
@@ -152,10 +152,10 @@ def begin_rows(among: int, v: Rows, problem: Problem, collisions: Collisions, li
 
 
 @compiled
-def problem_of(bodies: Bodies, span: Span, space: RowSpace) -> Problem:
+def problem_of(bodies: Bodies, span: Times, space: RowSpace) -> Problem:
     """Return what the impulses of a node follow from, before its contacts are found."""
     particles, collisions = bodies.terms.particles, bodies.terms.collisions
-    look(bodies.x, particles.mass, all_rows(bodies.x), all_rows(bodies.v), space, space.lists)
+    fetch(bodies.x, particles.mass, all_rows(bodies.x), all_rows(bodies.v), space, space.lists)
     return Problem(
         span,
         space.places,
@@ -168,7 +168,7 @@ def problem_of(bodies: Bodies, span: Span, space: RowSpace) -> Problem:
 
 
 @compiled
-def look(of: Any, mass: Any, x: Rows, v: Rows, space: RowSpace, lists: Lists | None) -> None:
+def fetch(of: Any, mass: Any, x: Rows, v: Rows, space: RowSpace, lists: Neighbours | None) -> None:
     """Copy positions and velocities of all particles ``of`` bodies as others see them, if bodies collide."""
     if lists is not None:
         for i in range(x.shape[0]):
@@ -189,7 +189,7 @@ def see_balls(of: Any, mass: Any, space: RowSpace, turning: Turning | None) -> N
 
 
 @compiled
-def set_free(n: int, own: Bodies, span: Span, x: Rows, space: RowSpace) -> None:
+def set_free(n: int, own: Bodies, span: Times, x: Rows, space: RowSpace) -> None:
     """Let all but contact act on a body."""
     give_expected(own, own.terms.last)
     act_and_damp(own, span.whole)
@@ -201,7 +201,7 @@ def set_free(n: int, own: Bodies, span: Span, x: Rows, space: RowSpace) -> None:
 
 
 @compiled
-def find_among(problem: Problem, space: RowSpace, lists: Lists | None) -> int:
+def find_among(problem: Problem, space: RowSpace, lists: Neighbours | None) -> int:
     """List the contacts between bodies, if they collide, and return how many rows that makes."""
     if lists is None:
         space.contacts.length[MET] = 0
@@ -210,7 +210,7 @@ def find_among(problem: Problem, space: RowSpace, lists: Lists | None) -> int:
 
 
 @compiled
-def find_below(n: int, own: Bodies, span: Span, x: Rows, space: RowSpace, surfaces: Surfaces | None) -> None:
+def find_below(n: int, own: Bodies, span: Times, x: Rows, space: RowSpace, surfaces: Surfaces | None) -> None:
     """List the contacts of a body with surfaces, if there are any."""
     if surfaces is not None:
         first, terms, contacts = first_row(x, n), own.terms, space.contacts
@@ -222,7 +222,7 @@ def find_below(n: int, own: Bodies, span: Span, x: Rows, space: RowSpace, surfac
 
 
 @compiled
-def begin(n: int, own: Bodies, span: Span, x: Rows, space: RowSpace, turning: Turning | None) -> None:
+def begin(n: int, own: Bodies, span: Times, x: Rows, space: RowSpace, turning: Turning | None) -> None:
     """Gather the velocities of a body that has contacts, as these see it."""
     first, mass = first_row(x, n), own.terms.particles.mass
     if turning is not None and turning.turns[n]:
@@ -244,7 +244,7 @@ def begin(n: int, own: Bodies, span: Span, x: Rows, space: RowSpace, turning: Tu
 
 @compiled
 def leave(
-    n: int, active: bool, own: Bodies, span: Span, x: Rows, space: RowSpace, turning: Turning | None
+    n: int, active: bool, own: Bodies, span: Times, x: Rows, space: RowSpace, turning: Turning | None
 ) -> None:
     """Let a body go on to the end of the step, and enter what it lost."""
     first, last, mass = first_row(x, n), own.terms.last, own.terms.particles.mass

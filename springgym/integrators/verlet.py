@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from springgym.contact.law import Span
+from springgym.contact.law import Times
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Number, Rows
 from springgym.core.lanes import bodies_of, of_body
@@ -20,7 +20,7 @@ from springgym.forces import (
     relax,
     set_forces,
 )
-from springgym.forces.cycle import count_step, damps_somewhere, relax_in_turn, turn_in_turn
+from springgym.forces.cycle import apply_wrench, count_step, damps_somewhere, relax_in_turn
 from springgym.integrators.node import START, Bodies, Space, acts_between_kicks, pass_particles, span_of
 from springgym.integrators.record import Integrator
 from springgym.integrators.rows import pass_rows, store_energy_of_pairs
@@ -94,7 +94,7 @@ def integrate_in_cycles(
             divide_and_kick(a, v, v, before, terms.particles)
             for part in range(3):
                 if part == 1 and turns:
-                    turn_in_turn(x, v, b, n, steps, h, ledger, terms)
+                    apply_wrench(x, v, b, n, steps, h, ledger, terms)
                 elif part != 1 and damps:
                     relax_in_turn(v, direction, part == 2, ledger, terms)
             if not last:
@@ -151,7 +151,7 @@ def expect_contact(own: Bodies) -> None:
 
 
 @compiled
-def reach_node(own: Bodies, span: Span) -> None:
+def reach_node(own: Bodies, span: Times) -> None:
     """Drift to a node, and find the forces on a body there."""
     x, space, terms = own.x, own.space, own.terms
     drift(x, own.v, span.lead)

@@ -30,7 +30,7 @@ from springgym.integrators.rows import store_energy_of_pairs
 from springgym.rigid.body import read_state, set_particles
 from springgym.rigid.flight import fly
 from springgym.rigid.kick import kick
-from springgym.rigid.node import Company, pass_together
+from springgym.rigid.node import Workspace, pass_together
 from springgym.rigid.solid import Solid, State, Twin
 from springgym.terms import Terms
 
@@ -71,7 +71,7 @@ def move_each(phase: Phase, workspace: np.ndarray, h: Number, steps: int, settle
 
 
 @compiled
-def move_together(bodies: Phase, space: Company, h: Number, steps: int, settles: bool, twins: Twin) -> None:
+def move_together(bodies: Phase, space: Workspace, h: Number, steps: int, settles: bool, twins: Twin) -> None:
     """Take all bodies through the steps together.
 
     None only makes them rigid, if it ``settles``; as many as `springgym.integrators.node.START` tell which

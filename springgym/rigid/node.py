@@ -21,12 +21,12 @@ from typing import NamedTuple
 import numpy as np
 
 from springgym.contact.ground import Grounded, ahead_of, find_ground
-from springgym.contact.law import Span
+from springgym.contact.law import Times
 from springgym.contact.movers import spin, velocity_between
 from springgym.contact.records import MANY, Problem, RowSpace, Surfaces
 from springgym.contact.records import ROWS as CONTACTS
 from springgym.contact.round import Way
-from springgym.contact.solver import add_totals, reach_of, solve, weigh
+from springgym.contact.solver import add_totals, prepare_row, reach_of, solve
 from springgym.contact.totals import list_changing
 from springgym.contact.warm import keep_impulses
 from springgym.core.compiling import compiled
@@ -36,7 +36,7 @@ from springgym.core.vectors import choose, cross, dot, plus_scaled, row, set_row
 from springgym.forces.ledger import WORK, record
 from springgym.integrators.envelope import Block
 from springgym.integrators.record import Phase
-from springgym.integrators.rows import begin_rows, enter_touching, find_among, first_row, look, record_losses
+from springgym.integrators.rows import begin_rows, enter_touching, fetch, find_among, first_row, record_losses
 from springgym.rigid.body import read_state, set_particles
 from springgym.rigid.flight import angular_velocity, combine, components, fly, turned
 from springgym.rigid.kick import load_of_actuators, weight
@@ -69,7 +69,7 @@ ROWS = 8
 class RigidNode(NamedTuple):
     """A node of a rigid body, and what all but contact makes of it."""
 
-    span: Span
+    span: Times
     """its time"""
     state: State
     """with which it is reached"""
@@ -87,7 +87,7 @@ class RigidNode(NamedTuple):
     """the velocity after it without contact and actuators, in world coordinates [m/s]"""
 
 
-class Company(NamedTuple):
+class Workspace(NamedTuple):
     """The arrays in which a thread computes rigid bodies."""
 
     bodies: np.ndarray
@@ -165,7 +165,7 @@ def thrown_by(b: Rows, tau: Number, solid: Solid, wrench: Wrench | None, thrust:
 
 
 @compiled
-def reach_node(state: State, span: Span, b: Rows, solid: Solid) -> RigidNode:
+def reach_node(state: State, span: Times, b: Rows, solid: Solid) -> RigidNode:
     """Return a node; ``b`` is of `set_loads`."""
     axes = turned(solid.axes, state.q)
     before = (components(axes, state.velocity), state.spin)
@@ -203,14 +203,14 @@ def kept_state(rows: Rows, twin: Twin) -> tuple[State, Solid]:
 
 
 @compiled
-def node_of(body: int, span: Span, space: Company, twin: Twin) -> tuple[RigidNode, Solid]:
+def node_of(body: int, span: Times, space: Workspace, twin: Twin) -> tuple[RigidNode, Solid]:
     """Return the `RigidNode` of a body, and its `Solid`."""
     state, solid = kept_state(space.bodies[body], twin)
     return reach_node(state, span, space.loads[body], solid), solid
 
 
 @compiled
-def reach(body: int, bodies: Phase, span: Span, space: Company, twin: Twin) -> None:
+def reach(body: int, bodies: Phase, span: Times, space: Workspace, twin: Twin) -> None:
     """Fly a body to the node, and find what all but contact gives it there."""
     x, v, _ = of_body(bodies, body)
     rigid, asymmetry, terms = twin
@@ -253,7 +253,7 @@ def reach(body: int, bodies: Phase, span: Span, space: Company, twin: Twin) -> N
 
 
 @compiled
-def set_turn(body: int, late: int, axes: Block, space: Company, rigid: Rigid) -> None:
+def set_turn(body: int, late: int, axes: Block, space: Workspace, rigid: Rigid) -> None:
     """Set I⁻¹ of a body at the node, or where the step would end."""
     turning = space.rows.contacts.turning
     diagonal, across = inverse_inertia(axes, rigid)
@@ -263,7 +263,7 @@ def set_turn(body: int, late: int, axes: Block, space: Company, rigid: Rigid) ->
 
 
 @compiled
-def given_to(body: int, node: RigidNode, space: Company) -> Motion:
+def given_to(body: int, node: RigidNode, space: Workspace) -> Motion:
     """Return the change of a body's motion by contact, as far as it is found."""
     rows, n = space.rows, 2 * body
     faster = row(rows.velocity, n) - row(rows.free, n)
@@ -273,7 +273,7 @@ def given_to(body: int, node: RigidNode, space: Company) -> Motion:
 
 
 @compiled
-def fly_on(body: int, bodies: Phase, span: Span, space: Company, twin: Twin) -> None:
+def fly_on(body: int, bodies: Phase, span: Times, space: Workspace, twin: Twin) -> None:
     """Find where a body's flight would end, with the impulses found so far."""
     if twin[0].moves:
         node, solid = node_of(body, span, space, twin)
@@ -287,7 +287,7 @@ def fly_on(body: int, bodies: Phase, span: Span, space: Company, twin: Twin) -> 
 
 
 @compiled
-def grounded(body: int, bodies: Phase, space: Company, twins: Twin) -> Grounded:
+def grounded(body: int, bodies: Phase, space: Workspace, twins: Twin) -> Grounded:
     """Return a body as surfaces see it."""
     terms, first = of_body(twins, body)[2], first_row(bodies.x, body)
     behind = first + terms.particles.mass.size
@@ -299,7 +299,7 @@ def grounded(body: int, bodies: Phase, space: Company, twins: Twin) -> Grounded:
 
 @compiled
 def find_below(
-    body: int, bodies: Phase, span: Span, space: Company, twins: Twin, surfaces: Surfaces | None
+    body: int, bodies: Phase, span: Times, space: Workspace, twins: Twin, surfaces: Surfaces | None
 ) -> None:
     """List the contacts of a body with surfaces, if there are any."""
     twin = of_body(twins, body)
@@ -314,7 +314,7 @@ def find_below(
 
 
 @compiled
-def pass_together(phase: Phase, span: Span, goes: bool, space: Company, twins: Twin) -> None:
+def pass_together(phase: Phase, span: Times, goes: bool, space: Workspace, twins: Twin) -> None:
     """Take all bodies through a step together; or, if it does not go on, tell which of fresh copies touch."""
     x, v, _ = phase
     terms, rows, count = twins[2], space.rows, bodies_of(x)
@@ -326,7 +326,7 @@ def pass_together(phase: Phase, span: Span, goes: bool, space: Company, twins: T
         for i in range(places.shape[0]):
             set_row(space.here, i, row(places, i))
             set_row(space.idle, i, row(speeds, i))
-    look(x, terms.particles.mass, space.here, space.idle, rows, rows.lists)
+    fetch(x, terms.particles.mass, space.here, space.idle, rows, rows.lists)
     inverse_mass = all_rows(terms.particles.inverse_mass)
     problem = Problem(
         span, rows.places, rows.before, inverse_mass, collisions.pairs, contacts, collisions.totals
@@ -350,7 +350,7 @@ def pass_together(phase: Phase, span: Span, goes: bool, space: Company, twins: T
 
 @compiled
 def find_impulses(
-    phase: Phase, among: int, problem: Problem, space: Company, twins: Twin, surfaces: Surfaces | None
+    phase: Phase, among: int, problem: Problem, space: Workspace, twins: Twin, surfaces: Surfaces | None
 ) -> None:
     """Find all impulses, in turns with the flights that they make, where there are surfaces."""
     contacts, span = space.rows.contacts, problem.span
@@ -396,7 +396,7 @@ def look_ahead(k: int, going: Mask, ahead: Number, v: Rows, problem: Problem) ->
         set_row(contacts.arm, 4 * k, arm + more)
         moment = row(v, 2 * body + 1) + cross(more, impulse * n + row(contacts.friction, k))
         set_row(v, 2 * body + 1, moment)
-        store(contacts.inverse_mass, k, weigh(k, problem))
+        store(contacts.inverse_mass, k, prepare_row(k, problem))
         store(contacts.approach, k, dot(n, velocity_between(problem.before, k, 0, problem)))
     u1 = dot(n, velocity_between(v, k, 0, problem))
     gap = ahead + load(contacts.shift, k) - span.out * u1
@@ -405,7 +405,7 @@ def look_ahead(k: int, going: Mask, ahead: Number, v: Rows, problem: Problem) ->
 
 
 @compiled
-def leave_node(body: int, bodies: Phase, span: Span, space: Company, twin: Twin) -> None:
+def leave_node(body: int, bodies: Phase, span: Times, space: Workspace, twin: Twin) -> None:
     """Fly a body on to the end of the step, and enter the actuators' work and what it lost in contact."""
     x, v, ledger = of_body(bodies, body)
     if twin[0].moves:

@@ -20,7 +20,7 @@ from springgym.surfaces.contact import check_heights as check_heights
 from springgym.surfaces.contact import check_surfaces as check_surfaces
 from springgym.surfaces.contact import coupled as coupled
 from springgym.surfaces.contact import derived_strength as derived_strength
-from springgym.surfaces.contact import loss_of as loss_of
+from springgym.surfaces.contact import loss_factor as loss_factor
 from springgym.surfaces.contact import resting as resting
 from springgym.surfaces.contact import scales as scales
 from springgym.surfaces.height_field import HeightField as HeightField

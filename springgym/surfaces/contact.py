@@ -115,8 +115,8 @@ def _check(contact: object, not_negative: tuple[str, ...], positive: tuple[str, 
             object.__setattr__(contact, name, number(f"{name} of the contact", value, low))
 
 
-def loss_of(restitution: ArrayLike) -> np.ndarray:
-    """Return β of the law of contact that gives restitutions (…), see `springgym.contact.law`.
+def loss_factor(restitution: ArrayLike) -> np.ndarray:
+    """Return the loss factors β [1] that give restitutions (…), see `springgym.contact.law`.
 
     Raises
     ------

@@ -26,7 +26,7 @@ from springgym.measures import AT, Measures
 from springgym.packing import PARAMETERS as VARYING
 from springgym.scene import DriveActuator, Scene, ThrustActuator, WrenchActuator
 from springgym.simulator import PrecisionWarning, SimulationDivergedError, Simulator
-from springgym.surfaces import Contact, floor, loss_of
+from springgym.surfaces import Contact, floor, loss_factor
 from tests.api.values import KINDS, NUMBERS, arguments, arrays, attempt, door
 from tests.params import slow_unless
 
@@ -424,7 +424,7 @@ def test_rows_go_to_the_copies_named_and_to_no_others(
     if name == "positions":  # above the floor
         value = value + np.eye(3)[2]
     expected = values_of(simulator, name)
-    meant = loss_of(value) if name == "restitution" else value
+    meant = loss_factor(value) if name == "restitution" else value
     expected[chosen] = meant
     if name == "positions":
         simulator.place(value, np.zeros((8, 3)), copies)

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from springgym.contact.law import SLOW, Span, meet
+from springgym.contact.law import SLOW, Times, solve_gap
 from springgym.core.blocks import aligned_zeros, block_dtype
 from springgym.core.compiling import kernel
 from springgym.core.lanes import load, minimum, store
 
 COUNT, REACH, STEP = 4096, 0.0173, 5.5e-4
-SPAN = Span(STEP / 2, STEP / 2, STEP)
+SPAN = Times(STEP / 2, STEP / 2, STEP)
 
 
 @kernel
@@ -22,9 +22,9 @@ def met(gaps: Any, span: Any, c: Any, reach: Any, beta: Any, change: Any, lossy:
     for n in range(start.size):
         first, ahead, guess, strength = load(start, n), load(free, n), load(guesses, n), load(c, n)
         on = minimum(first, ahead) < reach
-        found, _ = meet((first, ahead, guess), span, strength, reach, 0.0 * first, on)
+        found, _ = solve_gap((first, ahead, guess), span, strength, reach, 0.0 * first, on)
         store(change, (n, 0), found)
-        found, elastic = meet((first, ahead, guess), span, strength, reach, load(beta, n), on)
+        found, elastic = solve_gap((first, ahead, guess), span, strength, reach, load(beta, n), on)
         store(lossy, (n, 0), found)
         store(lossy, (n, 1), elastic)
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from springgym.bodies import ball
-from springgym.contact.overlap import outlines, tell_shown
+from springgym.contact.overlap import find_overlaps, outlines
 from springgym.scene import Placed, Scene
 from springgym.simulator import SimulationDivergedError, Simulator, UnresolvedContactError
 from springgym.surfaces import Contact
@@ -146,7 +146,7 @@ def test_what_is_shown_is_looked_at() -> None:
         x[:50, first] = 0.2 * (x[:50, first] - x[:50, first].mean(axis=1)[:, None])
         x[:50, first] += x[:50, second].mean(axis=1)[:, None]
         pair, of, found = np.array([0, 1]), outlines(scene.shapes, scene.starts), np.zeros((300, 1), bool)
-        whether = tell_shown(x, pair[:1], pair[1:], of, np.zeros((3, 2, 3)), found)
+        whether = find_overlaps(x, pair[:1], pair[1:], of, np.zeros((3, 2, 3)), found)
         expected = in_each_other(scene, x)
         assert whether
         assert 50 < expected.sum() < 290
