@@ -97,7 +97,7 @@ _CHANGED: tuple[tuple[str, str, dict[str, Any], Tier], ...] = (
     ("SpringDetumble", "Sparse", {"sparse": True}, "sparse"),
     ("SpringRope", "Sparse", {"sparse": True}, "sparse"),
     ("SpringDetumble", "Particles", {"momentum": False}, "hard"),
-    ("SpringPendulum", "Weak", {"randomize": {"actuator": (0.5, 0.5)}}, "hard"),
+    ("SpringPendulum", "Weak", {"randomize": {"actuator": (0.5, 0.5)}}, "harder"),
     ("SpringTop", "Hard", {"hard": True}, "harder"),
     ("SpringTop", "ImpulseHard", {"action": "impulse", "hard": True}, "harder"),
     ("SpringDetumble", "Flat", {"start": "flat"}, "standard"),
