@@ -899,12 +899,11 @@ class Simulator:
         """Count the pairs of bodies that are in each other where copies of blocks were read."""
         start = first * self.width
         copies = slice(start, min(last * self.width, self.copies))
-        shown = self._shown[copies]
-        place, met = self.readout.positions[copies], self.scene.meetings
-        found = find_overlaps(place, met.first, met.second, self._outlines, self._boxes[thread], shown)
-        if found:
+        overlap = self._shown[copies]
+        x, pairs = self.readout.positions[copies], self.scene.meetings
+        if find_overlaps(x, pairs.first, pairs.second, self._outlines, self._boxes[thread], overlap):
             assert self._terms.collisions is not None
-            totals.count_shown(self._terms.collisions, start, shown)
+            totals.count_shown(self._terms.collisions, start, overlap)
 
     def _find_unresolved(self, first: int, last: int) -> None:
         """Find in which copies of blocks what was counted is more than a step can resolve."""

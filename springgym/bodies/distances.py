@@ -13,17 +13,17 @@ import numpy as np
 
 
 def largest_distance(positions: np.ndarray, others: np.ndarray, sizes: np.ndarray) -> float:
-    """Return the largest distance between particles, as a share of the size of their body [1]."""
+    """Return the largest distance of a particle from its place in ``others``, over its body's size [1]."""
     return float(_shares(positions, others, sizes).max())
 
 
 def largest_distances(positions: np.ndarray, others: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-    """Return the largest distance [1] between particles in each copy (n,), for positions (n, N, 3)."""
+    """Return the `largest_distance` [1] in each copy (n,), for positions (n, N, 3)."""
     return np.asarray(_shares(positions, others, sizes).max(axis=-1))
 
 
 def rms_distance(positions: np.ndarray, others: np.ndarray, sizes: np.ndarray) -> float:
-    """Return the root mean square of the distances between particles, as `largest_distance` [1]."""
+    """Return the root mean square of these distances, over the sizes of their bodies [1]."""
     return math.sqrt(np.square(_shares(positions, others, sizes)).mean())
 
 

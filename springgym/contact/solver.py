@@ -136,7 +136,7 @@ def clear_couple(k: int, contacts: ContactRows, resistance: Resistance | None) -
 
 @compiled
 def prepare_row(k: int, problem: Problem) -> Number:
-    """Return the effective inverse mass W [1/kg] of contact k; how it moves particles is stored."""
+    """Return the effective inverse mass W [1/kg] of contact k, and store how its impulse moves particles."""
     contacts = problem.contacts
     n = row(contacts.normal, k)
     total = inverse_mass_of(n, 0, k, problem, contacts.turning)
@@ -203,7 +203,7 @@ def solve_row(v: Rows, k: int, problem: Problem) -> None:
 
 @compiled
 def reach_of(k: int, problem: Problem) -> float:
-    """Return the range Δ [m] of contact k."""
+    """Return the range Δ of contact k [m]: the gap below which its barrier acts."""
     return problem.pairs.reach[problem.contacts.pair[k]]
 
 
@@ -215,7 +215,7 @@ def strength_of(k: int, problem: Problem) -> Number:
 
 @compiled
 def beta_of(k: int, like: Number, problem: Problem, loss: Numbers | None) -> Number:
-    """Return the loss factor β [1] of contact k: 0 if none loses anything."""
+    """Return the loss factor β [1] of contact k; 0 if no contact of the scene loses energy."""
     beta = 0.0 * like
     if loss is not None:
         beta = beta + load(loss, problem.contacts.pair[k])

@@ -44,11 +44,11 @@ class PairReadings(NamedTuple):
     friction_loss: np.ndarray
     """and to friction [J]"""
     misses: np.ndarray
-    """number of contacts found, in a step or a state that was read, only once bodies (almost) overlapped"""
+    """number of contacts that were found late, in a step or a read state whose bodies (almost) overlapped"""
     too_fast: np.ndarray
     """number of contacts that moved by more than a fifth of Δ in a step, so that their impact is coarse"""
     overflow: np.ndarray
-    """number of contacts left out, because arrays were full or bodies too fast for the search"""
+    """number of contacts that were left out: arrays were full, or bodies too fast for the search"""
     fastest: np.ndarray
     """the largest speed of approach, along the normal, of any contact that pushed [m/s]"""
 

@@ -88,7 +88,7 @@ def rests(m: Measures, c: int, error: float, heading: float) -> bool:
 
 @compiled
 def see_pusher(m: Measures, c: int, observation: np.ndarray, first: int) -> None:
-    """Write where the ball is from the box, in units of `NEAR_UNIT`, along the world's axes and the box's."""
+    """Write the ball's position relative to the box, over `NEAR_UNIT`, in world axes and in the box's."""
     heading = heading_of(m, c, BOX)
     cosine, sine = math.cos(heading), math.sin(heading)
     dx = m.centre[c, PUSHER, 0] - m.centre[c, BOX, 0]

@@ -62,7 +62,7 @@ def add_paper_force(
     friction: Numbers,
     law: PaperLaw,
 ) -> None:
-    """Add the force on particle ``i`` that is ``above`` a surface: `springgym.contact.surfaces.normal_at`."""
+    """Add the force [N] of a surface on particle ``i``; ``above`` is what `normal_at` returns for it."""
     n, square, h = above
     c, velocity = load(surfaces.strength, 0), row(at.v, i)
     push = maximum(c / (h * h) - c / (surfaces.reach * surfaces.reach), 0.0)

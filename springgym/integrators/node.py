@@ -210,7 +210,7 @@ def pass_particles(own: Bodies, span: Times) -> None:
             begin = plus_scaled(place, -1.0 * span.lead, row(v, i))
         space.busy[i] = terms.particles.free[i] and any_lane(near(begin, end, terms.surfaces))
         if space.busy[i]:
-            after = meet_surfaces(i, after, span, own)
+            after = kick_by_surfaces(i, after, span, own)
         elif was:
             expect(i, vec(0.0, 0.0, 0.0), terms.last)
         set_row(v, i, after)
@@ -218,7 +218,7 @@ def pass_particles(own: Bodies, span: Times) -> None:
 
 
 @compiled
-def meet_surfaces(i: int, free: Vector, span: Times, own: Bodies) -> Vector:
+def kick_by_surfaces(i: int, free: Vector, span: Times, own: Bodies) -> Vector:
     """Return the velocity of particle ``i`` after surfaces have acted, and enter what it lost.
 
     What barriers gave less the work of their impulses is lost to restitution. Without loss the energy is

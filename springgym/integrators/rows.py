@@ -58,8 +58,8 @@ SWEEPS = 2
 """Number of sweeps in which a node finds the impulses of its contacts, in alternating order."""
 
 ENOUGH = 1e-3
-"""Sweeps end when none changes a gap by more than this share of Δ. With more than `MANY` bodies none is left
-out, because the error that one sweep leaves shakes a pile."""
+"""Sweeps end when none changes a gap by more than this share of Δ. With more than `MANY` bodies all `SWEEPS`
+are made, because the error that fewer leave shakes a pile."""
 
 INLINE = {**OPTIONS, "forceinline": True}
 
@@ -140,7 +140,7 @@ def enter_touching(problem: Problem, collisions: Collisions) -> None:
 
 @compiled
 def begin_rows(n: int, v: Rows, problem: Problem, collisions: Collisions, lists: Neighbours | None) -> None:
-    """Prepare all rows, the first ``n`` of which are of two bodies, and start their impulses warm."""
+    """Prepare all contacts, the first ``n`` of which join two bodies, and warm-start their impulses."""
     contacts = problem.contacts
     for k in range(contacts.length[ROWS]):
         if lists is not None and k < n:

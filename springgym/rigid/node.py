@@ -263,7 +263,7 @@ def set_turn(body: int, late: int, axes: Block, space: Workspace, rigid: Rigid) 
 
 
 @compiled
-def given_to(body: int, node: RigidNode, space: Workspace) -> Motion:
+def change_by_contact(body: int, node: RigidNode, space: Workspace) -> Motion:
     """Return the change of a body's motion by contact, as far as it is found."""
     rows, n = space.rows, 2 * body
     faster = row(rows.velocity, n) - row(rows.free, n)
@@ -277,7 +277,7 @@ def fly_on(body: int, bodies: Phase, span: Times, space: Workspace, twin: Twin) 
     """Find where a body's flight would end, with the impulses found so far."""
     if twin[0].moves:
         node, solid = node_of(body, span, space, twin)
-        end = leave(node, given_to(body, node, space), solid)
+        end = leave(node, change_by_contact(body, node, space), solid)
         first = first_row(bodies.x, body)
         behind = first + solid.terms.particles.mass.size
         set_particles(space.end[first:behind], space.idle[first:behind], end, solid)
@@ -410,7 +410,7 @@ def leave_node(body: int, bodies: Phase, span: Times, space: Workspace, twin: Tw
     x, v, ledger = of_body(bodies, body)
     if twin[0].moves:
         node, solid = node_of(body, span, space, twin)
-        given = given_to(body, node, space)
+        given = change_by_contact(body, node, space)
         middle = sum_of(sum_of(node.before, span.lead, node.rate), 0.5, sum_of(node.thrown, 1.0, given))
         record(ledger, WORK, product_of(node.thrown, middle, solid))
         set_particles(x, v, leave(node, given, solid), solid)

@@ -44,7 +44,7 @@ def test_a_search_and_its_continuation(command, narrow, tmp_path, capsys):
     assert found["searched"] == {"learning_rate": [1e-3, 1e-2], "net_arch": NETS}
     assert (found["seeds"], found["set"]) == (1, ["total_timesteps=2048", "n_envs=64"])
     tried = [(trial["state"], trial["learning_rate"], trial["net_arch"]) for trial in found["trials"]]
-    assert tried[:2] == [("COMPLETE", 3e-3, net) for net in NETS]
+    assert [*tried[:2], tried[2][0]] == [*(("COMPLETE", 3e-3, net) for net in NETS), "COMPLETE"]
     best = max(found["trials"], key=lambda trial: trial["value"])
     config = load_config("ppo", TOY, path=tmp_path / "tune" / "Toy-v0-ppo" / "best.yaml")
     assert (str(config.net_arch), config.total_timesteps) == (best["net_arch"], 2048)
@@ -52,7 +52,7 @@ def test_a_search_and_its_continuation(command, narrow, tmp_path, capsys):
 
 
 def test_an_interrupted_trial_goes_on(command, narrow, tmp_path, monkeypatch, capsys):
-    """Its parameters are tried again, beside those that wait, and its run goes on from its checkpoint."""
+    """The search tries its parameters again, after those that wait, and continues its run."""
     monkeypatch.setattr(toy_env, "interrupt_at", 20)
     assert tune.main(command("--trials", "2")) == 130
     monkeypatch.setattr(toy_env, "interrupt_at", None)

@@ -153,9 +153,9 @@ def test_limits_of_the_hard_variant(row: Row) -> None:
 
 @each_row
 def test_period_limit_and_hold(row: Row) -> None:
-    text, task = documentation(row), task_type(row.id)
+    text, task, unit = documentation(row), task_type(row.id), "steps" if row.max_episode_steps > 1 else "step"
     assert number(text.split("held for a control period of")[1]) == pytest.approx(1e3 * task.period)
-    steps, seconds = re.search(r"Truncation:\s+(\d+)\s+steps?,\s+(\d+)\s+s\.", text).groups()  # type: ignore[union-attr]
+    steps, seconds = re.search(rf"Truncation:\s+(\d+)\s+{unit},\s+(\d+)\s+s\.", text).groups()  # type: ignore[union-attr]
     assert int(steps) == row.max_episode_steps
     assert int(seconds) == pytest.approx(row.max_episode_steps * task().action_period)
     held = re.search(r"for\s+the\s+last\s+(\d+)\s+steps", text)
