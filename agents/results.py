@@ -33,7 +33,7 @@ PROTOCOL = 3
 """Version of the protocol: budgets, seeds, episodes, probe, and the form of a row."""
 SUITE = (
     "SpringBilliards-v0",
-    "SpringLabyrinthHard-v0",
+    "SpringFreeTopRough-v0",
     "SpringDuelStrong-v0",
     "SpringShoveHard-v0",
     "SpringDetumbleParticles-v0",
