@@ -101,7 +101,8 @@ was audited.
 TIME = """## Time to learn
 
 The table gives the training time of PPO, with the configuration of the package, until it succeeds in 90 % of
-20 held-out episodes (evaluated every 32,768 steps; in SpringTop-v0, every 16,384). Times are seconds of one core of {cpu}, divided
+20 held-out episodes (evaluated every 32,768 steps; in SpringTop-v0, every 16,384). Times are seconds of one
+core of {cpu}, divided
 into physics, policy and learning. `python agents/studies/learning_time.py --json docs/learning_time.json`
 measures them.
 
@@ -120,9 +121,9 @@ COMPARISON = """## Suite
 
 Algorithms are compared on {tasks} tasks at equal budgets. A score is the share of the way from random
 actions (0) to the better of classical control and the planner (1). Cells give the mean score over seeds, and
-the number of seeds. The last row gives the interquartile mean over all runs, with a 95 % interval, a bootstrap
-over seeds stratified by task. An algorithm that used more than the rewards of its own episodes has a column of
-its own. A dash means that there is no result, or that its run was shorter than the budget.
+the number of seeds. The last row gives the interquartile mean over all runs, with a 95 % interval, a
+bootstrap over seeds stratified by task. An algorithm that used more than the rewards of its own episodes has
+a column of its own. A dash means that there is no result, or that its run was shorter than the budget.
 """
 WORLDS = """## Generalization
 

@@ -288,9 +288,9 @@ def table_of_errors(report: Report) -> list[str]:
         "one control period with a random action, relative to the body's size. It was measured in "
         f"{EPISODES} episodes of {PERIODS} control periods, at one period in {EVERY}. The exact motion is "
         "`dopri5` with a tolerance of 1e-13; on surfaces, `verlet` with steps of h/1024; for bodies that "
-        "collide, with steps of h/64. The last column is the largest distance of this reference from a second one: "
-        "`rk4` with h/128; on surfaces, `verlet` with h/256; for bodies that collide, with h/16. Impacts "
-        "converge to first order only.\n",
+        "collide, with steps of h/64. The last column is the largest distance of this reference from a "
+        "second one: `rk4` with h/128; on surfaces, `verlet` with h/256; for bodies that collide, with h/16. "
+        "Impacts converge to first order only.\n",
         "| environment | step h | median error | largest error | references differ by |",
         "|---|---|---|---|---|",
     ]
