@@ -70,8 +70,8 @@ INTRODUCTION = """# Baselines
 
 This page shows what each algorithm reaches on each task, by one [protocol](benchmark.md). Each cell gives
 
-- the return per step (at most 1), averaged over training seeds, with its 95 % interval and the number of
-  seeds;
+- the return per step (at most 1) or, where the cell says so, per episode, averaged over training seeds, with
+  its 95 % interval and the number of seeds;
 - the share of held-out episodes that succeed. Agents play without exploration.
 
 **Bold** marks the best known return of a task. A dash means not run or, in *used*, nothing. *Sparse* is PPO

@@ -391,8 +391,8 @@ def table_of_estimates(report: Report) -> list[str]:
 # --- Texts ------------------------------------------------------------------------------------------
 
 INTRODUCTION = """Each environment has a page with its spaces, reward, starting states, arguments and
-baselines. What all share is [below](#shared-definitions). *Solved at* is the return from which a task counts
-as solved.
+baselines. What all share is [below](#shared-definitions). *Solved at* is the return of an episode, the sum of
+its rewards, from which a task counts as solved.
 """
 
 SHARED = """## Shared definitions
@@ -407,7 +407,7 @@ These hold for all environments; their pages give the rest.
   write G(x; b, m) = 0.1^(d²) and L(x; b, m) = 1/(1 + 9d²): both are 1 up to |x| = b, and 0.1 at b + m. The
   effort of actions a gives the factor E = 1 − 0.1 mean(a²).
 - **Divergence**: if the simulation diverges, the episode terminates with reward 0 and `info["diverged"]`.
-- **Success**: `info["is_success"]`. An episode that ends by failure is no success.
+- **Success**: `info["is_success"]`. An episode that ends by failure is not a success.
 - **Balls that roll** are solid spheres, carried by four particles with six springs.
 - **Version**: all environments are in their initial version.
 
