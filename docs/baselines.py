@@ -63,18 +63,18 @@ TASKS: tuple[Row | Variant, ...] = (*ENVIRONMENTS, *VARIANTS)
 TIERS = {
     "first steps": "A linear policy solves these tasks, and is found in seconds. Begin here.",
     "standard": "PPO solves most of these tasks with the package's hyperparameters; linear policies do not.",
-    "harder": "PPO succeeds in most episodes, where it was trained.",
-    "hard": "PPO fails in most episodes, although most of these tasks can be done.",
+    "harder": "PPO succeeds in most episodes.",
+    "hard": "PPO fails in most episodes, although these tasks can be done.",
 }
 INTRODUCTION = """# Baselines
 
-What each algorithm reaches on each task, by one [protocol](benchmark.md). Each cell gives
+This page shows what each algorithm reaches on each task, by one [protocol](benchmark.md). Each cell gives
 
-- the return per step (at most 1), averaged over training seeds, with its 95 % interval and the number of
-  seeds;
+- the return per step (at most 1) or, where the cell says so, per episode, averaged over training seeds, with
+  its 95 % interval and the number of seeds;
 - the share of held-out episodes that succeed. Agents play without exploration.
 
-**Bold** is the best known return of a task. A dash means not run or, in *used*, nothing. *Sparse* is PPO
+**Bold** marks the best known return of a task. A dash means not run or, in *used*, nothing. *Sparse* is PPO
 with the sparse reward. *Used* names what an algorithm used besides the rewards of its own episodes:
 `model` is a hand-written controller, and [the protocol](benchmark.md#what-is-reported) lists the others.
 *Planner* searches with the exact simulator. [Environments](environments.md#tiers-and-harder-variants)
@@ -100,8 +100,9 @@ was audited.
 """
 TIME = """## Time to learn
 
-Training time of PPO, with the configuration that ships, until it succeeds in 90 % of 20 held-out episodes
-(evaluated every 32,768 steps; of SpringTop-v0, every 16,384). Times are seconds of one core of {cpu}, divided
+The table gives the training time of PPO, with the configuration of the package, until it succeeds in 90 % of
+20 held-out episodes (evaluated every 32,768 steps; in SpringTop-v0, every 16,384). Times are seconds of one
+core of {cpu}, divided
 into physics, policy and learning. `python agents/studies/learning_time.py --json docs/learning_time.json`
 measures them.
 
@@ -110,7 +111,7 @@ measures them.
 PLANS = """## Planner
 
 The planner searches with the exact simulator and learns nothing
-([how](training.md#plan-without-learning)). The table lists its settings, its results with 95 % intervals,
+([method](training.md#plan-without-learning)). The table lists its settings, its results with 95 % intervals,
 and its cost in seconds of one core per simulated second. Where bodies collide, planning is expensive, so
 plans are few and short. Classical control earns more in most of these tasks.
 
@@ -120,11 +121,11 @@ COMPARISON = """## Suite
 
 Algorithms are compared on {tasks} tasks at equal budgets. A score is the share of the way from random
 actions (0) to the better of classical control and the planner (1). Cells give the mean score over seeds, and
-the number of seeds; the last row the interquartile mean over all runs, with a 95 % interval, a bootstrap over
-seeds stratified by task. An algorithm that used more than the rewards of its own episodes has a column of
-its own. A dash means that there is no result, or that its run was shorter than the budget.
+the number of seeds. The last row gives the interquartile mean over all runs, with a 95 % interval, a
+bootstrap over seeds stratified by task. An algorithm that used more than the rewards of its own episodes has
+a column of its own. A dash means that there is no result, or that its run was shorter than the budget.
 """
-WORLDS = """## Other worlds
+WORLDS = """## Generalization
 
 Trained agents and classical control play each task with physics that they were not made for. Each cell
 gives success, and return as a share of that in the unchanged task.
@@ -166,7 +167,7 @@ python docs/baselines.py --rows runs/offline.json
 ```
 
 The medium agent of SpringTumble-v0 took 300,000 steps, that of SpringRope-v0 65,536. The random data of
-SpringTumble-v0, too, is recorded with `--set observation=frame`, which the trained agents observe.
+SpringTumble-v0 is also recorded with `--set observation=frame`, which the trained agents observe.
 """
 METHOD = """## How it was made
 

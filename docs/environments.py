@@ -194,7 +194,7 @@ def table_of_environments() -> list[str]:
     for row in ENVIRONMENTS:
         said = re.sub(r"\s+", " ", docstring(row).split("## Description\n")[1].split("\n## ")[0])
         aim = " ".join(re.split(r"(?<=[.]) ", said)[:2])
-        length = f"{row.max_episode_steps} steps"
+        length = f"{row.max_episode_steps} step{'s' * (row.max_episode_steps > 1)}"
         lines.append(
             f"| [`{row.id}`](environments/{row.id}.md) | {aim} | {row.tier} | {length} | "
             f"{row.reward_threshold:g} |"
@@ -262,7 +262,7 @@ def table_of_variants(report: Report) -> list[str]:
         "## Variants by keyword\n",
         "These keyword arguments make variants; the page of each environment says what they change. The last "
         f"columns show controllers without learning on {SEEDS} held-out episodes: success rate and return "
-        "per step (in SpringDuel, success rate alone).\n",
+        "per step (in SpringDuel, SpringStack and SpringBilliards, success rate alone).\n",
         f"| environment | arguments | {' | '.join(names)} |",
         "|---|---|---|---|---|",
     ]
@@ -284,13 +284,13 @@ def table_of_errors(report: Report) -> list[str]:
     """Return the error of the default step of every environment."""
     lines = [
         "## Error of a control period\n",
-        "The *error* of the default step: the largest distance of a particle from its exact position, after "
-        "one control period with a random action, relative to the body's size. It is measured in "
+        "The *error* of the default step is the largest distance of a particle from its exact position after "
+        "one control period with a random action, relative to the body's size. It was measured in "
         f"{EPISODES} episodes of {PERIODS} control periods, at one period in {EVERY}. The exact motion is "
         "`dopri5` with a tolerance of 1e-13; on surfaces, `verlet` with steps of h/1024; for bodies that "
-        "collide, of h/64. The last column is the largest distance of this reference from a second one: "
-        "`rk4` with h/128; on surfaces, `verlet` with h/256; for bodies that collide, with h/16. Impacts "
-        "converge to first order only.\n",
+        "collide, with steps of h/64. The last column is the largest distance of this reference from a "
+        "second one: `rk4` with h/128; on surfaces, `verlet` with h/256; for bodies that collide, with h/16. "
+        "Impacts converge to first order only.\n",
         "| environment | step h | median error | largest error | references differ by |",
         "|---|---|---|---|---|",
     ]
@@ -312,7 +312,7 @@ def _errors(report: Report) -> Iterator[tuple[str, dict[str, str], dict[str, Any
 
 # --- What error=True says of it ---------------------------------------------------------------------
 
-WANTED = """## The error that you want
+WANTED = """## Choosing an error tolerance
 
 `tolerance` sets a target per-step error, relative to the body's size. springgym then chooses the sub-step
 and, unless you give one, the cheapest method whose errors stay below the target.
@@ -340,7 +340,7 @@ assert info["error_bound"] <= 1e-5
 """
 
 
-ESTIMATED = """## The error, while it runs
+ESTIMATED = """## Error estimates at run time
 
 With `error=True`, an environment estimates the error of each step, at three times the cost. It repeats the
 control period from the same state with steps of half the length, and compares the two ends (Richardson
@@ -357,7 +357,7 @@ env.reset(seed=0)
 assert 0 < info["step_error"] < 1e-3
 ```
 
-- This is the error of one period. Over many periods, errors grow as the motion lets them.
+- This is the error of one period. How fast errors grow over many periods depends on the motion.
 - It uses the randomised parameters of the environment.
 - The first `info` of an episode reports 0, and after divergence it is infinity.
 - With `dynamics="rigid"` it is the error of the rigid motion, not its distance from the motion of the
@@ -365,7 +365,7 @@ assert 0 < info["step_error"] < 1e-3
 - In float32 both runs round, so the estimate does not fall below some 1e-7.
 - In impacts it is less reliable: the method is of first order there, and an impact may fall into one of the
   two runs alone.
-- `dopri5` and `rodas3` choose their own steps, and are refused.
+- Environments with `dopri5` or `rodas3`, which choose their own steps, refuse `error=True`.
 """
 
 
@@ -391,8 +391,8 @@ def table_of_estimates(report: Report) -> list[str]:
 # --- Texts ------------------------------------------------------------------------------------------
 
 INTRODUCTION = """Each environment has a page with its spaces, reward, starting states, arguments and
-baselines. What all share is [below](#shared-definitions). *Solved at* is the return from which a task counts
-as solved.
+baselines. What all share is [below](#shared-definitions). *Solved at* is the return of an episode, the sum of
+its rewards, from which a task counts as solved.
 """
 
 SHARED = """## Shared definitions
@@ -407,11 +407,11 @@ These hold for all environments; their pages give the rest.
   write G(x; b, m) = 0.1^(d²) and L(x; b, m) = 1/(1 + 9d²): both are 1 up to |x| = b, and 0.1 at b + m. The
   effort of actions a gives the factor E = 1 − 0.1 mean(a²).
 - **Divergence**: if the simulation diverges, the episode terminates with reward 0 and `info["diverged"]`.
-- **Success**: `info["is_success"]`. An episode that ends by failure is no success.
+- **Success**: `info["is_success"]`. An episode that ends by failure is not a success.
 - **Balls that roll** are solid spheres, carried by four particles with six springs.
 - **Version**: all environments are in their initial version.
 
-`info` also holds:
+In all environments, `info` holds, besides the entries of the page:
 
 | entry | meaning |
 |---|---|
@@ -419,8 +419,8 @@ These hold for all environments; their pages give the rest.
 | `energy_drift` | energy that the integrator added to the balance since the start [J] |
 | `strain` | largest strain of any spring |
 | `pairs_touching` | number of pairs of bodies in contact now (`pairs_…`: where bodies collide) |
-| `pairs_impulse` | their impulse since the start [N·s] |
-| `pairs_least_gap` | their least gap since the start [m], at most the contact margin |
+| `pairs_impulse` | sum of their impulses along normals since the start [N·s] |
+| `pairs_least_gap` | the least gap of any pair since the start [m], at most the contact margin |
 | `pairs_missed` | number of contacts since the start that were found too late |
 | `too_fast` | number of contacts since the start that the sub-step does not resolve well |
 
@@ -436,8 +436,8 @@ All environments have these arguments, which `springgym.envs.base.SpringEnv` des
 | `sparse` | `False` | reward 1 where the aim is met, else 0 |
 | `goals` | `False` | [goal environments](features.md#goals), of four tasks |
 | `randomize` | none | [ranges of factors](features.md#randomisation), as of masses |
-| `error` | `False` | [estimate](features.md#the-error-while-it-runs) the error of each step |
-| `tolerance` | none | [bound](features.md#the-error-that-you-want) that error |
+| `error` | `False` | [estimate](features.md#error-estimates-at-run-time) the error of each step |
+| `tolerance` | none | [bound](features.md#choosing-an-error-tolerance) that error |
 | `render_mode` | none | `"rgb_array"`, `"rgb_array_list"` or `"human"` |
 """
 
@@ -494,7 +494,7 @@ assert env.unwrapped.compute_reward(achieved, achieved, info) == 1.0
   `compute_reward` returns 1 or 0, for goals (K,) or (n, K). It equals the sparse reward (in SpringTumble, up
   to the strain of the body).
 - Episodes do not end when a goal is reached, because success means holding it. So there is no
-  `compute_terminated`. What is achieved 100 m or m/s away, or after divergence, reaches no goal.
+  `compute_terminated`. Quantities of 100 m or m/s or more, and those after divergence, reach no goal.
 
 [Your own tasks](tutorials/task.md) need two arguments for this. `achieved` returns the current value of the
 goal's quantities from the motion alone, not from `s.goal`. Each `Aim` names some of them, with their number
@@ -552,21 +552,21 @@ trajectories diverge at their Lyapunov rate. A new version of springgym may star
 changelog then says so. If the task changes, the version in the environment's id changes, too.
 
 **States.** `springgym.get_state(env)` returns the full state of an environment or a batch: positions and
-velocities, clocks, goals, factors, actuators, the time limit, random generators, and the counts of a
-monitor. `springgym.set_state(env, state)` restores it, in the same environment or in another one made alike;
-what follows is bit-identical. Both work for what `gymnasium.make`, `gymnasium.make_vec`,
+velocities, clocks, goals, factors, actuators, the time limit, random generators, and the counts of the
+monitor of `make_sb3`. `springgym.set_state(env, state)` restores it, in the same environment or in another
+one made alike; what follows is bit-identical. Both work for what `gymnasium.make`, `gymnasium.make_vec`,
 `springgym.envs.parallel` and `springgym.envs.sb3.make_sb3` make.
 
 In a batch, `springgym.get_state(envs, copies)` returns the states of the environments with the indices
 `copies`. `springgym.set_state(envs, state, copies)` sets as many states or, as planning needs, one state in
 all of them. Each then continues as its original would, resets included, because the state includes the
-random generator. New seeds make them differ.
+random generator. To make them differ, reset them with new seeds.
 
 - A state of an environment made differently, say with another friction, step or variant, is refused with a
   message that names the difference. Only the time limit and `error` may differ. A state that was edited is
   refused, too. To change an episode, use reset options; to change a `Simulator`, `place`, `vary` and
   `actuate`.
-- A state is set as a whole or not at all.
+- `set_state` sets the whole state, or raises an error and changes nothing.
 - `env.unwrapped.set_state` leaves the counter of `gymnasium.make`'s time limit alone;
   `springgym.set_state` sets it.
 - `pickle` and `copy.deepcopy` copy an environment in mid-episode, with all its wrappers.
@@ -585,8 +585,8 @@ are reported as they are.
 **Specs.** `env.spec` holds plain data. `to_json` works for arguments of all types, and its text makes the
 same environment. `render_fps` is one picture per control period, so that films play in real time.
 
-`python -m tools.fuzz --steps 1e8` tries all of this at random, checks every step and prints the seed of
-every round.
+In a clone, `python -m tools.fuzz --steps 1e8` tests all of this with random actions, checks every step and
+prints the seed of every round.
 """
 
 OWN_SCENES = """## A scene of your own
@@ -623,8 +623,8 @@ env = springgym.make_scene_env(
 )
 ```
 
-At every step, springgym checks that what they return has the right shape and is finite. The arrays that
-they receive are read-only, and change with the next step. `gymnasium.make`, `make_vec` and
+At every step, springgym checks that what your functions return has the right shape and is finite. The
+arrays that they receive are read-only, and change with the next step. `gymnasium.make`, `make_vec` and
 `springgym.envs.sb3.make_sb3` make the environment again from `env.spec`, which pickles if the functions
 belong to a module; JSON cannot hold functions. You can register an id:
 

@@ -462,7 +462,7 @@ def table_of_the_top(report: Report) -> str:
 
 
 def table_of_environments(report: Report) -> str:
-    """Environment steps a second, with the error of each."""
+    """Environment steps per second, with the error of each."""
     hows = (
         {"how": "single"},
         {"how": "SyncVectorEnv"},
@@ -475,7 +475,7 @@ def table_of_environments(report: Report) -> str:
         error = row(report, "errors", environment=env.id)["median"]
         rows.append([f"`{env.id}`", *("not yet" if n is None else grouped(n) for n in speeds), power(error)])
     head = [
-        "environment steps a second",
+        "environment steps per second",
         "single",
         "`SyncVectorEnv`, 64",
         "native, 64",
@@ -510,7 +510,7 @@ def table_of_curves(report: Report) -> str:
 
 
 def table_of_equal_error(report: Report) -> str:
-    """Simulated seconds a second at equal error, where as many copies of MuJoCo ran on as many threads."""
+    """Simulated seconds per second at equal error, where as many copies of MuJoCo ran on as many threads."""
     rows = report["equal-error"]["rows"]
     lines = []
     for copies, threads in dict.fromkeys(map(like, rows)):
@@ -524,7 +524,7 @@ def table_of_equal_error(report: Report) -> str:
             method = best["program"].removeprefix("MuJoCo ")
             ratio = times(ours["float64"] / best["median"])
             lines.append([what, *(grouped(cell) for cell in cells), method, f"× {ratio}"])
-    head = ["simulated seconds a second", "springgym", "in float32", "MuJoCo", "by", "springgym / MuJoCo"]
+    head = ["simulated seconds per second", "springgym", "in float32", "MuJoCo", "by", "springgym / MuJoCo"]
     return table(head, lines)
 
 
@@ -584,7 +584,7 @@ def table_of_another_environments(report: Report) -> str:
     rows = [
         [f"`{env_id}`", *(grouped(found[f"{env_id}, {name}"]) for name in OWN_COPIES)] for env_id in COMPARED
     ]
-    return table(["environment steps a second", *OWN_COPIES], rows)
+    return table(["environment steps per second", *OWN_COPIES], rows)
 
 
 def table_of_collisions(report: Report) -> str:
