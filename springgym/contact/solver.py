@@ -16,9 +16,9 @@ Where a round feature rolls on a surface, friction acts on the slip of the point
 the step, with the arm and the inertia of the body at that time. Otherwise static friction would be of first
 order in h: a disk precesses 1.6 % too slowly.
 
-The strength of an edge's contact depends on where the edge is touched, so the gradient of its energy is a
-force, too. Its impulse is q ∇Φ, q = h Ū/(1 + h² Ū G/2), G = Σ |∇ᵢΦ|²/mᵢ, bounded so that a step cannot gain
-more than this energy.
+The strength of an edge's contact depends on its place: the gradient of the energy is a force, too. Its
+impulse is q ∇Φ, q = h Ū/(1 + h² Ū G/2), G = Σ |∇ᵢΦ|²/mᵢ, bounded so that a step gains no more than this
+energy.
 """
 
 from __future__ import annotations
@@ -79,8 +79,8 @@ from springgym.core.vectors import (
 )
 
 LOW = 0.02
-"""A gap that begins a step below this fraction of Δ counts as a missed contact, and is raised to it:
-residuals of the sweeps can bring contacts nearer than solved for, and their energy is unbounded."""
+"""A gap below this fraction of Δ at a step's beginning counts as a missed contact, and is raised to it:
+residuals of sweeps can bring contacts nearer than solved for, and their energy is unbounded."""
 
 ROLLED, TAKEN = 1e-5, 0.2
 """The same for rolling contacts. A gap below the first fraction of Δ counts as missed: its point of contact
