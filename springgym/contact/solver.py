@@ -16,9 +16,8 @@ Where a round feature rolls on a surface, friction acts on the slip of the point
 the step, with the arm and the inertia of the body at that time. Otherwise static friction would be of first
 order in h: a disk precesses 1.6 % too slowly.
 
-The strength of an edge's contact depends on its place: the gradient of the energy is a force, too. Its
-impulse is q ∇Φ, q = h Ū/(1 + h² Ū G/2), G = Σ |∇ᵢΦ|²/mᵢ, bounded so that a step gains no more than this
-energy.
+The strength of an edge's contact depends on its place, which adds the force of its gradient. The impulse is q
+∇Φ, q = h Ū/(1 + h² Ū G/2), G = Σ |∇ᵢΦ|²/mᵢ, bounded so that a step gains no more than this energy.
 """
 
 from __future__ import annotations

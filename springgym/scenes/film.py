@@ -114,8 +114,7 @@ def strain_scale(strain: np.ndarray) -> float:
 
 
 def round_up(value: float) -> float:
-    """Return the least 1, 2 or 5 times a power of ten that is not below; 1 for values that are not
-    positive."""
+    """Return the least 1, 2 or 5 times a power of ten that is not below; 1 unless it is positive."""
     if not value > 0:
         return 1.0
     power = 10.0 ** np.floor(np.log10(value))

@@ -211,8 +211,7 @@ def rolling_resistance(recording: Recording) -> list[Check]:
 
 @applies(_tippe_top, needs.level, needs.moves, needs.gravity)
 def tippe_top(recording: Recording) -> list[Check]:
-    """Compare Jellett's constant of a tippe-top with its start, and check how high its centre of mass
-    rises."""
+    """Compare Jellett's constant of a tippe-top with its start, and check the rise of its centre of mass."""
     scene, m = recording.plan.scene, recording.measures
     feature, body = _feature(recording.plan), scene.body
     arm = feature.centre - body.centre
