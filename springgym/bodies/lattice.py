@@ -61,7 +61,7 @@ def lattice(sides: Sequence[float], counts: Sequence[int]) -> tuple[Network, np.
 
 
 def _weights(cells: int) -> np.ndarray:
-    """Return fractions of a rod's mass at its cells' ends, (cells + 1,), with the rod's second moment."""
+    """Return fractions of a rod's mass at its cells' ends, (cells + 1,), exact up to the second moment."""
     weights = np.ones(cells + 1)
     weights[[0, -1]] = 0.5
     moved = cells / (12 * (cells - 1))

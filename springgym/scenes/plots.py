@@ -5,9 +5,11 @@ Each has a picture of the body, drawn as in films, beside graphs. Colours have t
 ======  ==========================================
 orange  the traced particle
 ink     the centre of mass
-slate what is lowest or farthest: tip, lowest particle purple  angular velocity, in three shades dashes  the
-rigid twin, and sums others  energies, and what they belong to ======
-==========================================
+slate   what is lowest or farthest: tip, lowest particle
+purple  angular velocity, in three shades
+dashes  the rigid twin, and sums
+others  energies, and what they belong to
+======  ==========================================
 """
 
 from __future__ import annotations

@@ -7,19 +7,18 @@ the angle of the foremost, θ, determines all others: with height h, thickness d
     h sin(θᵢ − θᵢ₊₁) = (s + d) cos θᵢ₊₁ − d.
 
 With δ = θᵢ − θᵢ₊₁, the upper edge of domino i slides down the back of domino i + 1, at the distance
-a = h cos δ − (s + d) sin θᵢ₊₁ from its lower edge. It exerts N and the friction μ N, which have the moments
+a = h cos δ − (s + d) sin θᵢ₊₁ from its lower edge. It exerts N and friction μ N, which have the moments
 
     N (a − μ d) on i + 1,    −N h (cos δ + μ sin δ) on i
 
-about the lower edges. Summed with weights f, 1 for the foremost and fᵢ = fᵢ₊₁ (a − μ d)/(h (cos δ + μ sin
-δ)), the equations of motion do not contain N. With the rates w = dθᵢ/dθ, and I and the moment Tᵢ of its
-weight per mass,
+about the lower edges. Summed with weights f, 1 for the foremost, fᵢ = fᵢ₊₁ (a − μ d)/(h (cos δ + μ sin δ)),
+the equations of motion have no N. With the rates w = dθᵢ/dθ, and I and the moment Tᵢ of its weight per mass,
 
     I Σ f (w θ̈ + w′ θ̇²) = Σ f T.
 
 The foremost hits the next at sin θ = s/h. The impact is inelastic, and its impulses act as the forces do.
-With Γ = φ Σ f w before, and the factor φ of the new contact, the angular velocity is multiplied by Γ/(Γ + 1).
-Without friction f = w, and energy is conserved between impacts.
+With Γ = φ Σ f w before, φ of the new contact, the angular velocity is multiplied by Γ/(Γ + 1). Without
+friction f = w, and energy is conserved between impacts.
 """
 
 from __future__ import annotations
@@ -51,8 +50,7 @@ def leaning(angle: float, count: int, height: float, thickness: float, space: fl
 
 
 def weights(angles: Floats, height: float, thickness: float, space: float, friction: float) -> Floats:
-    """Return weights f (count,) of the equations of motion at angles (count,) [rad], from the foremost
-    back."""
+    """Return weights f (count,) of the equations of motion at angles (count,) [rad], foremost first."""
     found = np.ones(len(angles))
     for n in range(1, len(angles)):
         lean = angles[n] - angles[n - 1]

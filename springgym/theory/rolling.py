@@ -133,8 +133,8 @@ def off_a_wall(
     """Return the velocity of a ball after it struck a wall with Coulomb friction, m/s.
 
     The wall exerts J = m (1 + e) |v_n| along its normal n. Its friction acts against the slip u of the point
-    of contact, the part of v - r w x n perpendicular to n. It stops the slip by the impulse m u/(1 + m
-    r^2/I), or is mu J if that is less.
+    of contact, the part of v - r w x n perpendicular to n. It stops the slip by the impulse
+    m u/(1 + m r^2/I), or is mu J if that is less.
 
     Parameters
     ----------
@@ -172,11 +172,10 @@ def turntable_rate(rate: float, moment: float) -> float:
 
 
 def disk_rate(angle: float, radius: float, across: float, gravity: float = 9.81) -> float:
-    """Return the rate at which a disk that rolls on its rim, its centre at rest, turns about the vertical,
-    rad/s.
+    """Return the rate at which a disk that rolls on its rim, centre at rest, turns about z, rad/s.
 
-    The point of contact and the centre are at rest, so that the disk turns about the diameter between them: L
-    = I_1 W sin a along it. The floor's m g acts R cos a beside the centre, and turns L with W about the
+    The point of contact and the centre are at rest, so that it turns about the diameter between them:
+    L = I_1 W sin a along it. The floor's m g acts R cos a beside the centre, and turns L with W about the
     vertical: m g R cos a = W I_1 W sin a cos a. For a thin disk I_1 = m R^2/4 and W = sqrt(4 g/(R sin a))
     (Euler's disk; Moffatt, Nature 404 (2000) 833, doi:10.1038/35009017).
 
