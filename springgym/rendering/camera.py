@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from springgym.checks import TINY, array, number
 
-FAR = 1e9  # largest distance of `keeping`, in units of the camera's own
+FAR = 1e9  # largest coordinate of the target in `keeping`, over the camera's distance
 _NEAR = 1e-3  # m; nearer points, and those behind the eye, have no image
 
 
@@ -92,8 +92,8 @@ class Camera:
     def keeping(self, points: ArrayLike, size: tuple[int, int], margin: float = 0.03) -> Camera:
         """Return this camera if it shows all of some points, else one from the same side that does.
 
-        It comes no nearer, and goes as far away as needed to show them all. Points so far out that pictures
-        would blur by rounding are ignored.
+        It comes no nearer, and goes as far away as needed to show them all. If they are so far out that
+        rounding would blur pictures, this camera is returned.
 
         Parameters
         ----------

@@ -1,9 +1,9 @@
 """``springgym view``: rotate, play and change a scene or an episode in the browser.
 
-`motion`    what is shown: positions over time, and how they are drawn
-`stage`     draws it with viser
+`motion`    positions over time, with all data for drawing them
+`stage`     draws motions with viser
 `page`      clock, sliders, graph
-`origin_guard`  who may speak to it, and what it takes from them
+`origin_guard`  access control: clients and messages
 `knobs`     the numbers of a scene file that sliders change
 `episodes`  episodes of environments as motions
 """
