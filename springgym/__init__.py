@@ -27,7 +27,7 @@ _PUBLIC = {
     "make_scene_env": "springgym.envs.scene",
     "set_state": "springgym.envs.base",
 }
-"""Public names and the modules they come from, imported when first used: `import springgym` is quick."""
+"""Public names and their modules, which are imported on first use, so that `import springgym` is fast."""
 
 __all__ = [
     "Body",
@@ -42,7 +42,7 @@ __all__ = [
 ]
 
 
-if not TYPE_CHECKING:  # to which every name would be one of the package
+if not TYPE_CHECKING:  # for type checkers, every name would exist
 
     def __getattr__(name: str) -> Any:
         if name not in _PUBLIC:

@@ -1,4 +1,4 @@
-"""``python -m springgym``: the command ``springgym``, where scripts are not on the path."""
+"""``python -m springgym``: the command ``springgym``, for environments without scripts on the path."""
 
 import sys
 

@@ -56,7 +56,7 @@ def whole(name: str, value: Any, low: int = 0, high: float = MANY) -> int:
 
 
 def _within(name: str, value: object, given: Any, what: str, low: float, high: float) -> Any:
-    """Return ``given``, the number that a value is, None if it is none, if it is from ``low`` to ``high``."""
+    """Return the number ``given``; raise TypeError if it is None, and ValueError if it is out of bounds."""
     if given is None or not low <= given <= high:
         raise (TypeError if given is None else ValueError)(_wrong(name, value, _range(what, low, high)))
     return given
@@ -101,17 +101,17 @@ def array(
     low, high
         Bounds of each number.
     """
-    # What simulators and episodes hand on among themselves passes at once.
+    # Fast path for arrays that simulators and episodes pass to each other.
     if (
         value.__class__ is np.ndarray
         and value.dtype is FLOAT
         and (low, high) == (-HUGE, HUGE)
         and fits(value.shape, shapes)
-        and sum_of_squares(value) <= HUGE  # which bounds each number
+        and sum_of_squares(value) <= HUGE  # bounds each number
     ):
         return value
     given = _shaped(name, value, shapes)
-    if given.dtype == object:  # which numbers beyond 64 bits are
+    if given.dtype == object:  # as numbers beyond 64 bits
         for where in np.ndindex(given.shape):
             number(f"{name}{list(where) or ''}", given[where], low, high)
     elif given.dtype.kind not in "iuf":
@@ -154,7 +154,7 @@ def whole_array(
 
 
 def indices(name: str, value: object, count: int, *, once: bool = False) -> np.ndarray:
-    """Return some of ``count`` things as indices (k,) of int64.
+    """Return a selection of ``count`` items as indices (k,) of int64.
 
     Parameters
     ----------
@@ -163,7 +163,7 @@ def indices(name: str, value: object, count: int, *, once: bool = False) -> np.n
     value
         Indices in any order, or a mask (count,).
     count
-        Number of things.
+        Number of items.
     once
         Whether to raise an error if one occurs twice.
     """
@@ -173,7 +173,7 @@ def indices(name: str, value: object, count: int, *, once: bool = False) -> np.n
             raise ValueError(f"{name} is a mask of shape {given.shape}; its shape must be {(count,)}")
         return np.flatnonzero(given)
     index = given.copy()
-    if given.dtype != np.int64 or (given.view(np.uint64) >= count).any():  # as which negative ones are large
+    if given.dtype != np.int64 or (given.view(np.uint64) >= count).any():  # negative ones are large
         index = whole_array(name, given, (None,), high=count - 1)
     if once and len(index) > 1:
         ordered = np.sort(index)
@@ -184,7 +184,7 @@ def indices(name: str, value: object, count: int, *, once: bool = False) -> np.n
 
 
 def unreadable(path: os.PathLike[str], most: int) -> str:
-    """Return why a file cannot be read, or must not be; empty if it can.
+    """Return the reason why a file cannot or must not be read; empty if it can.
 
     It must be a regular file, because pipes and devices may have no end, of at most ``most`` bytes.
     """
@@ -216,12 +216,12 @@ def suggestion(key: object, known: Iterable[str]) -> str:
 
 
 def shown(value: object) -> str:
-    """Return a value in the form that errors show, at most a line long."""
+    """Return a value in the form of error messages, at most a line long."""
     if isinstance(value, np.generic):
         value = value.item()
     try:
         written = " ".join(repr(value).split())
-    except Exception:  # that of a foreign class may fail, and an int may have too many digits
+    except Exception:  # the repr of a foreign class may fail, and an int may have too many digits
         written = f"a {type(value).__name__}"
     return written if len(written) <= 80 else f"{written[:79]}…"
 
@@ -231,7 +231,7 @@ def _wrong(name: str, value: object, must: str) -> str:
 
 
 def _range(what: str, low: float, high: float) -> str:
-    """Return a phrase that says what a number must be."""
+    """Return a phrase that describes the allowed numbers."""
     if low == TINY:
         return f"a positive {what}, from {low:g} to {high:g}"
     if what == "number":
@@ -242,7 +242,7 @@ def _range(what: str, low: float, high: float) -> str:
 
 
 def _shaped(name: str, value: object, shapes: tuple[tuple[int | None, ...], ...]) -> np.ndarray:
-    """Return a value as an array of one of some shapes, whatever it holds."""
+    """Return a value as an array of one of some shapes, of any type."""
     if value.__class__ is np.ndarray and fits(value.shape, shapes):
         return value
     try:
@@ -250,7 +250,7 @@ def _shaped(name: str, value: object, shapes: tuple[tuple[int | None, ...], ...]
     except ValueError:
         must = f"{_shapes(shapes)}, and its rows of one length"
         raise ValueError(_wrong(name, value, must)) from None
-    except Exception:  # whatever a foreign class raises
+    except Exception:  # a foreign class may raise any error
         raise TypeError(_wrong(name, value, _shapes(shapes))) from None
     if given.dtype != bool and _mixed(value):
         raise TypeError(f"{name} is {shown(value)}; it must not hold numbers and bools side by side")
@@ -276,7 +276,7 @@ def fits(given: tuple[int, ...], shapes: tuple[tuple[int | None, ...], ...]) -> 
 
 
 def _shapes(shapes: tuple[tuple[int | None, ...], ...]) -> str:
-    """Return a phrase that says what an array must be."""
+    """Return a phrase that describes the allowed arrays."""
     return f"an array of shape {' or '.join(map(_shape, shapes))}"
 
 
@@ -285,7 +285,7 @@ def _shape(shape: tuple[int | None, ...]) -> str:
 
 
 def _mixed(value: object) -> bool:
-    """Return whether nested lists contain a bool, which NumPy would turn into 0 or 1 beside numbers."""
+    """Return whether nested lists contain a bool, which NumPy would convert to 0 or 1 among numbers."""
     if isinstance(value, (list, tuple)):
         return any(map(_mixed, value))
     return isinstance(value, (bool, np.bool_))

@@ -1,7 +1,7 @@
 """The command ``springgym``: a table of subcommands, each in a module of its own.
 
-A module offers ``add_arguments(parser)`` and ``run(args)``, which returns the exit status. It is
-imported when its command is given, and not before.
+A module has ``add_arguments(parser)`` and ``run(args)``, which returns the exit status. It is imported only
+when its command is used.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ COMMANDS = {
     "view": ("springgym.view", "view", "view and change a scene or an episode in the browser"),
     "compile": ("springgym.compile_all", "", "compile environments in advance"),
 }
-"""Name of each subcommand, its module, the extra that holds what it needs, and a line of help."""
+"""Each subcommand with its module, the extra that it needs, and a line of help."""
 
 SCRIPTS = {
     "train": ("agents", "train an agent, compare it with baselines and record a video"),
@@ -48,7 +48,7 @@ MENDABLE = (
 WRONG_USE = 2
 INTERRUPTED = 130
 NO_READER = 141
-"""Exit statuses; the last two are those of Ctrl-C and of a closed pipe, 128 and the number of the signal."""
+"""Exit statuses; the last two are those of Ctrl-C and of a closed pipe, 128 plus the number of the signal."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -81,7 +81,7 @@ def guarded(
     Parameters
     ----------
     program
-        Name of the program, with which the line begins.
+        Name of the program, at the beginning of the line.
     action
         A function that returns the status.
     mendable
@@ -90,7 +90,7 @@ def guarded(
         The extra of `springgym[...]` with the packages that the command needs.
     """
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # a Greek letter that it lacks becomes a question mark
+        if isinstance(stream, io.TextIOWrapper):  # characters that it lacks become question marks
             stream.reconfigure(errors="replace")
     try:
         status = action()
@@ -128,11 +128,10 @@ def _give_up_stdout() -> None:
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Give a temporary path for writing a file. The file gets its own name when it is complete and on the
-    disk.
+    """Yield a temporary path for writing a file, which gets its own name when it is complete and on disk.
 
     Whenever the program ends, there is either the old file or the new one. Devices and pipes are written
-    directly, and a link remains a link.
+    directly; links remain links.
     """
     place = path.resolve()
     temporary = place.with_name(f"{place.stem}.tmp{place.suffix}")
@@ -141,7 +140,7 @@ def whole_file(path: Path) -> Iterator[Path]:
             yield path
             return
         yield temporary
-        with temporary.open("rb+") as file:  # Windows syncs what may be written
+        with temporary.open("rb+") as file:  # Windows syncs only writable files
             os.fsync(file.fileno())
         os.replace(temporary, place)
     except OSError as error:
@@ -151,19 +150,19 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 def check_ending(option: str, path: Path, endings: Sequence[str]) -> None:
-    """Refuse a file whose name has none of these endings.
+    """Raise ValueError for a file whose name has none of some endings.
 
     Raises
     ------
     ValueError
-        If it has none; the message names the option.
+        The message names the option.
     """
     if path.suffix.lower() not in endings:
         raise ValueError(f"--{option} {path}: the name must end in {' or '.join(endings)}")
 
 
 def significant(number: float, figures: int) -> str:
-    """Write a number with a few significant figures, as 29,840 and not as 2.984e+04."""
+    """Return a number with a few significant figures, as 29,840 and not as 2.984e+04."""
     return f"{float(f'{number:.{figures}g}'):,.12g}"
 
 

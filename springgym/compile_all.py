@@ -23,7 +23,7 @@ import gymnasium as gym
 from springgym.registration import ENVIRONMENTS, spec_of
 
 KINDS = {"single": "gym.make", "batch": "gym.make_vec"}
-"""One copy and many run different code."""
+"""Kinds of environments, which run different code."""
 
 DTYPES = ("float64", "float32")
 
@@ -55,7 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Compile in processes of their own, which are told the folder and the level, and say what there is."""
+    """Compile in subprocesses, with folder and level in their environment, and report the result."""
     if args.jobs < 1:
         raise ValueError(f"--jobs is {args.jobs}; it must be at least 1")
     if args.only == "single" and args.dtype != DTYPES[0]:
@@ -87,7 +87,7 @@ def _kinds(name: str, only: str | None) -> list[str]:
     Raises
     ------
     ValueError
-        If there is no such environment, or it has no batch and no other kind is asked for.
+        If there is no such environment, or it has no batch and only that is requested.
     """
     spec = spec_of(name)
     kinds = [kind for kind in KINDS if only in (None, kind) and (kind == "single" or spec.vector_entry_point)]
@@ -99,13 +99,13 @@ def _kinds(name: str, only: str | None) -> list[str]:
 
 
 def _begin(settings: dict[str, str]) -> None:
-    """Set environment variables of a new process, before it imports what reads them."""
+    """Set environment variables of a new process, before modules that read them are imported."""
     os.environ.update(settings)
-    logging.getLogger("springgym").setLevel(logging.ERROR)  # that it compiles is what it was asked for
+    logging.getLogger("springgym").setLevel(logging.ERROR)  # compiling was requested, and needs no message
 
 
 def _folder() -> Path:
-    """Return the folder of compiled code, and refuse one that cannot be written to."""
+    """Return the folder of compiled code, after checking that it is writable."""
     from springgym.core.compiling import cache_directory
 
     folder = cache_directory()
@@ -121,7 +121,7 @@ def _folder() -> Path:
 
 
 def compile_one(task: Sequence[str]) -> float:
-    """Compile what the first steps of an environment need, over the end of an episode; return seconds.
+    """Compile all code for the first steps of an environment and the end of an episode; return the time [s].
 
     Raises
     ------
@@ -152,7 +152,7 @@ def compile_one(task: Sequence[str]) -> float:
     if not isinstance(env.unwrapped, (SpringEnv, SpringVectorEnv)):
         raise ValueError(f"{name} is no environment of springgym, and compiles nothing")
     env.reset(seed=0)
-    for _ in range(2):  # a batch begins anew in the second
+    for _ in range(2):  # a batch resets in the second
         env.step(env.action_space.sample())
         if kind == "single":
             env.reset()

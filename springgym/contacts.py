@@ -1,4 +1,4 @@
-"""Contacts of a node as arrays over the copies, from the results of kernels there."""
+"""Contacts of all copies at a node, as arrays, from the workspaces of kernels."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from springgym.surfaces import by_kind, gradients, scales
 from springgym.terms import Terms
 
 NONE = -1
-"""In place of a number: no body, no surface, no contact."""
+"""Index where there is no body, surface or contact."""
 
 ROUNDING = 1e-9
 """Smallest impulse [N·s] of a particle that is reported, as a share of its momentum; less is rounding."""
@@ -45,8 +45,8 @@ class Contacts(NamedTuple):
     surface: np.ndarray
     """(copies, most) index of the surface; −1 where two bodies touch"""
     particle: np.ndarray
-    """(copies, most) index, among all, of the particle that touches a surface; −1 where two bodies touch, or
-    a round feature and a surface"""
+    """(copies, most) index, among all particles, of the one that touches a surface; −1 where two bodies
+    touch, or a round feature and a surface"""
     point: np.ndarray
     """(copies, most, 3) position of the contact, halfway between the two sides [m]"""
     normal: np.ndarray
@@ -67,7 +67,7 @@ class PairSums(NamedTuple):
     impulse: np.ndarray
     """the sum of all impulses along normals [N·s]"""
     least_gap: np.ndarray
-    """the least gap of any pair, or the reach of its contact if that is less [m]"""
+    """the least gap of any pair, or its contact margin if that is less [m]"""
     misses: np.ndarray
     """number of contacts that were found too late"""
     too_fast: np.ndarray
@@ -84,7 +84,7 @@ def pair_sums(collisions: Collisions, copies: int) -> PairSums:
 
 @kernel
 def sum_pairs(totals: np.ndarray, reach: np.ndarray, sums: np.ndarray) -> None:
-    """Write `PairSums` (fields, copies) of totals (blocks, pairs × entries, copies of a block)."""
+    """Write `PairSums` (fields, copies) from totals (blocks, pairs × entries, copies of a block)."""
     width = totals.shape[2]
     for c in range(sums.shape[1]):
         block, lane = c // width, c % width
@@ -97,20 +97,20 @@ def sum_pairs(totals: np.ndarray, reach: np.ndarray, sums: np.ndarray) -> None:
             too_fast += totals[block, first + FAST, lane]
             gap = totals[block, first + GAP, lane]
             gap = reach[pair] if gap > reach[pair] else gap
-            if not math.isnan(least) and not gap >= least:  # one that is not a number is told
+            if not math.isnan(least) and not gap >= least:  # a NaN is reported
                 least = gap
         for n, total in enumerate((touching, impulse, least, misses, too_fast)):
             sums[n, c] = total
 
 
 class Here(NamedTuple):
-    """A block of copies that was just taken through a step."""
+    """A block of copies that was just advanced by a step."""
 
     block: int
     begin: tuple[np.ndarray, np.ndarray]
-    """positions [m] and velocities [m/s] where the step begins, (N, 3, width)"""
+    """positions [m] and velocities [m/s], (N, 3, width), at the beginning of the step"""
     end: tuple[np.ndarray, np.ndarray]
-    """and where it ends"""
+    """positions and velocities at the end of the step"""
     workspace: Any
     """the workspace in which the step was computed"""
     terms: Any
@@ -132,12 +132,12 @@ def refusal(scene: Scene, terms: Terms, nodes: bool) -> str:
 
 
 def of_block(scene: Scene, here: Here) -> Contacts:
-    """Return the contacts of a block's copies, one after another in arrays (n,), with copies in ``there``."""
+    """Return the contacts of a block's copies in arrays (n,), with the index of the copy in ``there``."""
     return _with_surfaces(scene, here) if here.terms.collisions is None else _of_rows(scene, here)
 
 
 def padded(found: list[Contacts], copies: int) -> Contacts:
-    """Return contacts of some blocks as those of all copies, padded."""
+    """Return the contacts of all copies, padded to (copies, most), from those of blocks."""
     if not found:
         shapes = [(copies, 0)] * 5 + [(copies, 0, 3)] * 2 + [(copies, 0)] + [(copies, 0, 3)] * 2
         kinds = [bool, *[int] * 4, *[float] * 5]
@@ -193,7 +193,7 @@ def _of_rows(scene: Scene, here: Here) -> Contacts:
 
 
 def _with_surfaces(scene: Scene, here: Here) -> Contacts:
-    """Return contacts with surfaces, from their impulse on each particle; several surfaces share it."""
+    """Return contacts with surfaces, from their impulse on each particle, divided among them."""
     begin, x, end, given = _ways(scene, here)
     reach, radius = scene.of_particles(
         [(scales(scene.contact, placed.body)[1], placed.body.radius) for placed in scene.bodies]

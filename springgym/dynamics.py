@@ -29,7 +29,7 @@ class Dynamics(NamedTuple):
     rigid: bool
     """whether each body is packed as a rigid one, too"""
     default: Callable[[Scene], str]
-    """the integrator if none is named"""
+    """returns the name of the default integrator"""
     integrator: Callable[[str], Integrator]
     refusal: Callable[[Integrator, Scene, Collection[str]], str | None]
     """returns the reason why a method does not suit a scene with varying parameters, or None if it does"""
@@ -46,11 +46,11 @@ class Dynamics(NamedTuple):
 def _stable(
     packed: Packed, index: np.ndarray, given: Mapping[str, np.ndarray], settings: StepSettings
 ) -> None:
-    """Refuse parameters of a body that push the stability limit of a copy below the step.
+    """Raise ValueError for parameters of a body that make the step of a copy unstable.
 
     With stiffness at most a times and masses at least 1/b times those of the scene, K ≤ a K₀ and
-    M ≥ M₀/b, so that ω² ≤ a b ω₀²; likewise for dampers. Only where that does not suffice, the limit
-    is found.
+    M ≥ M₀/b, so that ω² ≤ a b ω₀²; likewise for dampers. Only if that bound does not suffice, the limit is
+    computed.
     """
     names = ("masses", "stiffness", "damping")
     if not given.keys() & set(names) or settings.largest_step == np.inf:

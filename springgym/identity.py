@@ -1,4 +1,4 @@
-"""Identities and checksums, with which states of other objects, and states that were edited, are refused."""
+"""Identities and checksums, for refusing states of other objects, and states that were edited."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from springgym.checks import shown
 
 
 def digest(value: object) -> str:
-    """Return a short digest of arrays, numbers and texts, however nested in tuples, lists and mappings."""
+    """Return a short digest of arrays, numbers and strings, nested in tuples, lists and mappings."""
     found = hashlib.sha256()
 
     def add(value: object) -> None:
@@ -43,7 +43,7 @@ def check_same(
     what
         Name in errors.
     theirs, own
-        The identity of the other object, and one's own.
+        The identity of the other object, and the own one.
     but
         Names of data that may differ.
     must
@@ -64,17 +64,17 @@ def check_same(
 
 
 def sealed(state: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a state with checksums of its entries, by which `check_sealed` sees whether it was edited."""
+    """Return a state with checksums of its entries, by which `check_sealed` detects edits."""
     return {**state, "checksums": _checksums(state)}
 
 
 def check_sealed(state: Mapping[str, Any]) -> None:
-    """Refuse a state that was edited since it was `sealed`.
+    """Raise ValueError if a state was edited since it was `sealed`.
 
     Raises
     ------
     ValueError
-        If it was; the message names the first entry that differs.
+        The message names the first entry that differs.
     """
     given = state["checksums"]
     for name, checksum in _checksums(state).items():
@@ -83,7 +83,7 @@ def check_sealed(state: Mapping[str, Any]) -> None:
 
 
 def _checksums(state: Mapping[str, Any]) -> dict[str, str]:
-    """Return a digest of each entry, or of its checksums; what a state is of is compared by `check_same`."""
+    """Return a digest of each entry, or of its checksums; identities are left to `check_same`."""
     return {
         name: digest(value.get("checksums", value) if isinstance(value, Mapping) else value)
         for name, value in state.items()
@@ -95,5 +95,5 @@ def _equal(one: object, other: object) -> bool:
     """Return whether two values are equal; False for values that cannot be compared."""
     try:
         return bool(one == other)
-    except Exception:  # whatever a foreign class raises
+    except Exception:  # a foreign class may raise any error
         return False

@@ -67,7 +67,7 @@ class Material:
     density
         ρ [kg/m³].
     loss
-        Loss factor η: the share of its energy that a vibration at the lowest frequency of a body loses per
+        Loss factor η: the fraction of its energy that a vibration at the lowest frequency of a body loses per
         radian. Its damping ratio is η/2.
     grain
         Properties of wood across the grain; None for a material without grain.
@@ -81,7 +81,7 @@ class Material:
     TypeError
         If an argument has the wrong type, see `springgym.checks`.
     ValueError
-        If no material has such a constant; the message names it.
+        If a constant is not physically possible; the message names it.
     """
 
     name: str
@@ -148,7 +148,7 @@ class Material:
 
 
 def _described(sources: str, **others: str) -> Mapping[str, str]:
-    """Return sources by figure: one for all, and others by name."""
+    """Return the source of each number: one for all, and others by name."""
     names = ("young", "poisson", "density", "loss")
     return dict.fromkeys(names, sources) | others
 
@@ -234,7 +234,7 @@ MATERIALS: Mapping[str, Material] = MappingProxyType(
         )
     }
 )
-"""Materials by name. Figures are typical: samples of wood and plastic differ by 10 % and more."""
+"""Materials by name. Values are typical: samples of wood and plastic differ by 10 % and more."""
 
 
 def material_of(given: Material | str, softened: float = 1.0) -> Material:

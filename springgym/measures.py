@@ -35,7 +35,7 @@ class Measures(NamedTuple):
     """Measures of all copies, for a body or for all bodies together; scalars (copies,), vectors (copies, 3).
 
     For several bodies together, energies, momenta and losses are sums, and the strain is the largest. Angular
-    momentum counts from the common centre of mass. There is no triad: ``side`` and ``axis`` are zero.
+    momentum is about the common centre of mass. There is no triad: ``side`` and ``axis`` are zero.
     """
 
     kinetic: np.ndarray
@@ -43,9 +43,9 @@ class Measures(NamedTuple):
     gravity: np.ndarray
     """potential energy in the gravity field [J], 0 at the origin"""
     elastic: np.ndarray
-    """energy of the springs, and of forces of one's own [J]"""
+    """energy of the springs, and of user-defined forces [J]"""
     contact: np.ndarray
-    """energy of the particles in the barriers of the surfaces [J], and what contact holds in mid-impact"""
+    """energy in the barriers of surfaces and of contacts between bodies [J]"""
     strain: np.ndarray
     """largest |L/L₀ − 1| of any spring [1]"""
     centre: np.ndarray
@@ -73,7 +73,7 @@ class Measures(NamedTuple):
     energy: np.ndarray
     """kinetic and potential [J]"""
     balance: np.ndarray
-    """energy, plus what was lost, less the work done: constant but for the integrator's error [J]"""
+    """energy, plus losses, minus work: constant except for the integrator's error [J]"""
 
 
 VECTORS = {"centre", "centre_velocity", "momentum", "angular_momentum", "angular_velocity", "side", "axis"}
@@ -94,16 +94,16 @@ COLUMNS = tuple(
 class MeasuresOfBodies:
     """Measures of each body of a scene: ``m["box"].axis`` is the axis of the body that is called "box".
 
-    You find bodies by their names or numbers. In a scene of one body, ``m.axis`` is the same.
+    Bodies are selected by name or index. In a scene of one body, ``m.axis`` is the same.
     """
 
     __slots__ = ("_each", "_number", "names")
     __iter__ = None
 
     def __init__(self, each: Measures, names: Sequence[str], number: Callable[[Any], int]) -> None:
-        """Name the bodies of measures, which are scalars (…, bodies) and vectors (…, bodies, 3).
+        """Wrap measures of bodies, scalars (…, bodies) and vectors (…, bodies, 3).
 
-        Of one body they are (…) and (…, 3). ``number`` is `Scene.number`.
+        For one body they are (…) and (…, 3). ``number`` is `Scene.number`.
         """
         self._each, self._number = each, number
         self.names = tuple(names)
@@ -136,7 +136,7 @@ class Readout(NamedTuple):
     velocities: np.ndarray
     """(copies, N, 3) [m/s]"""
     bodies: np.ndarray
-    """(copies, bodies, `SIZE`) measures of each body; of one, the same numbers as ``rows``"""
+    """(copies, bodies, `SIZE`) measures of each body; for one body, the same numbers as ``rows``"""
 
 
 class Markers(NamedTuple):
@@ -153,7 +153,7 @@ class Reading(NamedTuple):
 
     readout: Readout
     space: np.ndarray
-    """(`SIZE`,) workspace for one block; of several bodies (2, `SIZE`)"""
+    """(`SIZE`,) workspace for one block; (2, `SIZE`) for several bodies"""
     markers: Markers
 
 

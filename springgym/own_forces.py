@@ -1,4 +1,4 @@
-"""Forces of your own: a named tuple with the parameters of a force, and two compiled functions.
+"""User-defined forces: a named tuple with the parameters of a force, and two compiled functions.
 
     class Tether(NamedTuple):
         particle: int
@@ -38,7 +38,7 @@ from springgym.core.vec import Vec
 from springgym.records import read_only
 
 MOST_FORCES = 20
-"""Most forces of a body: each is compiled into the kernel."""
+"""Largest number of forces of a body: each is compiled into the kernel."""
 
 FUNCTIONS = {"add": ("x", "force", "own"), "energy": ("x", "own")}
 """The functions that a force must have, and their parameters."""
@@ -51,15 +51,15 @@ Force: TypeAlias = Any
 
 
 class OfBody(NamedTuple):
-    """A force of your own, and the body on which it acts."""
+    """A user-defined force, and the body on which it acts."""
 
     body: int
-    """number of the body"""
+    """index of the body"""
     force: Force
 
 
 Forces: TypeAlias = tuple[OfBody, ...]
-"""The forces of one's own in a scene."""
+"""The user-defined forces of a scene."""
 
 
 def checked_forces(name: str, given: object, count: int) -> tuple[Force, ...]:
@@ -95,12 +95,12 @@ def _checked(name: str, force: object, count: int) -> Force:
 
 
 def check_functions(name: str, kind: type, functions: Mapping[str, tuple[str, ...]]) -> None:
-    """Refuse a user's named tuple that lacks a compiled function, or whose function has other parameters.
+    """Raise TypeError if a user's named tuple lacks a compiled function, or one has other parameters.
 
     Raises
     ------
     TypeError
-        If it does; the message names the function and the form that it must have.
+        The message names the function and the form that it must have.
     """
     for function, takes in functions.items():
         form, given = f"{function}({', '.join(takes)})", getattr(kind, function, None)
@@ -182,12 +182,12 @@ def reason_of(error: NumbaError) -> str:
 
 
 def add_own_forces(x: Rows, force: Rows, own: Forces | None, body: int) -> None:
-    """Add the forces [N] of your own that act on a body to ``force`` (N, 3): Numba compiles the overload."""
+    """Add the user-defined forces [N] on a body to ``force`` (N, 3); Numba compiles the overload."""
 
 
 @overload(add_own_forces, jit_options={**OPTIONS, "forceinline": True})
 def _add_own_forces(x: Rows, force: Rows, own: Forces, body: int) -> Callable[..., None]:
-    # The annotations are those of the functions that it returns: Numba compares them.
+    # The annotations are those of the returned functions, as Numba compares them.
     if not isinstance(own, types.BaseTuple) or not len(own):
 
         def add_none(x: Rows, force: Rows, own: Forces, body: int) -> None:
@@ -205,7 +205,7 @@ def _add_own_forces(x: Rows, force: Rows, own: Forces, body: int) -> Callable[..
 
 
 def own_energy(x: Rows, own: Forces | None, body: int) -> Number:
-    """Return the energy [J] of the forces of your own that act on a body: Numba compiles the overload."""
+    """Return the energy [J] of the user-defined forces on a body; Numba compiles the overload."""
 
 
 @overload(own_energy, jit_options={**OPTIONS, "forceinline": True})

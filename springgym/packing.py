@@ -1,4 +1,4 @@
-"""A scene in the form for compiled functions: `Terms`, and the place of each parameter in them."""
+"""A scene in the form that compiled functions take: `Terms`, and the arrays of its parameters."""
 
 from __future__ import annotations
 
@@ -48,12 +48,12 @@ from springgym.terms import (
 
 
 class Parameter(NamedTuple):
-    """A parameter that may differ from copy to copy."""
+    """A physical parameter that may differ from copy to copy, with its least and largest value."""
 
     least: float
     most: float
     extent: str
-    """what has a value: each of the "particles", "springs", "axes" or "bodies", or the "scene" as a whole"""
+    """what has one value each: "particles", "springs", "axes" or "bodies", or the "scene" as a whole"""
     stored: Callable[[Terms], Any]
     """a function that returns the array of its values for a body; None if the scene has none"""
 
@@ -73,14 +73,14 @@ PARAMETERS = {
     "restitution": Parameter(0.0, 1.0, "scene", lambda terms: terms.loss),
     "strength": Parameter(TINY, HUGE, "bodies", lambda terms: _of(terms.surfaces, "strength")),
 }
-"""Parameters by name, with the place of their values. `vary` sets the consequences."""
+"""Parameters by name, with the arrays of their values. `vary` also sets the values derived from them."""
 
 
 class Packed(NamedTuple):
-    """A body of a scene in the form for compiled functions."""
+    """A body of a scene in the form that compiled functions take."""
 
     scene: Scene
-    """of this body alone"""
+    """the scene of this body alone"""
     order: np.ndarray
     """(S,) springs in the order they are stored in"""
     terms: Terms
@@ -111,8 +111,8 @@ class Options(NamedTuple):
 
 
 def pack(scene: Scene, twin: bool, options: Options) -> tuple[Terms, tuple[Any, ...], tuple[Packed, ...]]:
-    """Return the terms of a scene, its rigid bodies if ``twin``, and each body's share, for compiled
-    functions.
+    """Return the terms of a scene for compiled functions, its rigid bodies if ``twin``, and the part of each
+    body.
 
     Raises
     ------
@@ -144,7 +144,7 @@ def _shared(scene: Scene, options: Options) -> Terms:
                 f"{sorted(unused)[0]!r} cannot vary: the scene has no surfaces"
                 + ("" if unused == {"strength"} else ", and no bodies that collide as its contact says")
             )
-        kept = {name: options.blocks(1) for name in varying & of_pairs}  # that they vary is asked of these
+        kept = {name: options.blocks(1) for name in varying & of_pairs}  # `varies` reads these
         friction, loss = kept.get("friction"), kept.get("restitution")
     else:
         kinds = (packed_kind(kind, [surfaces[n] for n in same]) for kind, same in by_kind(surfaces).items())
@@ -174,7 +174,7 @@ def _shared(scene: Scene, options: Options) -> Terms:
 def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Options) -> Packed:
     """Pack a body of a scene by itself, with each kind of term that any body of the scene has."""
     body, parameter = part.body, options.parameter
-    # the dampers of a rope act on its motion, not on vibrations alone: their order is its accuracy
+    # a rope's dampers act on its motion, not only on vibrations, so their order decides its accuracy
     count = len(body.masses)
     order = np.arange(len(body.springs)) if body.floppy else interleaved(body.springs, count)
     first, second = body.springs[order].T.astype(np.uint32)
@@ -226,7 +226,7 @@ def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Optio
 
 
 def has_nodes(scene: Scene, method: Integrator) -> bool:
-    """Return whether a method's steps go through nodes, as bodies of a scene may touch something."""
+    """Return whether steps have nodes: the method handles contact, and bodies may touch something."""
     return method.meets_surfaces and scene.can_touch
 
 
@@ -251,7 +251,7 @@ def _collisions(scene: Scene, twin: bool, options: Options) -> Collisions | None
 
 
 def _as_the_scene_says(scene: Scene) -> np.ndarray:
-    """Mask (pairs,) of `Pairs` that meet by the scene's contact, and vary with it."""
+    """Return a mask (pairs,) of the `Pairs` that have the scene's contact, and vary with it."""
     among = scene.meetings.by(scene.contact)
     return np.concatenate([among, np.ones(len(scene.bodies) if scene.surfaces else 0, bool)])
 
@@ -341,8 +341,8 @@ def row_space(scene: Scene, pairs: Pairs, twin: bool, dtype: DTypeLike) -> RowSp
 def node_workspace(scene: Scene, pairs: Pairs | None, dtype: DTypeLike) -> Space:
     """Return the workspace of a thread for nodes of bodies of springs.
 
-    Bodies whose contacts are solved together, by ``pairs``, have arrays of their own; others pass nodes one
-    by one, and share them.
+    If contacts of bodies are solved together (``pairs``), each body has its own arrays; else bodies pass
+    nodes one by one and share them.
     """
     bodies = [placed.body for placed in scene.bodies]
     counts = {
@@ -412,7 +412,7 @@ def _asymmetric(twin: tuple[Any, ...], parts: list[Packed], options: Options) ->
 def decays(
     part: Scene, order: np.ndarray, time: float, damping: np.ndarray, masses: np.ndarray
 ) -> tuple[Decay, Decay]:
-    """Return the decays in half of a time [s] and in all of it.
+    """Return the decays by dampers during half of a time [s] and during all of it.
 
     Damping (…, S) is in the order of the body's springs, masses are (…, N).
     """
@@ -453,8 +453,8 @@ def shape(packed: Packed, name: str) -> tuple[int, ...]:
 
 
 def values(packed: Packed, name: str, index: np.ndarray) -> np.ndarray:
-    """Present values of ``masses`` (k, N), or ``stiffness``, ``damping`` or ``lengths`` (k, S), in the body's
-    order."""
+    """Return the current values of ``masses`` (k, N), or ``stiffness``, ``damping`` or ``lengths`` (k, S), in
+    the body's order."""
     if not varies(packed, name):
         of_body = getattr(packed.scene.body, name)
         return np.broadcast_to(of_body, (len(index), len(of_body)))
@@ -465,7 +465,7 @@ def values(packed: Packed, name: str, index: np.ndarray) -> np.ndarray:
 
 
 def reset_flags(terms: Terms) -> list[np.ndarray]:
-    """Return the arrays that are zero in copies just reset, whose positions and velocities alone count."""
+    """Return the arrays whose zeros mark a copy as just reset: only its positions and velocities count."""
     kept: list[np.ndarray | Ragged] = [] if terms.cycle is None else [terms.cycle.marks]
     kept += [] if terms.last is None else list(terms.last)
     kept += [] if terms.surfaces is None or terms.surfaces.totals is None else [terms.surfaces.totals]
@@ -482,11 +482,11 @@ def renew(terms: Terms, index: np.ndarray) -> None:
 
 
 def shadow_difference(packed: Packed, x: np.ndarray, v: np.ndarray, step: float, nodes: bool) -> np.ndarray:
-    """Return by how much the energy that steps h [s] conserve exceeds that of a body in copies (k, N, 3) [J].
+    """Return the shadow energy of steps h [s] less the energy of a body in copies (k, N, 3) [J].
 
-    Steps that kick, drift and kick conserve H − (h²/8) Σ m |a|². Steps that drift to a node, amid springs V,
-    conserve H + V(x) − (V(x − h v/2) + V(x + h v/2))/2, but for what contact does. Both are exact for small
-    vibrations.
+    Steps that kick, drift and kick conserve H − (h²/8) Σ m |a|². Steps that drift to a node and on, with the
+    springs' energy V, conserve H + V(x) − (V(x − h v/2) + V(x + h v/2))/2, except for contact. Both are exact
+    for small vibrations.
     """
     index = np.arange(len(x))
     masses, stiffness, lengths = (values(packed, name, index) for name in ("masses", "stiffness", "lengths"))
@@ -506,9 +506,9 @@ def shadow_difference(packed: Packed, x: np.ndarray, v: np.ndarray, step: float,
 def vary_pairs(
     collisions: Collisions | None, scene: Scene, index: np.ndarray, given: Sequence[Mapping[str, np.ndarray]]
 ) -> None:
-    """Set how what meets as the scene's contact says does so in some copies (k,).
+    """Set the contact parameters of all pairs that have the scene's contact, in some copies (k,).
 
-    That is by the values (k,) ``given`` for each body.
+    The values (k,) are ``given`` by name for each body.
     """
     contact = scene.contact
     if collisions is None or not isinstance(contact, Contact) or not _as_the_scene_says(scene).any():

@@ -23,13 +23,13 @@ def _protect(value: object) -> None:
 
 
 class ReadOnly:
-    """Base of frozen dataclasses with arrays. The arrays are read-only, in copies, too.
+    """Base of frozen dataclasses with arrays. The arrays are read-only, also in copies.
 
     NumPy does not keep this flag in pickles and deep copies, so it is set again.
     """
 
     def keep(self, name: str, value: ArrayLike) -> None:
-        """Set a field to a read-only copy of an array. Call this only while the record is made."""
+        """Set a field to a read-only copy of an array. Call this only during construction."""
         object.__setattr__(self, name, read_only(value))
 
     def __setstate__(self, state: dict[str, object]) -> None:

@@ -28,11 +28,11 @@ class Row(NamedTuple):
     """return of an episode at which the task counts as solved"""
     tier: Tier
     scored_per: Literal["step", "episode"] = "step"
-    """what returns are reported per: an episode where most is earned in one step, as by who wins a duel"""
+    """unit for which returns are reported: an episode if most is earned in one step, as in a duel"""
 
 
 class Variant(NamedTuple):
-    """An environment with other arguments, under an id of its own."""
+    """A variant of an environment: other arguments under another id."""
 
     id: str
     of: str
@@ -129,11 +129,11 @@ def find(env_id: str) -> tuple[Row, dict[str, Any]] | None:
 
 
 class UnknownEnvironment(gym.error.NameNotFound, ValueError):
-    """Raised for an id that no environment has."""
+    """Raised for an unknown id."""
 
 
 def nearest_id(env_id: str) -> str | None:
-    """Return the registered id whose name, without its version, is most like that of an id, if one is."""
+    """Return the registered id most similar to an id, versions apart; None if none is similar."""
     ids = {known.partition("-v")[0].lower(): known for known in gym.registry}
     return next((ids[one] for one in get_close_matches(env_id.partition("-v")[0].lower(), ids, 1, 0.7)), None)
 
@@ -166,7 +166,7 @@ PARALLEL = ("SpringDuel-v0",)
 
 
 def register() -> None:
-    """Register all environments with Gymnasium; those that are registered already do not change.
+    """Register all environments with Gymnasium; those already registered do not change.
 
     If PettingZoo has been imported and has a registry, environments of several agents are registered there.
     """

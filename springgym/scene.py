@@ -1,4 +1,4 @@
-"""A scene: one body or several, how they start, and what acts on them. Frozen data, checked once."""
+"""A scene: bodies, their initial state, and everything that acts on them. Frozen data, checked once."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ from springgym.surfaces.contact import (
 GRAVITY = (0.0, 0.0, -9.81)
 
 MOST_SURFACES = 100
-"""Most surfaces of a scene: each particle is compared with each surface at every step."""
+"""Largest number of surfaces of a scene: each particle is compared with each surface at every step."""
 
 MOST_BODIES = 1000
-"""Most bodies of a scene."""
+"""Largest number of bodies of a scene."""
 
 MOST_TOLD = 20
-"""Most bodies, and most pairs of them, that the `repr` of a scene names."""
+"""Largest number of bodies, and of pairs of them, that the `repr` of a scene lists."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class ThrustActuator:
 
 @dataclass(frozen=True)
 class DriveActuator:
-    """Move a pinned particle by an acceleration, and limit each component of its velocity [m/s]."""
+    """Accelerate a pinned particle, and limit each component of its velocity [m/s]."""
 
     particle: int
     speed: float
@@ -96,7 +96,7 @@ class Placed(ReadOnly):
     wrench, thrust, drive
         Actuators of the body, or None.
     forces
-        Forces of your own, see `springgym.own_forces`. Their particle numbers are those of the body.
+        User-defined forces, see `springgym.own_forces`. Their particle numbers are those of the body.
     name
         Name of the body in calls, plots and errors of a scene of several bodies. The default is the name of
         ``body``, followed by a number if several bodies share it: "cube0", "cube1".
@@ -228,7 +228,7 @@ def squared_lengths(springs: np.ndarray, positions: np.ndarray) -> np.ndarray:
 
 
 def _numbered(bodies: tuple[Placed, ...]) -> tuple[Placed, ...]:
-    """Return several bodies with a number behind each name that comes from a `Body` and is not unique."""
+    """Return several bodies with a number after each name that comes from a `Body` and is not unique."""
     kinds = [placed.body.name if placed.name == placed.body.name else None for placed in bodies]
     shared = {kind for kind, count in Counter(kinds).items() if count > 1 or not kind} - {None}
     numbers: Counter[str] = Counter()
@@ -320,7 +320,7 @@ class Scene(ReadOnly):
 
     @cached_property
     def identity(self) -> dict[str, Any]:
-        """Return plain data by name that decide how the scene moves, without its start: see
+        """Return plain data, by name, that determine the motion of the scene except its start, see
         `springgym.identity`."""
         met = self.meetings
         made: dict[str, Any] = {
@@ -352,8 +352,8 @@ class Scene(ReadOnly):
 
     @cached_property
     def kinds(self) -> tuple[int, ...]:
-        """Return the kind of each body. Bodies of one kind are equal in everything that decides how they
-        move."""
+        """Return the kind of each body. Bodies of one kind are equal in all properties that determine their
+        motion."""
         known: dict[int, int] = {}
         kinds: dict[Any, int] = {}
         for body in (placed.body for placed in self.bodies):
@@ -366,7 +366,7 @@ class Scene(ReadOnly):
 
     @cached_property
     def _different(self) -> tuple[Body, ...]:
-        """Return the first body of each kind: what follows from it is found once for all of them."""
+        """Return the first body of each kind, so that derived quantities are computed once per kind."""
         first = {
             kind: placed.body for kind, placed in reversed(list(zip(self.kinds, self.bodies, strict=True)))
         }
@@ -374,7 +374,7 @@ class Scene(ReadOnly):
 
     @cached_property
     def shapes(self) -> tuple[Shape, ...]:
-        """Return the features of each body with which it meets others. Bodies of one kind share them."""
+        """Return the features of each body that can touch others. Bodies of one kind share them."""
         each = [shape(body) for body in self._different]
         return tuple(each[kind] for kind in self.kinds)
 
@@ -385,7 +385,7 @@ class Scene(ReadOnly):
 
     @cached_property
     def meetings(self) -> Meetings:
-        """Return the pairs of bodies that may meet, and how."""
+        """Return the pairs of bodies that may collide, with their contact parameters."""
         named = [
             BodyRef(
                 placed.name,
@@ -399,7 +399,7 @@ class Scene(ReadOnly):
 
     @cached_property
     def resisted(self) -> np.ndarray:
-        """Return in which pairs of bodies that may meet rolling or spinning is resisted, (pairs,)."""
+        """Return a mask (pairs,) of pairs of bodies in which rolling or spinning is resisted."""
         skin = np.array([shape.skin for shape in self.shapes], bool)
         met = self.meetings
         return met.of_contacts("resists").astype(bool) & (skin[met.first] | skin[met.second])
@@ -468,7 +468,7 @@ class Scene(ReadOnly):
                     )
 
     def _check_resistance(self) -> None:
-        """Refuse a rolling or torsional resistance that would have no effect."""
+        """Raise ValueError for a rolling or torsional resistance without effect."""
         among: tuple[Contact, ...] = ()
         acting: set[Contact] = set()
         if len(self.bodies) > 1:
@@ -512,7 +512,7 @@ class Scene(ReadOnly):
 
     @cached_property
     def _least_heights(self) -> np.ndarray:
-        """Return how far above surfaces each particle must start at least, (N,) [m]; pinned ones anywhere."""
+        """Return the least initial height of each particle, (N,) [m]; −∞ for pinned ones."""
         each = [NEAREST * scales(self.contact, body)[1] + body.radius for body in self._different]
         return np.where(self.free, self.of_particles([each[kind] for kind in self.kinds]), -np.inf)
 
@@ -529,8 +529,8 @@ class Scene(ReadOnly):
         """The speed [m/s] up to which all impacts meet their restitution to about 0.02; infinite without
         impacts.
 
-        The softest body decides it, see `springgym.surfaces.contact.faithful_speed`. Faster impacts leave
-        energy in vibrations. `restitution_at` estimates their restitution. Steps limit it, too, see
+        It is determined by the softest body, see `springgym.surfaces.contact.faithful_speed`. Faster impacts
+        leave energy in vibrations. `restitution_at` estimates their restitution. Steps limit it, too, see
         `Simulator.faithful_speed`.
         """
         found = [math.inf]
@@ -555,7 +555,7 @@ class Scene(ReadOnly):
         return min(found)
 
     def _different_meetings(self) -> list[Meeting]:
-        """Return a pair of each sort: of bodies of the same kinds, that may move alike, and meet alike."""
+        """Return one pair for each combination of bodies' kinds, ability to move, and contact."""
         met, moves = self.meetings, np.array([placed.free.any() for placed in self.bodies])
         if not met:
             return []
@@ -574,7 +574,7 @@ class Scene(ReadOnly):
         return restitution_at_most(number("speed", speed, low=0.0), self.faithful_speed)
 
     def _of(self, placed: Placed) -> str:
-        """Return what errors add to a particle's number: nothing if there is only one body."""
+        """Return the text after a particle's number in error messages: empty if there is only one body."""
         return "" if len(self.bodies) == 1 else f" of {placed.name!r}"
 
     def check_start(
@@ -642,7 +642,7 @@ class Scene(ReadOnly):
         return np.repeat(np.asarray(each), np.diff(self.starts), axis=0)
 
     def number(self, body: int | str | None) -> int:
-        """Return the number of a body that is given by number or name; None stands for the only body.
+        """Return the index of a body given by index or name; None stands for the only body.
 
         Raises
         ------
@@ -671,7 +671,7 @@ class Scene(ReadOnly):
 
     @property
     def pins(self) -> tuple[int, ...]:
-        """Return the pinned particles of all bodies, by their number among all particles."""
+        """Return the pinned particles of all bodies, as indices among all particles."""
         each = zip(self.bodies, self.slices, strict=True)
         return tuple(own.start + pin for placed, own in each for pin in placed.pinned)
 
@@ -727,7 +727,7 @@ class Scene(ReadOnly):
         return type(self)(**{**kept, **changes})
 
     def _pairs(self) -> str:
-        """Return the names of the bodies that may meet, or the number of pairs if they are many."""
+        """Return the names of the bodies that may collide, or the number of pairs if they are many."""
         if len(self.meetings) > MOST_TOLD:
             return f"{len(self.meetings)} pairs"
         return ", ".join(f"{met.first}–{met.second}" for met in self.meetings)

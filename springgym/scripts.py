@@ -13,7 +13,7 @@ from springgym.extras import SOURCE
 
 COPY = Path(__file__).resolve().parent / "agents"
 AGENTS = COPY if COPY.is_dir() else SOURCE / "agents"
-"""The scripts and the published agents: an installed package holds a copy, a clone has them beside it."""
+"""Folder of the scripts and the published agents: a copy in an installed package, or that of a clone."""
 
 
 def run(name: str, arguments: Sequence[str], extra: str) -> int:
@@ -26,7 +26,7 @@ def run(name: str, arguments: Sequence[str], extra: str) -> int:
     ModuleNotFoundError
         If a package that the script needs is missing.
     """
-    # sooner than a package of which another extra would be told
+    # before a package for which another extra would be named
     if extra == "agents" and find_spec("stable_baselines3") is None:
         raise ModuleNotFoundError(f"springgym {name} needs Stable-Baselines3")
     if str(AGENTS) not in sys.path:

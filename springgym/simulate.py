@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
     """Run the command with its arguments; return the exit status."""
     if args.list:
         for name in scene_names():
-            print(f"{name:20} {document(name).at(('title',))}")  # read, not built: that takes a second each
+            print(f"{name:20} {document(name).at(('title',))}")  # building takes a second each
         return 0
     if args.scene is None:
         raise ValueError("no scene is given: name one of springgym simulate --list, or a YAML file")
@@ -94,7 +94,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check_files(args: argparse.Namespace) -> None:
-    """Refuse a file of the wrong kind before the work is done."""
+    """Raise ValueError for a file of the wrong kind, before any work is done."""
     for option, suffixes in {
         "trace": (".npz", ".csv"),
         "plot": (".png", ".svg", ".pdf"),
@@ -122,7 +122,7 @@ def _changed(plan: Plan, args: argparse.Namespace) -> Plan:
 
 
 def _bar(name: str) -> Progress:
-    """Make a progress bar for what takes longer than a second while someone is looking."""
+    """Return a progress bar, shown on a terminal after a second."""
 
     def wrap(items: Iterable[Any]) -> Iterable[Any]:
         from tqdm import tqdm
@@ -139,7 +139,7 @@ def _summary(recording: Recording) -> str:
 
 
 def _between(recording: Recording) -> Iterator[str]:
-    """Report on each pair of bodies that met in a line of its own, or on all in one line if they are many."""
+    """Yield a line for each pair of bodies that touched, or one line for all if they are many."""
     scene, pairs = recording.plan.scene, recording.pairs
     told = pairs.impulse[-1] + pairs.misses[-1] + pairs.too_fast[-1] + pairs.overflow[-1]
     met = np.flatnonzero(told > 0).tolist()
@@ -152,7 +152,7 @@ def _between(recording: Recording) -> Iterator[str]:
 
 
 def _of_pairs(pairs: PairReadings, which: list[int]) -> str:
-    """Report the impulse, the losses and the counts of some pairs together, at the end."""
+    """Return a text with the final impulse, losses and counts of some pairs together."""
     sums = PairReadings(*(of[-1, which].sum() for of in pairs))
     wrong = {"found too late": sums.misses, "too fast": sums.too_fast, "left out": sums.overflow}
     counts = "".join(f", {count:.0f} {what}" for what, count in wrong.items() if count)
@@ -178,7 +178,7 @@ def _of_shadow(recording: Recording, lost: float) -> str:
 
 
 def save_trace(recording: Recording, path: Path) -> None:
-    """Write times, positions, velocities and energies to a .npz (arrays) or .csv file (a row a time)."""
+    """Write times, positions, velocities and energies to a .npz (arrays) or .csv file (one row per time)."""
     energies = {name: getattr(recording.measures, name) for name in ENERGIES}
     if path.suffix.lower() == ".npz":
         scene = recording.plan.scene
@@ -208,7 +208,7 @@ def save_trace(recording: Recording, path: Path) -> None:
 
 
 def _report(recording: Recording, whole: float) -> int:
-    """Print the checks of a scene that takes ``whole`` seconds by its file; the exit status.
+    """Print the checks of a scene whose file gives a duration of ``whole`` seconds; return the exit status.
 
     It is 0 if all pass, 1 if one fails or the run is too short for it, and else `UNCOVERED`.
     """
@@ -239,8 +239,8 @@ def _report(recording: Recording, whole: float) -> int:
 def table(checks: list[Check], otherwise: str = "FAILED") -> str:
     """Return checks as lines of text.
 
-    What theory leaves out is told where it is more than the tolerance: then it does not cover the run. What
-    else does not pass is followed by ``otherwise``.
+    The doubt of theory is shown where it exceeds the tolerance, so that theory does not cover the run. Other
+    failures are followed by ``otherwise``.
     """
     head = ("", "theory", "measured", "", "difference", "tolerance", "")
     rows = [head, *(_row(each, otherwise) for each in checks)]

@@ -61,22 +61,22 @@ STRAINED = 0.3
 """Strain above which a spring no longer keeps a body in shape. A `PrecisionWarning` then appears."""
 
 COARSE = 1e-5
-"""A `PrecisionWarning` appears if positions are rounded to more than this share of the shortest spring. The
-spring feels the rounding as a stretch, and energy grows with every step."""
+"""A `PrecisionWarning` appears if rounding of positions exceeds this fraction of the shortest spring. The
+rounding stretches the spring, and energy grows with every step."""
 
 WORTH_A_THREAD = 10_000
-"""Springs and pairs of bodies × steps × blocks, some 0.2 ms of work, above which another thread saves time.
-Waking it takes some 0.1 ms."""
+"""Amount of work, (springs + pairs of bodies) × steps × blocks, above which another thread saves time: some
+0.2 ms. Waking a thread takes some 0.1 ms."""
 
 AT_ONCE = 4_000_000
-"""Most springs and pairs of bodies × steps × blocks in one compiled call: some 0.1 s, or some seconds with
-implicit methods. Python handles Ctrl-C between the calls."""
+"""Largest amount of such work in one compiled call: some 0.1 s, or some seconds with implicit methods. Python
+handles Ctrl-C between the calls."""
 
 NEIGHBOURS = 6
-"""Pairs of a body that are counted as work: bodies that are far apart cost nothing."""
+"""Largest number of pairs per body that count as work: bodies far apart cost nothing."""
 
 FEWEST = 64
-"""Least steps of one compiled call, whatever they cost: a call begins and ends with half a step."""
+"""Least number of steps of one compiled call at any cost, as a call begins and ends with half a step."""
 
 OF_A_STEP = ("terms.dampers.half", "terms.dampers.whole", "terms.last", "terms.cycle")
 """Arrays of `Simulator._changing` that describe the current or the last step."""
@@ -91,7 +91,7 @@ PAPER_METHOD: dict[str, Any] = {"integrator": "rk4", "step": PAPER_STEP}
 """The paper's method for scenes without surfaces; `PaperContact` is its contact with surfaces."""
 
 MOST_PARTICLES, MOST_THREADS = 10**8, 1024
-"""Limits: the particles of all copies together (some 10 GB of memory), and the threads of a simulator."""
+"""Largest numbers of particles in all copies together (some 10 GB of memory), and of threads."""
 
 
 class SimulationDivergedError(ArithmeticError):
@@ -99,7 +99,7 @@ class SimulationDivergedError(ArithmeticError):
 
 
 class UnresolvedContactError(SimulationDivergedError):
-    """Bodies met in a way that a step cannot resolve: too fast, too deep in each other, or in too many
+    """A step cannot resolve a contact: bodies are too fast, overlap too deeply, or touch in too many
     points."""
 
 
@@ -108,7 +108,7 @@ class PrecisionWarning(UserWarning):
 
 
 UNRESOLVED = ("raise", "count")
-"""What `Simulator.advance` can do if a step cannot resolve how bodies met."""
+"""Options of `Simulator.advance` for contacts that a step cannot resolve."""
 
 
 class Simulator:
@@ -134,12 +134,12 @@ class Simulator:
         Step h [s]. By default it follows from the stability limit, or for rigid dynamics from the angular
         velocities at the start.
     copies
-        Number of copies. All start as the scene says. Together they have at most `MOST_PARTICLES` particles.
+        Number of copies. All start as in the scene. Together they have at most `MOST_PARTICLES` particles.
     dtype
         float64, or float32 for single precision at about twice the speed.
     threads
-        Number of threads that share the copies, at most `MOST_THREADS`. Results do not depend on it or on
-        ``copies``, to the bit.
+        Number of threads that share the copies, at most `MOST_THREADS`. Results are bit-identical for any
+        number of threads and of ``copies``.
     varying
         Names from `springgym.packing.PARAMETERS`. `vary` can set these for each copy.
     ledger
@@ -151,8 +151,8 @@ class Simulator:
         Largest |L/L₀ − 1| of a spring. A copy beyond it has diverged. The default is `STRAIN_LIMIT`. If you
         give a limit, you intend strains up to it, and no `PrecisionWarning` appears.
     unresolved
-        What `advance` does if bodies meet each other, or a surface, in a way that a step cannot resolve:
-        "raise" an error, or "count" it, so that `pairs` and `unresolved` report it.
+        What `advance` does with contacts of bodies, or with a surface, that a step cannot resolve: "raise" an
+        error, or "count" them, so that `pairs` and `unresolved` report them.
     damping_every
         Number of steps in a cycle of dampers and wrench, see `springgym.forces.cycle`: 1, or an even number
         of at most `springgym.stability.LONGEST_CYCLE`. `advance` then takes whole cycles. It must be 1 where
@@ -202,7 +202,7 @@ class Simulator:
         self.step = self._checked_step(step)
         particles = len(scene.positions)
         self.damping_every = self._checked_cycle(damping_every)
-        """steps after which dampers and the wrench act for all of them at once"""
+        """number of steps in a cycle of dampers and wrench"""
         self.copies = checks.whole("copies", copies, 1, MOST_PARTICLES // particles)
         self.threads = checks.whole("threads", threads, 1, MOST_THREADS)
         self.dtype = _checked_dtype(dtype)
@@ -210,13 +210,13 @@ class Simulator:
         self.strain_limit = (
             STRAIN_LIMIT if strain_limit is None else checks.number("strain_limit", strain_limit, low=TINY)
         )
-        """share of its length beyond which a spring means that a copy has diverged"""
+        """largest |L/L₀ − 1| of a spring; a copy beyond it has diverged"""
         shaped = not any(placed.body.floppy for placed in scene.bodies)
         self._strained = STRAINED if shaped and strain_limit is None else math.inf
         """strain from which to warn"""
         self._far = self._far_for_dtype()
         self.time = np.zeros(self.copies)
-        """[s], (copies,)"""
+        """time of each copy [s], (copies,)"""
         self._x = self._blocks(particles, 3)
         self._v = self._blocks(particles, 3)
         bodies = len(scene.bodies)
@@ -224,8 +224,8 @@ class Simulator:
         shares = range(min(self.threads, self._x.shape[0]))
         self._control = self._controlled(tolerance)
         self.unresolved = np.zeros(self.copies, bool)
-        """which copies had bodies meet in a way that a step cannot resolve, since they were placed or
-        forgotten, by what `pairs` counts; writing to it has no effect"""
+        """mask (copies,) of copies with contacts that a step cannot resolve, by the counts of `pairs`, since
+        they were placed or counts were reset; writing to it has no effect"""
         self._raises = checks.chosen("unresolved", unresolved, UNRESOLVED) == UNRESOLVED[0]
         rows, shape = np.zeros((self.copies, measures.SIZE)), (self.copies, particles, 3)
         each = rows[:, None] if bodies == 1 else np.zeros((self.copies, bodies, measures.SIZE))
@@ -306,7 +306,7 @@ class Simulator:
         return block_array(self.copies, shape, self.dtype)
 
     def _workspaces(self) -> list[Any]:
-        """Make the arrays in which each thread computes: nothing in them outlasts a call."""
+        """Return the work arrays of each thread, which hold nothing from call to call."""
         collisions, shares = self._terms.collisions, len(self._space)
         return packing.workspaces(
             self.scene, self.integrator, collisions, self._kind.rigid, self._x.dtype, shares
@@ -332,17 +332,17 @@ class Simulator:
 
     @cached_property
     def faithful_speed(self) -> float:
-        """The speed [m/s] up to which all impacts meet their restitution, as far as these steps resolve them.
+        """The speed [m/s] up to which all impacts have their restitution, with the resolution of these steps.
 
-        It is that of the scene, and at most 0.2 Δ a step, with the least reach Δ: faster impacts rebound
-        faster than asked. Infinite without impacts.
+        It is that of the scene, and at most 0.2 Δ per step, with the least Δ: faster impacts have a larger
+        restitution. Infinite without impacts.
         """
         faithful = self.scene.faithful_speed
         return min(faithful, QUICK * self.scene.least_reach / self.step) if faithful < math.inf else faithful
 
     @cached_property
     def _phase(self) -> Phase:
-        """Return positions, velocities and ledger as kernels take them."""
+        """Return positions, velocities and ledger in the form of kernels."""
         slices = self.scene.slices
         if len(slices) == 1:
             return Phase(self._x, self._v, self._ledger)
@@ -353,12 +353,12 @@ class Simulator:
 
     @cached_property
     def _clock(self) -> Clock:
-        """Return the clock of the copies as kernels take it."""
+        """Return the clock of the copies in the form of kernels."""
         return Clock(self.time, self.step, self.width)
 
     @cached_property
     def _moving(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return `flat_numbers` of positions and velocities, to be set."""
+        """Return writable `flat_numbers` of positions and velocities."""
         return flat_numbers(self._x), flat_numbers(self._v)
 
     @cached_property
@@ -372,7 +372,7 @@ class Simulator:
     def _totals(self) -> tuple[np.ndarray | None, np.ndarray]:
         """Return the totals of contacts that determine `unresolved`, and the reach Δ [m] of each.
 
-        They are those of pairs; or of bodies, if their particles meet surfaces one by one. Without contacts,
+        They are those of pairs; or of bodies, if their particles touch surfaces separately. Without contacts,
         the totals are None.
         """
         if self._terms.collisions is not None:
@@ -388,12 +388,12 @@ class Simulator:
 
     @cached_property
     def _readings(self) -> list[Reading]:
-        """Make the arrays by which each thread reads copies off."""
+        """Return the arrays by which each thread reads copies."""
         return [Reading(self.readout, space, self._markers) for space in self._space]
 
     @cached_property
     def _acting(self) -> tuple[object, ...]:
-        """Return the scene as kernels take it."""
+        """Return the scene in the form of kernels."""
         return (*self._twin, self._terms) if self._twin else self._terms
 
     def _actuated(self) -> dict[str, tuple[tuple[int, ...], np.ndarray]]:
@@ -482,7 +482,7 @@ class Simulator:
             self._read(index)
 
     def _check_settled(self, x: np.ndarray, v: np.ndarray, index: np.ndarray) -> None:
-        """Refuse starts that `_settle` would move to where nothing can start."""
+        """Raise ValueError for starts that are not possible after `_settle`."""
         if self._kind.settled:
             settled = [
                 self._kind.settled(packed, x[:, own], index)
@@ -494,7 +494,7 @@ class Simulator:
         """Return indices (k,) of copies, checked."""
         if copies is None:
             return self._all
-        # What environments give at every step passes at once.
+        # Fast path for the arguments of environments at every step.
         plain = type(copies) is np.ndarray and copies.dtype is INDEX and copies.ndim == 1
         if plain and ascending(index := np.array(copies), self.copies):
             return index
@@ -509,13 +509,13 @@ class Simulator:
         low: float = -HUGE,
         high: float = HUGE,
     ) -> np.ndarray:
-        """Return a value for each of some copies, (k, *shape), given so or as one for all."""
+        """Return a value for each of some copies, (k, *shape), from such an array or one value for all."""
         rows = (len(index), *shape)
         given = checks.array(name, value, rows, shape, low=low, high=high)
         return given if given.shape == rows else np.broadcast_to(given, rows)
 
     def _settle(self, index: np.ndarray) -> None:
-        """Move some copies to the rigid shape, in rigid dynamics; their momenta stay."""
+        """Move some copies to the rigid shape in rigid dynamics, with unchanged momenta."""
         if not self._kind.settled:
             return
         width = numbers(self._x).shape[-1]
@@ -613,7 +613,7 @@ class Simulator:
                 value = np.array(np.broadcast_to(checks.array(name, value, shape, shape[1:]), shape))
             rows = np.ascontiguousarray(value).reshape(self.copies, lanes.shape[1])
             if not put(lanes, self._all[:0], rows, HUGE):
-                checks.array(name, value, shape)  # which says what is wrong
+                checks.array(name, value, shape)  # raises the error
             given.append((lanes, rows))
         for lanes, rows in given:
             put(lanes, self._all, rows, HUGE)
@@ -664,7 +664,7 @@ class Simulator:
 
     @guarded
     def restore(self, state: Mapping[str, Any], copies: ArrayLike | None = None) -> None:
-        """Set the state that `state` returned, to the bit.
+        """Restore a state that `state` returned, exactly.
 
         Parameters
         ----------
@@ -721,7 +721,7 @@ class Simulator:
     def take_over(self, other: Simulator) -> None:
         """Take over the state of another simulator of the same scene, and continue with other steps.
 
-        The state is equal to the bit, except for the decay by dampers in a step. This decay follows from the
+        The state is bit-identical, except for the decay by dampers in a step. This decay follows from the
         step of this simulator and from `vary`. In scenes with surfaces the copies start as if they had been
         placed.
 
@@ -785,10 +785,10 @@ class Simulator:
         SimulationDivergedError
             If ``check`` is set and a copy has diverged. The other copies are not affected.
         UnresolvedContactError
-            If ``check`` is set, ``unresolved`` is "raise", and bodies of a copy met in a way that a step
-            cannot resolve, since the copy was placed or `pairs` was called with ``forget``.
+            If ``check`` is set, ``unresolved`` is "raise", and a copy has had contacts that a step cannot
+            resolve since it was placed or `pairs` was called with ``forget``.
         """
-        # Compiled code is given an int and a bool, and no other type: see `SameTypes`.
+        # Compiled code must get an int and a bool, and no other type: see `SameTypes`.
         if steps.__class__ is not int or not 0 <= steps <= MANY:
             steps = checks.whole("steps", steps)
         if steps % self.damping_every:
@@ -803,7 +803,7 @@ class Simulator:
             self._check()
 
     def _check(self) -> None:
-        """Raise an error if a copy has diverged, and warn of strain and rounding, by what was read last."""
+        """Raise an error if a copy has diverged, and warn of strain and rounding, from the last reading."""
         strain = self.readout.rows[:, measures.AT.strain]
         strained = ~(strain <= self.strain_limit)
         diverged = strained | ~np.isfinite(self.readout.rows).all(axis=1)
@@ -829,7 +829,7 @@ class Simulator:
         self._check_distance(self.readout.positions)
 
     def _unresolved_message(self, copy: int) -> str:
-        """Return a message that names the bodies of a copy, how they met, and what would help."""
+        """Return a message that names the bodies of a copy, their contact, and remedies."""
         own, reach = self._totals
         read = PairReadings(*(of[copy] for of in totals.read_pairs(own, self.copies)))
         resolved, met, bodies = RESOLVED / self.step * reach, self.scene.meetings, self.scene.bodies
@@ -874,9 +874,9 @@ class Simulator:
         return COARSE * float(lengths.min()) / float(np.finfo(self.dtype).eps)
 
     def _run(self, thread: int, first: int, last: int, steps: int, settles: bool, reads: bool) -> None:
-        """Take blocks ``first`` to ``last`` ``steps`` further; then read them off, if ``reads``.
+        """Advance blocks ``first`` to ``last`` by ``steps``; then read them, if ``reads``.
 
-        In rigid dynamics, particles are put onto the rigid shape first if ``settles``: no step without it.
+        In rigid dynamics, particles are first moved to the rigid shape if ``settles``, which steps need.
         """
         self._advance(
             self._phase,
@@ -896,7 +896,7 @@ class Simulator:
             self._find_unresolved(first, last)
 
     def _count_overlaps(self, thread: int, first: int, last: int) -> None:
-        """Count the pairs of bodies that are in each other where copies of blocks were read."""
+        """Count the pairs of bodies that overlap in the last reading of blocks."""
         start = first * self.width
         copies = slice(start, min(last * self.width, self.copies))
         overlap = self._shown[copies]
@@ -906,7 +906,7 @@ class Simulator:
             totals.count_shown(self._terms.collisions, start, overlap)
 
     def _find_unresolved(self, first: int, last: int) -> None:
-        """Find in which copies of blocks what was counted is more than a step can resolve."""
+        """Find the copies of blocks whose counts show contacts that a step cannot resolve."""
         own, reach = self._totals
         if own is not None:
             copies = slice(first * self.width, last * self.width)
@@ -948,12 +948,12 @@ class Simulator:
         vibration conserves this energy to rounding, while H oscillates: for a vibration at ω, it is off by up
         to (ω h)²/4 of its energy. Where bodies can touch something, steps conserve H + V − V̄ instead, with
         the energy V of the springs and its mean V̄ at the nodes before and after, x ∓ h v/2. Dampers, contact
-        and friction take from both what the ledger says.
+        and friction reduce both by their losses in the ledger.
 
         Raises
         ------
         ValueError
-            For other methods, for rigid bodies, and with forces of your own: their shadow energy is not
+            For other methods, for rigid bodies, and with user-defined forces: their shadow energy is not
             known.
         """
         if self._kind.rigid or self.integrator.name != "verlet":
@@ -1069,7 +1069,7 @@ class Simulator:
     def _run_threads(
         self, steps: int, settles: bool, reads: bool, then: Callable[[int, int], None] | None = None
     ) -> None:
-        """`_run` all blocks, on several threads where that pays; then what else is to be done with them."""
+        """`_run` all blocks, on several threads where that saves time; each calls ``then`` at its end."""
         blocks = self._x.shape[0]
         threads = min(self.threads, blocks)
         if threads == 1 or blocks * max(steps, 1) * self._busy < WORTH_A_THREAD:
@@ -1138,7 +1138,7 @@ class Simulator:
 
     @guarded
     def __getstate__(self) -> dict[str, Any]:
-        # made anew: views do not survive copying, and the workspace is most of a crowd's memory
+        # made again: views do not survive copying, and the workspace is most of the memory with many bodies
         anew = {"_advance", "_actuators", "_packed", "_kind", "_workspace"}
         anew |= {name for name, own in vars(Simulator).items() if isinstance(own, cached_property)}
         return {name: value for name, value in vars(self).items() if name not in anew} | {
@@ -1198,7 +1198,7 @@ def _warn(what: str) -> None:
 
 @lru_cache(maxsize=8)
 def _pool(process: int, threads: int) -> ThreadPoolExecutor:
-    """Return helper threads of this process; a forked child, being another process, makes its own."""
+    """Return the pool of threads of this process; a forked child makes its own."""
     return ThreadPoolExecutor(threads, thread_name_prefix="springgym")
 
 
@@ -1225,7 +1225,7 @@ def _checked_dtype(dtype: Any) -> np.dtype:
     """Return the dtype, float64 or float32."""
     try:
         given = np.dtype(dtype)
-    except Exception:  # whatever a foreign class raises
+    except Exception:  # a foreign class may raise any error
         given = None
     if given not in WIDTH:
         raise (TypeError if given is None else ValueError)(
@@ -1259,9 +1259,9 @@ def _set(
 
 
 def _blocks_in(name: str, term: Nested) -> Iterator[tuple[str, np.ndarray]]:
-    """Find the arrays of values per copy in nested tuples, with names that say where they are.
+    """Yield the arrays of values per copy in nested tuples, with their dotted names.
 
-    Lists of whole numbers, which all copies of a block share, follow from them.
+    Integer lists, which all copies of a block share, are left out, as they follow from these.
     """
     if isinstance(term, np.ndarray) and term.dtype.names:
         if numbers(term).dtype.kind == "f":
@@ -1272,7 +1272,7 @@ def _blocks_in(name: str, term: Nested) -> Iterator[tuple[str, np.ndarray]]:
 
 
 def _check_rows(term: Nested, axes: int) -> None:
-    """Refuse arrays of rows of another length than three, by which compiled functions find them."""
+    """Raise an error for arrays with rows of another length than three, which compiled functions assume."""
     for name, array in _blocks_in("term", term):
         if array.ndim == axes and array.shape[-1] != 3:
             raise ValueError(f"{name} has rows of {array.shape[-1]} numbers; they must have 3")

@@ -15,15 +15,15 @@ from springgym.integrators.record import Integrator
 from springgym.scene import Scene
 
 SAFETY = 0.7
-"""Default steps are at most this share of the stability limit. Stretch and rotation may raise the frequencies
+"""Largest default step, as a fraction of the stability limit. Stretch and rotation may raise the frequencies
 of a body. The error of these steps is smaller than the difference between springs and a rigid body."""
 
 REFUSED = 1 - 1e-3
-"""Steps beyond this share of the stability limit are refused. At the limit itself, the fastest mode of verlet
-grows in proportion to time."""
+"""Steps beyond this fraction of the stability limit are refused. At the limit itself, the fastest mode of
+verlet grows in proportion to time."""
 
 DECAY = 1.0
-"""Default steps of methods that split off the dampers are at most this share of 1/λ_max(M⁻¹C). Each damper
+"""Default steps of methods that split off the dampers are at most this fraction of 1/λ_max(M⁻¹C). Each damper
 decays exactly, but one after the other. Up to this limit, slow motion of a rope (the worst case) loses too
 little by 0.55 % (λ h)². Beyond it, the loss is ever smaller than c implies: by 70 % at λ h = 28."""
 
@@ -35,7 +35,7 @@ RINGING = 2.0
 """With cycles, no vibration of a body may last longer than its slowest one times this factor."""
 
 RIGID = 1e-9
-"""A mode with less than this share of the largest ω² counts as rigid motion."""
+"""Modes with ω² below this fraction of the largest count as rigid motion."""
 
 VARIED = ("masses", "stiffness", "damping")
 """Parameters on which the length of a cycle depends."""
@@ -47,7 +47,7 @@ LONGEST_CYCLE = 10
 """Largest number of steps in a cycle."""
 
 SWEEP, TURN = 0.8, 0.45
-"""Costs of a sweep of the dampers and of a push of the wrench, as shares of the rest of a step of a top."""
+"""Costs of a sweep of dampers and of an application of the wrench, relative to the rest of a top's step."""
 
 
 def highest_frequency(scene: Scene) -> float:
@@ -58,7 +58,7 @@ def highest_frequency(scene: Scene) -> float:
 
 
 def _different(scene: Scene) -> Collection[Scene]:
-    """Return of a scene's bodies by themselves those that differ: equal ones vibrate alike."""
+    """Return the different ones of a scene's bodies, each as a scene: equal ones have the same vibrations."""
     each = zip(scene.kinds, scene.parts, strict=True)
     return {(kind, part.pinned): part for kind, part in each}.values()
 
@@ -91,7 +91,7 @@ def largest_step(scene: Scene, integrator: Integrator) -> float:
 
 
 def is_unstable(step: float, limit: float) -> bool:
-    """Return whether a step [s] is refused where the stability limit [s] is known."""
+    """Return whether a step [s] is refused for a stability limit [s]."""
     return step > REFUSED * limit
 
 
@@ -166,14 +166,14 @@ def cycles_harmless(of: Vibrations, step: float, every: int) -> bool:
     """Return whether dampers can act once in ``every`` steps of ``step`` seconds without harm.
 
     Dampers respond to the rate of stretch. In a body that turns at Ω, the stretch changes at rates of Ω, and
-    dampers change it by a share of at most (c/k) Ω, because C ≤ max(c/k) K. In pairs of cycles of n steps
+    dampers change it by a fraction of at most (c/k) Ω, because C ≤ max(c/k) K. In pairs of cycles of n steps
     they do so with a relative error of (n Ω h)²/3. Verlet's own error is (Ω h)²/24 of the body's size. It is
     the larger one if 8 n² (c/k) Ω × strain ≤ 1. This is required for a rotation of `FINE_TURN` per step and
     strains of 1/8.
 
     That bounds the error of rotation, but not of vibrations. In its phase plane, a vibration of ω turns by
     2 arcsin(ω h/2) per step, and shrinks where dampers act, see `springgym.forces.cycle`. Two cycles are a
-    matrix, whose spectral radius is the share of the vibration that remains. No vibration may last longer
+    matrix, whose spectral radius is the fraction of the vibration that remains. No vibration may last longer
     than `RINGING` times as long as the slowest does if dampers act in every step.
     """
     if every**2 * of.slowness * FINE_TURN > step:

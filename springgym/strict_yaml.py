@@ -1,4 +1,4 @@
-"""YAML read strictly: what is unknown, given twice, missing or mistyped is an error with file, line and key.
+"""Strict YAML reader: unknown, repeated, missing or mistyped keys are errors with file, line and key.
 
 `read_yaml` parses a file to a `Tree`; `build` calls a function, or makes a dataclass, with a mapping
 of it, checked against the annotations of its parameters.
@@ -31,7 +31,7 @@ FORMS: dict[object, tuple[type, ...]] = {
     **{kind: (kind,) for kind in (int, bool, str, type(None))},
     float: (int, float),
 }
-"""Types of values that are of a kind."""
+"""Types of values that an annotation accepts."""
 NAMES = {int: "a whole number", float: "a number", bool: "true or false", str: "text", type(None): "null"}
 
 
@@ -53,14 +53,14 @@ LARGEST = 10_000_000
 """Largest size of a file [bytes]."""
 
 MOST_REPEATED = 10_000
-"""Values that aliases may add to a document: a few hundred bytes of aliases to aliases make billions."""
+"""Largest number of values that aliases may add: nested aliases make billions from a few hundred bytes."""
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML 1.1 as PyYAML reads it, but for numbers.
+    """YAML 1.1 as PyYAML reads it, except for numbers.
 
-    Exponents without a point make a number, which PyYAML takes for text. `010` and `1:30` are text, which
-    it takes for 8 and 90.
+    Exponents without a point make a number, which PyYAML reads as text. `010` and `1:30` are text, which it
+    reads as 8 and 90.
     """
 
 
@@ -94,7 +94,7 @@ def read_yaml(path: Path) -> Tree:
 
 
 def parse_yaml(text: str, source: str) -> Tree:
-    """Parse a text; ``source`` says in errors where it is from. Keys stay text: ``0:`` is "0".
+    """Parse a text, whose origin in error messages is ``source``. Keys are text: ``0:`` is "0".
 
     Raises
     ------
@@ -106,9 +106,9 @@ def parse_yaml(text: str, source: str) -> Tree:
 
 @lru_cache(maxsize=64)
 def _parsed(text: str, source: str) -> bytes:
-    """Parse a text into a pickled `Tree`, of which each caller of `parse_yaml` gets a copy of its own."""
+    """Parse a text into a pickled `Tree`, of which each caller of `parse_yaml` gets its own copy."""
     where: dict[tuple[str, ...], str] = {}
-    most = len(text) + MOST_REPEATED  # a value that is written takes a character at least
+    most = len(text) + MOST_REPEATED  # each written value takes at least one character
 
     def value_of(node: yaml.Node, path: tuple[str, ...], here: str) -> object:
         where[path] = here
@@ -229,7 +229,7 @@ def build(
     tree, path
         The document, and the keys that lead to the mapping.
     skip
-        Keys of the mapping that are dealt with elsewhere.
+        Keys of the mapping that are handled elsewhere.
     given
         Arguments that do not come from the document.
 
@@ -276,7 +276,7 @@ def fit(kind: object, tree: Tree, path: tuple[str, ...]) -> Any:
         if _has_form(one, value):
             try:
                 return _made(one, tree, path, value)
-            except YamlError as error:  # which says more than that it fits none
+            except YamlError as error:  # a more specific message than that it fits none
                 failed = failed or error
     raise failed or YamlError(
         f"{tree.where[path]}: {'.'.join(path)}: expected {_described(kind)}, got {shown(value)}"
@@ -284,7 +284,7 @@ def fit(kind: object, tree: Tree, path: tuple[str, ...]) -> Any:
 
 
 def _made(kind: Any, tree: Tree, path: tuple[str, ...], value: Any) -> Any:
-    """Return a value of the form of a kind that is no union, if what it holds is of the right kinds, too."""
+    """Return a value of the form of a kind that is no union, after checking its contents."""
     origin, arguments = get_origin(kind), get_args(kind)
     if kind is float:
         return _number(tree, path, value)
@@ -318,7 +318,7 @@ def _has_form(kind: object, value: object) -> bool:
 
 
 def _is_of_length(kind: object) -> bool:
-    """Return whether a kind is a tuple of so many values, as ``tuple[float, float]``."""
+    """Return whether a kind is a tuple of fixed length, such as ``tuple[float, float]``."""
     return get_origin(kind) is tuple and get_args(kind)[-1] is not ...
 
 

@@ -1,8 +1,8 @@
-"""The terms of a simulation: records of the particles and of all that acts on them.
+"""The terms of a simulation: records of the particles and of everything that acts on them.
 
-A scene has some of the terms and None for the others. A function that acts for a term takes it as an
-argument and asks whether it is None. Such tests are removed, with what they guard, when a kernel is compiled:
-forces that a scene does not use are left out of its code.
+A scene has some of the terms and None for the others. A function that applies a term takes it as an argument
+and tests whether it is None. Such tests, and the code that they guard, are removed when a kernel is compiled,
+so that it has no code for forces that a scene does not use.
 """
 
 from __future__ import annotations
@@ -44,22 +44,22 @@ class Dampers(NamedTuple):
     coefficient: np.ndarray
     """c [kg/s]"""
     half: Decay
-    """of half a step"""
+    """decay in half a step"""
     whole: Decay
-    """of a step, or of a cycle of them"""
+    """decay in a step, or in a cycle of steps"""
     paired: bool
-    """whether a step takes two sweeps of half its time, there and back; or one, in alternating direction"""
+    """whether a step has two sweeps of half its time, there and back; or one, in alternating direction"""
 
 
 class Decay(NamedTuple):
-    """The exact decay that a damper makes in some time, per relative speed of its ends."""
+    """The exact decay by a damper in some time, per relative speed of its ends."""
 
     impulse: np.ndarray
     """impulse on the first end [kg], opposite on the second"""
     first: np.ndarray
-    """what the first end's velocity gains [1]"""
+    """gain of the first end's velocity [1]"""
     second: np.ndarray
-    """what the second end's velocity loses [1]"""
+    """loss of the second end's velocity [1]"""
     loss: np.ndarray
     """energy lost, per relative speed² [kg]"""
 
@@ -68,9 +68,9 @@ class Wrench(NamedTuple):
     """A force and a torque on the whole body, applied to its particles.
 
     Particle i receives m_i (a + β × r_i): a from the force, shared out by mass, and β from I β = τ with
-    the inertia of the present shape, so that force and moment are exactly as asked. r_i counts from the
-    pivot if the body is pinned there (the pin takes the net force), else from the centre of mass. Where
-    there is no moment of inertia, a torque does nothing: about a line of particles, or on a single one.
+    the inertia of the present shape, so that force and moment are exact. r_i is from the pivot if the body is
+    pinned there (the pin takes the net force), else from the centre of mass. Where there is no moment of
+    inertia, about a line of particles or on a single one, a torque has no effect.
     """
 
     force: np.ndarray
@@ -110,7 +110,7 @@ class Drive(NamedTuple):
 
 
 class Cycle(NamedTuple):
-    """Record how far copies are in two cycles."""
+    """The progress of copies in two cycles."""
 
     every: int
     """steps of a cycle, even"""
@@ -121,10 +121,10 @@ class Cycle(NamedTuple):
 
 
 class LastNode(NamedTuple):
-    """What dampers know of the last node, where contact acts: see `springgym.integrators.node`."""
+    """Data of the last node that dampers need where contact acts: see `springgym.integrators.node`."""
 
     given: np.ndarray
-    """(N, 3) half of the change of velocity by contact at the last node [m/s], expected again at the next"""
+    """(N, 3) half of the change of velocity by contact at the last node [m/s], the prediction for the next"""
     sweep: np.ndarray
     """(1,) 0 if the next sweep of dampers comes before the actuators, 1 if after them"""
 
@@ -153,20 +153,20 @@ class Terms(NamedTuple):
     friction: np.ndarray | None = None
     """μ of the surfaces [1], (1,)"""
     resistance: Resistance | None = None
-    """what resists the turning of round features on surfaces"""
+    """rolling and torsional resistance of round features on surfaces"""
     loss: np.ndarray | None = None
     """β of the surfaces [1], (1,)"""
     paper_law: PaperLaw | None = None
-    """contact as the paper has it"""
+    """the paper's contact"""
     last: LastNode | None = None
-    """what is kept of the last node, where there are dampers, and surfaces or bodies that collide"""
+    """data of the last node, if there are dampers, and surfaces or bodies that collide"""
     cycle: Cycle | None = None
-    """what acts once in several steps; None if all acts at each"""
+    """progress in cycles of steps; None if all forces act at each step"""
     collisions: Collisions | None = None
     """bodies that collide"""
     rounds: Rounds | None = None
-    """round features, by which a body that has some meets surfaces"""
+    """round features, with which a body that has some touches surfaces"""
     own: tuple[OfBody, ...] | None = None
-    """forces that a user wrote, of all bodies"""
+    """user-defined forces of all bodies"""
     body: int = 0
-    """number of the body, of those that ``own`` names"""
+    """index of the body, as in ``own``"""

@@ -1,4 +1,4 @@
-"""Bodies of point masses and springs. Nothing here knows of time."""
+"""Bodies of point masses and springs. Nothing here depends on time."""
 
 from springgym.bodies.ball import ball
 from springgym.bodies.body import Body

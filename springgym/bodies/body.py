@@ -21,14 +21,14 @@ MOST_PARTICLES, MOST_SPRINGS = 1000, 20_000
 numbers, in a time that grows as N³. At this limit it is half a minute."""
 
 EXACT = 400
-"""Up to this number of particles, ways to change shape are counted to the accuracy of doubles."""
+"""Largest number of particles for which zero-energy modes are counted to double precision."""
 
 PHYSICAL = ("positions", "masses", "springs", "stiffness", "damping", "lengths")
 """Fields of a `Body` that decide how it moves."""
 
 
 class Parts(Mapping[str, tuple[int, ...]]):
-    """Names of particles. They cannot change; unlike a mapping proxy, they can be copied and pickled."""
+    """Names of particles. Immutable; unlike a mapping proxy, it can be copied and pickled."""
 
     def __init__(self, named: Mapping[str, tuple[int, ...]]) -> None:
         self._named = dict(named)
@@ -92,7 +92,7 @@ class Body(ReadOnly):
         If a mass or stiffness is not positive and finite; a spring has no length, is given twice or ends at a
         particle that does not exist; a part, marker or triangle has such a particle; there is a radius
         besides triangles or round features; too few particles carry a round feature; or the body is in
-        pieces, does not hold its shape, or is too large. The message names the culprit.
+        pieces, does not hold its shape, or is too large. The message names the cause.
     """
 
     name: str
@@ -207,7 +207,7 @@ class Body(ReadOnly):
             )
 
     def floppy_modes(self, pinned: tuple[int, ...] = ()) -> int:
-        """Return the ways to change shape that stretch no spring, with some particles held.
+        """Return the number of zero-energy modes, which stretch no spring, with some particles pinned.
 
         This is the number of coordinates, 3 (N − pins), less the rank of the rigidity matrix and less the
         rigid motions that the pins allow. A direction counts as stretching no spring if it stretches them by
@@ -327,7 +327,7 @@ class Body(ReadOnly):
 
 
 class ByValue:
-    """A body as a key of a cache: equal to others with the same numbers, whatever their names."""
+    """A body as a key of a cache: equal to others with the same numbers, regardless of names."""
 
     def __init__(self, body: Body) -> None:
         self.body = body
@@ -344,7 +344,7 @@ class ByValue:
 
 @lru_cache(maxsize=32)
 def _floppy_modes(places: bytes, pairs: bytes, held: tuple[int, ...]) -> int:
-    """Compute `Body.floppy_modes` from positions and springs: many bodies differ in other numbers alone."""
+    """Compute `Body.floppy_modes` from positions and springs; cached, as bodies often share these."""
     positions = np.frombuffer(places).reshape(-1, 3)
     springs = np.frombuffer(pairs, np.int64).reshape(-1, 2)
     free = np.setdiff1d(np.arange(len(positions)), held)
@@ -355,7 +355,7 @@ def _floppy_modes(places: bytes, pairs: bytes, held: tuple[int, ...]) -> int:
         along = along / np.linalg.norm(along, axis=1)[:, None]
         squares = assembled(along[:, :, None] * along[:, None, :], springs, len(positions))
         coordinates = (3 * free[:, None] + np.arange(3)).ravel()
-        sizes = np.linalg.eigvalsh(squares[np.ix_(coordinates, coordinates)])  # of the matrix's square
+        sizes = np.linalg.eigvalsh(squares[np.ix_(coordinates, coordinates)])  # of the matrix squared
         stretching = int(np.sum(sizes > 1e-12 * sizes[-1])) if len(sizes) else 0
     else:
         rows = rigidity_matrix(positions, springs)[:, free]
@@ -391,7 +391,7 @@ def rigid_motions(positions: np.ndarray, about: ArrayLike | None = None) -> np.n
 
 
 def rigid_ways(positions: np.ndarray, particles: slice | np.ndarray = slice(None)) -> int:
-    """Count the independent rigid motions of a body, of any size, that move some of its particles."""
+    """Return the number of independent rigid motions of a body that move some of its particles."""
     size = np.ptp(positions, axis=0).max() or 1.0
     return rank(rigid_motions(positions / size)[particles].reshape(-1, 6))
 

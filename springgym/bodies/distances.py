@@ -1,8 +1,8 @@
-"""Distances of particles from where they should be, as a share of the size of their body (`Scene.sizes`).
+"""Position errors of particles, relative to the size of their body (`Scene.sizes`).
 
-There are two kinds, and each figure says which it is. The largest distance of a particle bounds the error of
-all of them; the root mean square is smoother, for programs that are compared at equal error. Positions are
-(…, N, 3), sizes (N,) [m]; what is not finite is infinitely far.
+There are two measures, and every reported number says which one it is. The largest distance of a particle
+bounds the error of all of them; the root mean square is smoother, for programs that are compared at equal
+error. Positions are (…, N, 3), sizes (N,) [m]; a position that is not finite is infinitely far.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The solid or cable that a body of springs represents, and what it does not represent."""
+"""The solid or cable that a body of springs represents, and the properties that it lacks."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ class Elastic(ReadOnly):
     axes: np.ndarray
     """(3, 3) axes of spin, its columns"""
     stretch: np.ndarray
-    """(3,) s of each axis [s²]: spun at ω, the moment of inertia about it grows by the share s ω²"""
+    """(3,) s of each axis [s²]: with a spin ω, the moment of inertia about it grows by the fraction s ω²"""
     frequency_ratio: float
-    """lowest frequency of the springs over that of the solid: what calibration reached"""
+    """lowest frequency of the springs over that of the solid, after calibration"""
     stretch_ratios: np.ndarray
     """(3,) the same for s"""
     precession_ratio: float | None = None
-    """of a top pinned at its tip, by how much stretch slows its precession over the same of the solid"""
+    """for a top pinned at its tip, the slowing of its precession by stretch over that of the solid"""
     missed: str = HIGHER
     """description of the properties of the solid that the body lacks"""
 
@@ -67,7 +67,7 @@ class Elastic(ReadOnly):
 
 
 def _ratio(value: float) -> str:
-    """Write a ratio near 1 to four digits, or to as many as tell it from 1."""
+    """Return a ratio near 1 with four digits, or as many as distinguish it from 1."""
     return f"{value:.4f}" if abs(value - 1) >= 5e-5 else "1"
 
 

@@ -1,4 +1,4 @@
-"""Shapes in which springs carry a steady rotation, and the weight."""
+"""Shapes in which springs support a steady rotation and the weight."""
 
 from __future__ import annotations
 
@@ -71,16 +71,16 @@ def balanced(
         raise ValueError(f"body {body.name!r} is pinned at {list(pinned)} and cannot turn about {omega}")
     rigid = rigid_motions(body.positions, centre)[free].reshape(3 * len(free), 6)
     rigid = rigid[:, 3:] @ turns if pinned else rigid
-    deforming = _kernel(rigid.T)  # displacements that are no rigid motion
+    deforming = _kernel(rigid.T)  # displacements other than rigid motions
     unknown = (3 * free[:, None] + np.arange(3)).ravel()
     inwards = skew(omega) @ skew(omega)
     scale = (body.stiffness * body.lengths).max(initial=0.0)
     x = near.copy()
     residual = np.full_like(x, np.inf)
-    with np.errstate(all="ignore"), suppress(np.linalg.LinAlgError):  # no shape: the residual says so
+    with np.errstate(all="ignore"), suppress(np.linalg.LinAlgError):  # without a shape, the residual shows it
         for _ in range(50):
             r = x - (centre if pinned else body.masses @ x / body.mass)
-            # as `springgym.bodies.body.inertia`, but summed at once: another order moves starts by rounding
+            # as `springgym.bodies.body.inertia`, but summed at once: another order rounds starts differently
             tensor = np.sum(mass * (r * r)) * np.eye(3) - (mass * r).T @ r
             torque = cross(r, weight).sum(axis=0) - cross(omega, tensor @ omega)
             alpha = turns @ np.linalg.lstsq(turns.T @ tensor @ turns, turns.T @ torque, rcond=1e-12)[0]
@@ -129,11 +129,10 @@ class StretchedShapes:
 def stretched_shapes(
     body: Body, axis: ArrayLike, fastest: float, pinned: tuple[int, ...] = ()
 ) -> StretchedShapes:
-    """Find the `StretchedShapes` about an axis (3,) through the pin or the centre of mass.
+    """Return the `StretchedShapes` about an axis (3,) through the pin or the centre of mass.
 
     Springs are linear, so the shape is a smooth function of ω²: a polynomial through five of them, at
-    Chebyshev's points, is exact to about (largest strain)⁵. Shapes of bodies that were asked for lately are
-    not computed again.
+    Chebyshev's points, is exact to about (largest strain)⁵. Recent results are cached.
     """
     along, fastest = direction("axis", axis), number("fastest", fastest, low=TINY)
     held = tuple(indices("pinned", pinned, len(instance("body", body, Body).masses)).tolist())
@@ -158,7 +157,7 @@ def _skews(vectors: np.ndarray) -> np.ndarray:
 
 
 def _kernel(matrix: np.ndarray) -> np.ndarray:
-    """Return orthonormal columns that span what a matrix maps to zero."""
+    """Return orthonormal columns that span the kernel of a matrix."""
     _, sizes, rows = np.linalg.svd(matrix)
     rank = int(np.sum(sizes > 1e-9 * sizes.max(initial=0.0)))
     return rows[rank:].T

@@ -20,14 +20,14 @@ LARGEST = 100_000_000
 """Largest size of a mesh file [bytes]."""
 
 MOST_VERTICES = 400
-"""Most vertices of a body. More particles would be so light that only tiny steps are stable, and the search
-for braces takes a time that grows as the third power of their number."""
+"""Largest number of vertices of a body. More particles would be so light that only tiny steps are stable, and
+the search for braces takes a time that grows as the third power of their number."""
 
 MOST_POINTS = 10_000
-"""Most points of a hull: finding the hull of more takes minutes."""
+"""Largest number of points of a hull: more take minutes."""
 
 MANY_PAIRS = 10_000
-"""Pairs that are examined at once: 100 MB of numbers at `MOST_VERTICES`."""
+"""Number of pairs that are processed at once: 100 MB of numbers at `MOST_VERTICES`."""
 
 
 def from_points(
@@ -103,7 +103,7 @@ def from_mesh(
     path
         The file; it needs ``trimesh`` (extra ``mesh``).
     mass
-        Total [kg].
+        Total mass [kg].
     by
         How the mass is shared.
     scale
@@ -158,7 +158,7 @@ def read_mesh(path: str | Path, scale: float) -> tuple[str, np.ndarray, np.ndarr
         raise FileNotFoundError(f"there is no mesh file {path}: {why}")
     try:
         mesh = trimesh.load_mesh(path)
-    except Exception as error:  # its readers raise whatever they stumble over
+    except Exception as error:  # its readers raise errors of any kind
         raise ValueError(f"{path} cannot be read as a mesh: {error}") from error
     mesh.merge_vertices(merge_tex=True, merge_norm=True)
     if len(mesh.vertices) > MOST_VERTICES:
@@ -180,7 +180,7 @@ def read_mesh(path: str | Path, scale: float) -> tuple[str, np.ndarray, np.ndarr
             "cover each other, or are inside out"
         )
     solids = [shell for shell in surface.shells(triangles) if surface.volume(vertices, shell) > 0]
-    if len(solids) > 1:  # those inside out are cavities
+    if len(solids) > 1:  # those with inward normals are cavities
         raise ValueError(
             f"{path} is {len(solids)} solids that share no edge; it must be one. Make a body of each, and "
             "join them by springs, or by their union if they touch"
@@ -257,7 +257,7 @@ def union(bodies: Sequence[Body], name: str = "union") -> Body:
 def convex_hull(points: np.ndarray) -> np.ndarray:
     """Return the triangles (T, 3) of the convex hull of points (n, 3), anticlockwise seen from outside.
 
-    Points are added one by one, those farthest out first: the triangles that see a new point give way to
+    Points are added one by one, those farthest out first: the triangles that face a new point are replaced by
     those between it and their common rim (Clarkson & Shor 1989, doi:10.1007/BF02187740).
 
     Raises

@@ -11,18 +11,18 @@ from springgym.bodies.network import Network
 
 
 def lattice(sides: Sequence[float], counts: Sequence[int]) -> tuple[Network, np.ndarray]:
-    """Make a box of cells with springs along edges and face diagonals, and return the stiffnesses (S,).
+    """Return a box of cells with springs along edges and face diagonals, and the stiffnesses (S,).
 
-    Springs of one cell of sides a, b, c and volume V, seen from afar, are a solid with
-    C_xxyy V = 2 k_xy a² b²/(a² + b²) and C_xxxx V = k_x a² + 2 k_xy a⁴/(a² + b²) + 2 k_xz a⁴/(a² + c²).
-    They are isotropic, with a Poisson's ratio of ¼ and μ = 2E/5, if C_xxyy = μ = C_xxxx/3. Each cell adds
-    its share to the springs at its rim: a quarter of an edge, half of a diagonal. Masses are products of
-    weights along each side, Simpson's for two cells, that have the box's moments.
+    On large scales, springs of cells of sides a, b, c and volume V act as a solid with C_xxyy V = 2 k_xy a²
+    b²/(a² + b²) and C_xxxx V = k_x a² + 2 k_xy a⁴/(a² + b²) + 2 k_xz a⁴/(a² + c²). They are isotropic, with a
+    Poisson's ratio of ¼ and μ = 2E/5, if C_xxyy = μ = C_xxxx/3. Each cell adds its share to the springs at
+    its rim: a quarter of an edge, half of a diagonal. Masses are products of weights along each side,
+    Simpson's for two cells, that have the box's moments.
 
     Raises
     ------
     ValueError
-        If cells are so far from cubes that an edge would have to push, or a side has less than two.
+        If an edge would need a negative stiffness, with cells far from cubes, or a side has one cell.
     """
     if min(counts) < 2:
         raise ValueError(f"a lattice has at least two cells along each side, not {min(counts)}")
@@ -48,7 +48,7 @@ def lattice(sides: Sequence[float], counts: Sequence[int]) -> tuple[Network, np.
             full = shear * volume * squares.sum() / (2 * squares.prod())
         first = index[tuple(slice(max(0, -s), n + 1 - max(0, s)) for s, n in zip(step, counts, strict=True))]
         second = index[tuple(slice(max(0, s), n + 1 - max(0, -s)) for s, n in zip(step, counts, strict=True))]
-        share = np.ones(first.shape)  # of the cells around it that there are
+        share = np.ones(first.shape)  # for each existing cell around it
         for axis in set(range(3)) - set(moved):
             rim = [slice(None)] * 3
             rim[axis] = [0, -1]  # type: ignore[call-overload]
@@ -61,7 +61,7 @@ def lattice(sides: Sequence[float], counts: Sequence[int]) -> tuple[Network, np.
 
 
 def _weights(cells: int) -> np.ndarray:
-    """Return shares of a rod's mass at its cells' ends, (cells + 1,), with its moments up to the second."""
+    """Return fractions of a rod's mass at its cells' ends, (cells + 1,), exact up to the second moment."""
     weights = np.ones(cells + 1)
     weights[[0, -1]] = 0.5
     moved = cells / (12 * (cells - 1))

@@ -1,4 +1,4 @@
-"""Place bodies and set them in rigid motion, for the start of scenes and episodes."""
+"""Placement and rigid motion of bodies, for the start of scenes and episodes."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def start(
     body
         The body to place.
     tilt, azimuth, roll
-        [rad]. The third axis is tilted from the vertical towards ``azimuth``, which counts from x. Without a
+        [rad]. The third axis is tilted from the vertical towards ``azimuth``, measured from x. Without a
         tilt, the body keeps its orientation.
     hanging
         Whether the body hangs from its first pin, instead of having a tilt. It is turned as little as
@@ -123,7 +123,7 @@ def start(
     shape = body.positions
     if stretched:
         pull = None if gravity is None else place.T @ gravity
-        if pull is not None and body.floppy and pinned:  # what it carries along itself
+        if pull is not None and body.floppy and pinned:  # the pull along the body
             along = body.centre - body.positions[pinned[0]]
             pull = along * (along @ pull) / (along @ along) if along.any() else None
         shape = relative_equilibrium(body, place.T @ rate, pinned, pull)

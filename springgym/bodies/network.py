@@ -1,4 +1,4 @@
-"""Masses and springs of a network of particles that give it what an elastic solid has.
+"""Masses and springs that give a network of particles the properties of an elastic solid.
 
 Everything is of unit density and Young's modulus, in any unit of length.
 """
@@ -16,10 +16,10 @@ from springgym.checks import instance
 from springgym.theory.solid import Rule
 
 REACHED = 1e-6
-"""A calibration ends when frequency and growths are met to this share, or"""
+"""Relative error of frequency and growths at which a calibration ends."""
 
 ITERATIONS = 80
-"""after so many steps."""
+"""Largest number of steps of a calibration."""
 
 
 class Network(NamedTuple):
@@ -37,11 +37,11 @@ class Network(NamedTuple):
 
 
 def moment_masses(positions: np.ndarray, rule: Rule) -> np.ndarray | None:
-    """Find positive masses (N,) with a solid's volume, centre and second moments; None if none have them.
+    """Return positive masses (N,) with a solid's volume, centre and second moments; None if there are none.
 
-    Of all such masses those with the largest product: the least uneven. With the ten conditions A m = b the
-    maximum of Σ ln m is m = 1/(Aᵀλ), where λ minimises the convex function bᵀλ − Σ ln Aᵀλ, found by Newton's
-    method with the damping 1/(1 + decrement) of Nesterov & Nemirovskii.
+    Of all such masses, those with the largest product, the most even ones, are chosen. With the ten
+    conditions A m = b the maximum of Σ ln m is m = 1/(Aᵀλ), where λ minimises the convex function bᵀλ − Σ ln
+    Aᵀλ, found by Newton's method with the damping 1/(1 + decrement) of Nesterov & Nemirovskii.
     """
     volume = float(rule.weights.sum())
     centre = rule.weights @ rule.points / volume
@@ -108,7 +108,7 @@ class Response(NamedTuple):
     squares: np.ndarray
     """(3N − 6,) ω², ascending"""
     elongation: np.ndarray
-    """(S, 3N − 6) of each spring in each vibration, of unit ½ Σ m v² at unit frequency"""
+    """(S, 3N − 6) elongation of each spring in each vibration, of unit ½ Σ m v² at unit frequency"""
     stretch: np.ndarray
     """(3,) s"""
     spun: np.ndarray
@@ -135,9 +135,9 @@ def response(network: Network, stiffness: np.ndarray, axes: np.ndarray) -> Respo
 
 
 def _modes(network: Network, stiffness: np.ndarray, rigid: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return ω² (q,), ascending, modes √m u (3N, q) of unit length, and what they do to springs (S, q).
+    """Return ω² (q,), ascending, modes √m u (3N, q) of unit length, and elongations of springs (S, q).
 
-    As many as there are rigid motions are left out: they come first, at 0.
+    The first ``rigid`` modes are left out: they are the rigid motions, with ω = 0.
     """
     positions, masses, springs = network
     root = np.sqrt(np.repeat(masses, 3))
@@ -148,7 +148,7 @@ def _modes(network: Network, stiffness: np.ndarray, rigid: int) -> tuple[np.ndar
 
 
 def bars(network: Network) -> np.ndarray:
-    """Return stiffnesses (S,) of bars of equal section, k ~ 1/L, with Σ k L² = 6 E V: of the right size."""
+    """Return stiffnesses (S,) of bars of equal section, k ~ 1/L, with Σ k L² = 6 E V, as a first guess."""
     ends = network.positions[network.springs]
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     return np.asarray(6 * network.masses.sum() / lengths.sum() / lengths)
@@ -165,30 +165,30 @@ def calibrated(
 ) -> np.ndarray:
     """Return stiffnesses (S,) that give a network the lowest frequency and the growth under spin of a solid.
 
-    Groups of springs change by the smallest shares that meet the linearised conditions, a step after the
-    other: ln ω_q = ln ω₁ for the lowest mode and for all below ω₁, with ∂ ln ω_q²/∂ ln k = k e²/ω_q², and
-    ln s = that of the solid for three axes, with ∂ ln s/∂ ln k = −2 k e²/(I s), e being elongations.
-    Stiffnesses stay positive.
+    In each step, groups of springs change by the smallest fractions that meet the linearised conditions: ln
+    ω_q = ln ω₁ for the lowest mode and for all below ω₁, with ∂ ln ω_q²/∂ ln k = k e²/ω_q², and ln s = that
+    of the solid for three axes, with ∂ ln s/∂ ln k = −2 k e²/(I s), e being elongations. Stiffnesses stay
+    positive.
 
     Parameters
     ----------
     network
-        Of unit density and Young's modulus.
+        The network, of unit density and Young's modulus.
     axes
-        (3, 3) columns, of spin.
+        (3, 3) axes of spin, columns.
     frequency, stretch
         ω₁ and s (3,) of the solid.
     groups
         (S,) numbers, from 0, of springs that keep the ratio of their stiffnesses.
     begin
-        (S,) stiffnesses to begin with.
+        (S,) initial stiffnesses.
     reluctance
         (S,) weights of the squares of their changes.
 
     Returns
     -------
     stiffness
-        The best that was found; what it misses is for the caller to see.
+        The best stiffnesses found; the caller has to check their error.
     """
     weights = np.bincount(groups, np.broadcast_to(reluctance, groups.shape))
     stiffness = best = begin
@@ -197,7 +197,7 @@ def calibrated(
         now = response(network, stiffness, axes)
         ratios = now.stretch / stretch
         gap = missed(math.sqrt(now.squares[0]) / frequency, ratios)
-        if gap < 0.98 * least:  # less is not worth stiffer springs, and so smaller steps
+        if gap < 0.98 * least:  # a smaller gain is not worth stiffer springs, and so smaller steps
             best, least = stiffness, gap
         if least < REACHED:
             break

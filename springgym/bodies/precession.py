@@ -17,10 +17,10 @@ from springgym.checks import array, indices, instance, number
 from springgym.theory.top import HeavyTop, steady_precession
 
 UPRIGHT = 1e-6
-"""A top that leans by less than this angle [rad] from the vertical does not precess."""
+"""Least tilt of a top that precesses [rad]."""
 
 TURNS = 4
-"""Positions about its axis that a top is averaged over; wood is not the same in all."""
+"""Number of angles about its axis over which a top is averaged; wood is anisotropic."""
 
 
 def heavy_top(body: Body, pinned: Sequence[int], gravity: Sequence[float]) -> HeavyTop:
@@ -53,7 +53,7 @@ def heavy_top(body: Body, pinned: Sequence[int], gravity: Sequence[float]) -> He
 def axial_moments(body: Body, about: np.ndarray, kind: str = "symmetric top") -> tuple[float, float]:
     """Return the moments of inertia I₁ and I₃ across and along a body's third axis, about a point [kg·m²].
 
-    ``kind`` is what errors say that it is not.
+    ``kind`` is the name of such a body in error messages.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def axial_moments(body: Body, about: np.ndarray, kind: str = "symmetric top") ->
 def precession_gap(
     body: Body, pinned: tuple[int, ...], gravity: Sequence[float], tilt: float, spin: float
 ) -> float:
-    """Return the share by which an elastic top's slow steady precession differs from that of the rigid one.
+    """Return the relative difference of an elastic top's slow steady precession from that of the rigid one.
 
     In steady precession the top keeps its shape. The shape turns about the vertical together with the axis,
     and the particles pass through it. At each angle about the axis, the springs balance the weight and the
@@ -151,7 +151,7 @@ def _gap(of: ByValue, pin: int, pull: float, tilt: float, spin: float, rigid: fl
 def wobble_growth(body: Body, spin: float) -> float:
     """Return the rate [1/s] at which internal friction makes a small wobble of a free symmetric body grow.
 
-    Friction keeps the angular momentum L and takes from the energy L² (cos²θ/I₃ + sin²θ/I₁)/2, θ the angle
+    Friction conserves the angular momentum L and reduces the energy L² (cos²θ/I₃ + sin²θ/I₁)/2, θ the angle
     between L and the axis: a slender body, I₁ > I₃, turns over, and a flat one comes to rest (a negative
     rate). This is the real part of the eigenvalue of the wobble, near i (I₃ − I₁) ω/I₁, of motion linearised
     about steady rotation in axes that turn with the body, with centrifugal and Coriolis forces:
@@ -161,7 +161,7 @@ def wobble_growth(body: Body, spin: float) -> float:
     Parameters
     ----------
     body
-        Its third axis, see `Body.markers`, is one of symmetry.
+        A body whose third axis, see `Body.markers`, is one of symmetry.
     spin
         ω about it [rad/s].
 

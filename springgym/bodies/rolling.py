@@ -23,7 +23,7 @@ from springgym.bodies.round import LARGEST, SMALLEST, Round, ellipsoid_of, rim, 
 from springgym.checks import TINY, array, number
 
 SOLID = 0.4
-"""Moment of inertia of a solid ball, as a share of m r²."""
+"""Moment of inertia of a solid ball over m r²."""
 
 TETRAHEDRON = np.array([[-(2**0.5), -1, -(6**0.5)], [-(2**0.5), -1, 6**0.5], [8**0.5, -1, 0], [0, 3, 0]]) / 3
 """The corners (4, 3) of a regular tetrahedron, at the distance 1 from its centre. The second lies above the
@@ -115,7 +115,7 @@ def disk(
     stiffness: float = 1e5,
     damping: float = 10.0,
 ) -> Body:
-    """Make a coin about the z axis that meets surfaces with the rim of its middle plane.
+    """Make a coin about the z axis that touches surfaces with the rim of its middle plane.
 
     Its inertia is that of a cylinder. It is refused among bodies that collide. It touches a plane in one
     point at a time, see `springgym.bodies.rim`. If it strikes almost flat, that point runs from side to side
@@ -175,7 +175,7 @@ def capsule(
     radius = number("radius", radius, SMALLEST, LARGEST)
     length = number("length", length, radius / 100, 1000 * radius)
     mass = number("mass", mass, low=TINY)
-    share = 1 / (1 + 4 * radius / (3 * length))  # of the mass, in the cylinder
+    share = 1 / (1 + 4 * radius / (3 * length))  # fraction of the mass in the cylinder
     across = share * radius**2 / 4 + (1 - share) * radius**2 / 5
     beyond = length**2 / 4 + 3 / 8 * length * radius + radius**2 / 5
     along = share * length**2 / 12 + (1 - share) * beyond

@@ -22,7 +22,7 @@ def turned(axis: np.ndarray, angle: ArrayLike) -> np.ndarray:
 
 
 def skew(u: np.ndarray) -> np.ndarray:
-    """Return the matrices (…, 3, 3) that multiply a vector w to u × w, for vectors u (…, 3)."""
+    """Return the matrices (…, 3, 3) of the map w ↦ u × w, for vectors u (…, 3)."""
     return cross(np.eye(3), u[..., None, :])
 
 
@@ -56,13 +56,13 @@ def axes(positions: np.ndarray, markers: Sequence[int]) -> np.ndarray:
 
 
 def rotating(vector: Sequence[float] | np.ndarray) -> np.ndarray:
-    """Return the rotation by a vector along its axis [rad]."""
+    """Return the rotation matrix (3, 3) of a rotation vector (3,) [rad]."""
     angle = float(np.linalg.norm(vector))
     return turned(np.asarray(vector) / angle, angle) if angle >= TINY else np.eye(3)
 
 
 def aligning(source: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Return the least rotation that takes the direction of ``source`` to the unit vector ``target``."""
+    """Return the smallest rotation (3, 3) from the direction of ``source`` to the unit vector ``target``."""
     source = source / np.linalg.norm(source)
     across = np.cross(source, target)
     size = float(np.linalg.norm(across))

@@ -1,4 +1,4 @@
-"""Round features of a body of springs: ellipsoids, spheres and rims that its particles carry.
+"""Round features of a body of springs: ellipsoids, spheres and rims carried by its particles.
 
 In the rest shape a feature has a centre ξc and a symmetric matrix A: its points are ξc + √A u with |u| ≤ 1.
 A = r² 1 is a sphere, A = Q diag(a², b², c²) Qᵀ an ellipsoid of semi-axes a, b, c; a very flat one is a disk.
@@ -27,22 +27,22 @@ from springgym.checks import TINY, array, direction, indices, number, whole_arra
 from springgym.records import ReadOnly
 
 EDGE = 3e-3
-"""The smallest semi-axis is at least this share of the largest. The lowest point of a thinner feature jumps
-from side to side when it lies flat, and no step can follow that."""
+"""Least ratio of the smallest to the largest semi-axis. The lowest point of a thinner feature jumps from side
+to side when it lies flat, and no step can follow that."""
 
 SMALLEST, LARGEST = 1e-14, 1e14
-"""Bounds of a semi-axis [m], whose square is a number that is checked."""
+"""Bounds of a semi-axis [m], whose square is checked."""
 
 FLAT = 1e-9
-"""Share of the largest extent of its carriers below which they lie in a plane, and carry nothing."""
+"""Relative extent of the carriers below which they count as coplanar, and carry nothing."""
 
 
 @dataclass(frozen=True, eq=False)
 class Round(ReadOnly):
-    """An ellipsoid that particles of a body carry, and with which the body meets surfaces.
+    """An ellipsoid carried by particles of a body, with which the body touches surfaces.
 
-    Other bodies meet a single one, anywhere in the body, or a capsule: two spheres of one radius about two
-    particles, and all between them. All particles carry these. Other bodies meet no other feature.
+    Other bodies can touch only a single sphere about the centre of mass, or a capsule, two spheres of one
+    radius about two particles, with all between them; all particles must carry these.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ class Round(ReadOnly):
         return np.sqrt(np.maximum(squares, 0.0)), axes
 
     def carriers(self, count: int, what: str = "particles of a round feature") -> np.ndarray:
-        """Return the numbers of the particles that carry it, in a body of ``count`` particles.
+        """Return the indices of the particles that carry it, in a body of ``count`` particles.
 
         Raises
         ------
@@ -158,7 +158,7 @@ def rim(
     centre: ArrayLike = (0.0, 0.0, 0.0),
     particles: tuple[int, ...] = (),
 ) -> Round:
-    """Return a thin disk across an axis as a round feature, with half of its thickness `EDGE` R.
+    """Return a thin disk perpendicular to an axis as a round feature, with half of its thickness `EDGE` R.
 
     It is an ellipsoid, so one point at a time touches a surface. That point is near the rim while the disk is
     tilted by more than `EDGE`.

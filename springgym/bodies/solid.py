@@ -47,22 +47,22 @@ from springgym.theory import rope as chain
 from springgym.theory import solid as theory
 
 ENOUGH = 0.01
-"""A hull is given more particles if its frequency and growths are missed by more than this share."""
+"""Relative error of frequency and growths above which a hull gets more particles."""
 
 MOST_RING = 40
-"""Rings of a top are no finer: their springs are of four kinds, however many, and fit the solid no better."""
+"""Largest number of particles in a top's ring: its four kinds of springs fit no better with more."""
 
 MOST_UNEQUAL = 100.0
-"""Radius and height of a top differ by this factor at the most,"""
+"""Largest ratio of radius and height of a top, or its inverse."""
 
 FLATTEST = 30.0
-"""and the root mean squares of the coordinates of other solids, along their principal axes, by this."""
+"""Largest ratio of the root mean square coordinates of other solids along their principal axes."""
 
 AXIS_RELUCTANCE = 30.0
 """The spring along the axis of a top changes less than others in calibration, by this weight."""
 
 FINE = 60
-"""Solids of more triangles than this are solved with polynomials of a lower degree, 6: 2e-3 off at most."""
+"""Solids of more triangles than this are solved with polynomials of degree 6, with errors up to 2e-3."""
 
 REFLECTIONS = tuple(np.diag(signs) for signs in product((1.0, -1.0), repeat=3))
 """The symmetries of wood with its grain along z."""
@@ -71,7 +71,7 @@ SWAPS = tuple(np.eye(3)[list(order)] @ signs for order in permutations(range(3))
 """The symmetries of a cube."""
 
 Tensor = tuple[float, ...]
-"""An elasticity tensor over the Young's modulus, flat, to 12 digits: a key to remember solutions by."""
+"""An elasticity tensor over the Young's modulus, flat, to 12 digits: a key for cached solutions."""
 
 
 class Unit(NamedTuple):
@@ -85,7 +85,7 @@ class Unit(NamedTuple):
     """(3, 3) axes of spin, columns"""
     frequency_ratio: float
     stretch_ratios: np.ndarray
-    """(3,), both of the springs over those of the solid"""
+    """(3,) as ``frequency_ratio``, of the springs over those of the solid"""
     moved: np.ndarray
     """(3, N, 3) displacements of the particles under unit ω about each axis, from the centre of mass"""
 
@@ -160,7 +160,7 @@ def _unit_top(ratio: float, ring: int, tensor: Tensor) -> Unit:
     turn = np.array([[math.cos(step), -math.sin(step), 0], [math.sin(step), math.cos(step), 0], [0, 0, 1]])
     network = Network(positions, masses, np.array([*springs, (heart, tip)]))
     begin, reluctance = bars(network), np.ones(len(network.springs))
-    # the core of the cone: its mean section over the length of the spring; flat tops would get small steps
+    # core of the cone: its mean section over the spring's length; flat tops would need small steps
     begin[-1], reluctance[-1] = min(1.5 * masses.sum(), 1.0), AXIS_RELUCTANCE
     return _solved(
         network,
@@ -238,7 +238,7 @@ def solid_box(
 
 @lru_cache(maxsize=64)
 def _unit_box(sides: tuple[float, ...], counts: tuple[int, ...], tensor: Tensor) -> Unit:
-    """Make a box of cells with a particle at each corner and centre."""
+    """Return a solved box of cells with a particle at each corner and centre."""
     cell = np.array(sides) / counts
     corners, centres = grid(sides, counts), grid(sides - cell, np.array(counts) - 1)
     positions = np.vstack([corners, centres])
@@ -260,7 +260,7 @@ def _unit_box(sides: tuple[float, ...], counts: tuple[int, ...], tensor: Tensor)
 
 @lru_cache(maxsize=64)
 def _unit_lattice(sides: tuple[float, ...], counts: tuple[int, ...]) -> Unit:
-    """Make a box of cells with edges and face diagonals, see `lattice`."""
+    """Return a solved box of cells with edges and face diagonals, see `lattice`."""
     network, stiffness = lattice(sides, counts)
     tensor = tuple(theory.isotropic(1.0, 0.25).ravel())
     solid = theory.elastic_solid(theory.box_rule(sides), 1.0, np.reshape(tensor, (3,) * 4))
@@ -354,7 +354,7 @@ def _polyhedron(
 def _unit_polyhedron(
     points: tuple[tuple[float, ...], ...], faces: tuple[tuple[int, ...], ...], tensor: Tensor
 ) -> tuple[Unit, np.ndarray]:
-    """Return the unit with the fewest particles that meets the solid, and the triangles of its surface."""
+    """Return the unit with the fewest particles that fits the solid, and the triangles of its surface."""
     vertices, triangles = np.array(points), np.array(faces)
     rule = theory.polyhedron_rule(vertices, triangles, theory.DEGREE if len(faces) <= FINE else 6)
     centre = rule.weights @ rule.points / rule.weights.sum()
@@ -448,7 +448,7 @@ def solid_rope(
 
 
 def softened(body: Body, factor: float) -> Body:
-    """Divide all stiffnesses of a body by a factor, and dampers by its square root: damping ratios stay.
+    """Return a body with stiffnesses divided by a factor, dampers by its root: damping ratios are equal.
 
     A body of a material becomes one of `Material.softened`. Other bodies work, too.
 
@@ -483,7 +483,7 @@ def _tensor(material: Material) -> Tensor:
 
 
 def _is_isotropic(tensor: Tensor) -> bool:
-    """Return whether an elasticity tensor is the same along all axes: no grain."""
+    """Return whether an elasticity tensor is isotropic: no grain."""
     c = np.reshape(tensor, (3, 3, 3, 3))
     return bool(np.isclose(c[0, 0, 0, 0], c[2, 2, 2, 2]) and np.isclose(c[0, 0, 0, 0], c[1, 1, 1, 1]))
 
@@ -497,7 +497,7 @@ def _solved(
     reluctance: np.ndarray | float = 1.0,
     marks: ArrayLike = (),
 ) -> Unit:
-    """Calibrate the springs of a network; see `calibrated`, `springgym.theory.solid.elastic_solid`."""
+    """Return a network with calibrated springs; see `calibrated`, `springgym.theory.solid.elastic_solid`."""
     second = second_moments(network)
     axes = np.eye(3)
     if np.abs(second - np.diag(np.diag(second))).max() > 1e-9 * np.trace(second):
@@ -528,7 +528,7 @@ def _body(
     precession_ratio: float | None = None,
     **named: Any,
 ) -> Body:
-    """Make the body of a unit whose length 1 is ``size`` [m], at ``at``; ``named`` are fields of `Body`."""
+    """Return the body of a unit of length ``size`` [m], at ``at`` [m]; ``named`` are fields of `Body`."""
     solid, scale = unit.solid, material.density * size**3
     frequency = float(solid.frequencies[0]) * math.sqrt(material.young / material.density) / size
     stiffness = unit.stiffness * material.young * size

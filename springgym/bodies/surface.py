@@ -10,24 +10,24 @@ SHARP = math.radians(1.0)
 """Edges whose faces turn by less count as flat."""
 
 RAYS = 256
-"""Looked along in one go: some 30 MB of numbers for 800 triangles."""
+"""Number of rays that are processed at once: some 30 MB of numbers for 800 triangles."""
 
 JUST = 1e-6
-"""Share of a surface's size that is just before or just behind a face; of its square, a sliver's area."""
+"""Distance of test points from a face, relative to the surface's size; and a sliver's area, to its square."""
 
 SAMPLES = np.array([(1, 1, 1), (4, 1, 1), (1, 4, 1), (1, 1, 4)]) / np.array([[3], [6], [6], [6]])
 """Barycentric coordinates of the points of a triangle where thickness is measured."""
 
 
 def is_closed(triangles: np.ndarray) -> bool:
-    """Return whether each edge belongs to two triangles (T, 3), which run along it in opposite senses."""
+    """Return whether each edge belongs to two triangles (T, 3), which run along it in opposite directions."""
     runs = _runs(triangles)
     once = len(np.unique(runs, axis=0)) == len(runs)
     return len(runs) > 0 and once and bool((_ordered(runs) == _ordered(runs[:, ::-1])).all())
 
 
 def same_sense(triangles: np.ndarray) -> np.ndarray:
-    """Return edges (E, 2) along which two triangles run in the same sense: one of them is turned over."""
+    """Return edges (E, 2) along which two triangles run in the same direction: one of them is inverted."""
     runs, times = np.unique(_runs(triangles), axis=0, return_counts=True)
     return runs[times > 1]
 
@@ -42,7 +42,7 @@ def shells(triangles: np.ndarray) -> list[np.ndarray]:
 
 
 def pieces(count: int, pairs: np.ndarray) -> np.ndarray:
-    """Return for each of ``count`` things the first one of its piece; pairs (P, 2) connect things."""
+    """Return the first item of the connected component of each of ``count`` items, linked by pairs (P, 2)."""
     piece = np.arange(count)
     while True:
         lower = piece.copy()
@@ -54,7 +54,7 @@ def pieces(count: int, pairs: np.ndarray) -> np.ndarray:
 
 
 def winding(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Return how often surfaces of triangles (..., T, 3, 3) wind around points (..., P, 3).
+    """Return winding numbers (..., P) of surfaces of triangles (..., T, 3, 3) around points (..., P, 3).
 
     1 inside a solid, 0 outside: the sum of solid angles (van Oosterom and Strackee, IEEE Trans. Biomed. Eng.
     30 (1983) 125) over 4π.
@@ -69,8 +69,8 @@ def winding(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
 def faces_out(positions: np.ndarray, triangles: np.ndarray) -> bool:
     """Return whether a closed surface encloses solids that do not overlap.
 
-    Just behind each face is inside of one of them, just before it is outside. Slivers are not looked at:
-    rounding may turn them.
+    Points just behind each face must be inside of one solid, and points just before it outside. Slivers are
+    skipped, as rounding may invert them.
     """
     corners = positions[triangles]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -140,8 +140,8 @@ def thickness(positions: np.ndarray, triangles: np.ndarray) -> float:
 def _along(
     start: np.ndarray, way: np.ndarray, own: np.ndarray, corners: np.ndarray, normal: np.ndarray
 ) -> np.ndarray:
-    """Distances (R,) from points (R, 3) along unit vectors (R, 3) to the nearest of the triangles they leave
-    the body through, ``own`` (R,) apart; infinite for what meets none."""
+    """Return distances (R,) from points (R, 3) along unit vectors (R, 3) to the nearest triangle where rays
+    leave the body, except ``own`` (R,); infinite without one."""
     a, u, w = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     r = start[:, None] - a
     slope = way @ normal.T
@@ -159,7 +159,7 @@ def _along(
 
 
 def _runs(triangles: np.ndarray) -> np.ndarray:
-    """Return the edges of triangles (T, 3) in the sense that they run along them, (3 T, 2)."""
+    """Return the directed edges (3 T, 2) of triangles (T, 3)."""
     return np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
 
 

@@ -1,4 +1,4 @@
-"""Find which bodies of a scene collide, and how. `springgym.contact` computes with it."""
+"""Pairs of bodies in a scene that collide, and their contact parameters, for `springgym.contact`."""
 
 from springgym.collisions.meeting import Collisions, Meeting, Meetings, Pair, meetings
 from springgym.collisions.overlap import check_apart

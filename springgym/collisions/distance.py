@@ -1,6 +1,6 @@
-"""Distances of points, segments and triangles, each of many with each of many, in NumPy.
+"""Distances between points, segments and triangles, of all pairs, in NumPy.
 
-Everything has an axis of copies first: points (k, P, 3), segments (k, S, 2, 3), triangles (k, T, 3, 3).
+The first axis is that of copies: points (k, P, 3), segments (k, S, 2, 3), triangles (k, T, 3, 3).
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import numpy as np
 from springgym.bodies.surface import winding
 
 SMALL = 1e-300
-"""Added to what is divided by, and never large enough to change it."""
+"""Added to divisors, which it changes only if they are 0."""
 
 
 def _dot(u: np.ndarray, w: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Pairs of bodies that may meet, and how: what a scene says, and what follows from it."""
+"""Pairs of bodies that may collide, and their contact parameters, given by a scene or derived."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ ALL = "all"
 
 @dataclass(frozen=True)
 class Pair:
-    """Two bodies that may meet.
+    """Two bodies that may collide.
 
     Parameters
     ----------
     first, second
-        Names of the bodies, or their numbers.
+        Names of the bodies, or their indices.
     contact
-        How they meet; as the scene's contact says if not given. Its Δ is by default `REACH` of the smaller
-        body's `Body.swept`, and c the `derived_strength` of the softer body's largest stiffness and the
-        reduced mass. The springs of a sphere that turns and of a body that is pinned do not
-        count: contacts do not strain them. If no others are left, c is that of `strength_of_impact`.
+        Parameters of their contact; by default those of the scene's contact. By default Δ is `REACH` times
+        the smaller body's `Body.swept`, and c is the `derived_strength` of the softer body's largest
+        stiffness and the reduced mass. The springs of spheres and of bodies that are all pinned do not count:
+        contacts do not strain them. If no others are left, c is that of `strength_of_impact`.
 
     Raises
     ------
     TypeError
-        Naming what is of the wrong kind.
+        If an argument has the wrong type; the message names it.
     """
 
     first: str | int
@@ -51,11 +51,11 @@ class Pair:
 
 
 Collisions = str | Contact | Sequence[Pair] | None
-"""What a scene says of collisions: "all", or how all meet; which pairs; or None."""
+"""Collisions of a scene: "all", a contact for all pairs, a sequence of pairs, or None."""
 
 
 class Meeting(NamedTuple):
-    """Two bodies that may meet, by their numbers, and how."""
+    """Two bodies that may collide, by their indices, and the parameters of their contact."""
 
     first: int
     second: int
@@ -68,17 +68,17 @@ class Meeting(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Meetings(ReadOnly):
-    """The pairs of bodies that may meet, ordered by their bodies, as arrays of shape (pairs,).
+    """The pairs of bodies that may collide, ordered by their bodies, as arrays of shape (pairs,).
 
-    A thousand bodies make half a million pairs: each `Meeting` is made when it is asked for.
+    A thousand bodies make half a million pairs: each `Meeting` is created on access.
     """
 
     first: np.ndarray
     second: np.ndarray
     contacts: tuple[Contact, ...]
-    """the ways in which bodies meet"""
+    """the different contacts of the pairs"""
     how: np.ndarray
-    """which of them each pair meets in"""
+    """the index of each pair's contact"""
     strength: np.ndarray
     """c [N·m²]"""
     reach: np.ndarray
@@ -104,12 +104,12 @@ class Meetings(ReadOnly):
         return np.array([getattr(contact, name) for contact in self.contacts])[self.how]
 
     def by(self, contact: Any) -> np.ndarray:
-        """Mask (pairs,) of the pairs that collide by this very contact."""
+        """Mask (pairs,) of the pairs whose contact is this object."""
         return np.array([own is contact for own in self.contacts], bool)[self.how]
 
 
 class BodyRef(NamedTuple):
-    """A body of a scene, as far as collisions know of it."""
+    """A body of a scene, with the data that collisions need."""
 
     name: str
     body: Body
@@ -120,14 +120,14 @@ class BodyRef(NamedTuple):
 
 
 def meetings(collisions: Collisions, contact: Contact | PaperContact, bodies: Sequence[BodyRef]) -> Meetings:
-    """Find the pairs that follow from what a scene says of collisions.
+    """Return the pairs of bodies that collide, with their contact parameters, from a scene's ``collisions``.
 
     Raises
     ------
     TypeError
-        If it is of the wrong kind.
+        If ``collisions`` has the wrong type.
     ValueError
-        Naming the bodies: unknown, named twice, unfit to collide; or if c or Δ cannot be derived.
+        If bodies are unknown, paired twice or unfit to collide, or if c or Δ cannot be derived.
     """
     ways: list[Contact | PaperContact] = [contact]
     count = len(bodies)
@@ -156,7 +156,7 @@ def meetings(collisions: Collisions, contact: Contact | PaperContact, bodies: Se
 
 
 def _numbered(pairs: Sequence[Any], bodies: Sequence[BodyRef]) -> list[tuple[int, int]]:
-    """Return the numbers of each pair's bodies, ascending."""
+    """Return the indices of each pair's bodies, ascending."""
     numbers = {named.name: n for n, named in enumerate(bodies)}
     found: dict[tuple[int, int], None] = {}
     for n, pair in enumerate(pairs):
@@ -181,7 +181,7 @@ def _numbered(pairs: Sequence[Any], bodies: Sequence[BodyRef]) -> list[tuple[int
 def _meetings(
     first: np.ndarray, second: np.ndarray, ways: Sequence[Any], how: np.ndarray, bodies: Sequence[BodyRef]
 ) -> Meetings:
-    """Find c and Δ of each pair, and refuse bodies that are not fit to meet."""
+    """Find c and Δ of each pair; raise ValueError if bodies are not fit to collide."""
     used = np.unique(how)
     for way in used:
         if not isinstance(ways[way], Contact):
@@ -196,7 +196,7 @@ def _meetings(
     how = np.searchsorted(used, how)
 
     def given(name: str) -> np.ndarray:
-        """Value of a contact's field for each pair; not a number where it is None."""
+        """Value of a contact's field for each pair; NaN where it is None."""
         return np.array([getattr(contact, name) for contact in contacts], float)[how]
 
     def of_both(values: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
@@ -235,7 +235,7 @@ def _meetings(
 def _check_resisted(
     contact: Contact, first: np.ndarray, second: np.ndarray, bodies: Sequence[BodyRef]
 ) -> None:
-    """Refuse a contact that would resist the turning of bodies which cannot be turned by a couple."""
+    """Raise ValueError if a contact would resist the turning of bodies that a couple cannot turn."""
     reasons = [_not_turned(named) for named in bodies]
     skin = np.array([shape(named.body).skin for named in bodies], bool)
     unfit = np.array([bool(reason) for reason in reasons]) | (not contact.friction > 0)

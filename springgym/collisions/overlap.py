@@ -1,6 +1,6 @@
-"""Check that bodies start apart: no vertex inside, no edge through a face, none nearer than 1e-3 Δ.
+"""Check that bodies start apart: no vertex inside, no edge through a face, no gap below 1e-3 Δ.
 
-Bodies whose boxes overlap, and which the plane of no face separates, are compared feature by feature.
+Bodies whose boxes overlap, and which no face's plane separates, are compared feature by feature.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from springgym.collisions.shape import Shape
 from springgym.surfaces import NEAREST
 
 CHUNK = 100_000
-"""Pairs of features looked at in one go: some 50 MB of numbers."""
+"""Number of pairs of features that are processed at once: some 50 MB of numbers."""
 
 BOXES = 1_000_000
-"""Pairs of boxes looked at in one go: some 100 MB of numbers."""
+"""Number of pairs of boxes that are processed at once: some 100 MB of numbers."""
 
 ROUNDING = 1.001
-"""Boxes are grown a little more than must be: rounding decides nothing."""
+"""Boxes are enlarged a little more than needed, so that rounding has no effect."""
 
 
 class Found(NamedTuple):
@@ -35,7 +35,7 @@ class Found(NamedTuple):
     apart: np.ndarray
     """(k, F) [m], less the radii"""
     through: bool = False
-    """whether it says only how deep edges are through faces"""
+    """whether these are only the depths of edges through faces"""
 
 
 def check_apart(
@@ -46,7 +46,7 @@ def check_apart(
     positions: np.ndarray,
     copies: Any = None,
 ) -> None:
-    """Refuse bodies that start in each other, or too near.
+    """Raise ValueError if bodies overlap at the start, or are too near.
 
     Parameters
     ----------
@@ -59,13 +59,13 @@ def check_apart(
     positions : (N, 3) or (k, N, 3)
         Of all particles [m].
     copies : (k,), optional
-        What the copies are called.
+        The numbers of the copies, for error messages.
 
     Raises
     ------
     ValueError
-        Naming the first pair of bodies that is wrong, the copy if there are several, how deep they are in
-        each other, and where.
+        The message names the first such pair of bodies, the copy if there are several, their gap or depth,
+        and the place.
     """
     if not len(met):
         return
@@ -99,9 +99,9 @@ def _nearest(
     bodies: tuple[np.ndarray, np.ndarray],
     least: np.ndarray,
 ) -> np.ndarray:
-    """Return how near two ``bodies`` (n,) each are in copies (n,), of particles (k, N, 3) [m].
+    """Return the gaps (n,) [m] of pairs of ``bodies`` (n,) in copies (n,), of particles (k, N, 3).
 
-    It is the distance, or a smaller one that is at least ``least`` (n,).
+    A gap may be too small where the result is at least ``least`` (n,).
     """
     first, second = bodies
     each = {id(shape): n for n, shape in enumerate(shapes)}
@@ -123,9 +123,9 @@ def _nearest(
 
 
 def separation(shapes: tuple[Shape, Shape], first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return distances (k,) [m] by which planes of faces separate two bodies, of particles (k, N, 3) each.
+    """Return the distances (k,) [m] by which faces' planes separate two bodies, of particles (k, N, 3) each.
 
-    No two bodies are nearer than that. It is −∞ without faces.
+    They are lower bounds of the gaps, and −∞ without faces.
     """
     widest = np.full(len(first), -np.inf)
     for own, other, x, y in ((*shapes, first, second), (*shapes[::-1], second, first)):
@@ -159,7 +159,7 @@ def _of_bodies(x: np.ndarray, copy: np.ndarray, starts: np.ndarray, bodies: np.n
 
 
 def _refuse(found: list[Found], names: tuple[str, str], reach: float, of: str) -> None:
-    """Raise an error that says where two bodies are in each other, or too near."""
+    """Raise a ValueError that says where two bodies overlap, or are too near."""
     others = [each for each in found if not each.through]
     deep = min(float(each.apart.min()) for each in others) < 0
     kind = min(others if deep else found, key=lambda each: float(each.apart.min()))
@@ -179,7 +179,7 @@ def _features(shape: Shape) -> int:
 
 
 def _distances(shapes: tuple[Shape, Shape], first: np.ndarray, second: np.ndarray) -> Iterator[Found]:
-    """Find how far features are from the other body."""
+    """Yield the distances of features from the other body, by kind."""
     radius = shapes[0].radius + shapes[1].radius
     positions = (first, second)
     for own, other in ((0, 1), (1, 0)):

@@ -1,4 +1,4 @@
-"""The features of a body that others meet: corners, faces and edges, or balls, rods and what is round."""
+"""The features of a body that can touch others: corners, faces and edges, or balls, rods and capsules."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import numpy as np
 from springgym.bodies import Body, Round, surface
 
 ABOUT = 1e-9
-"""Share of its extent by which a sphere may be off its place, or off a sphere."""
+"""Tolerance of a sphere's position and shape, as a fraction of its extent."""
 
 THIN = 4
-"""A body is at least so many Δ thick: what is deeper in it than half of that is nearer to the wrong side."""
+"""Least thickness of a body in Δ: features deeper than half of it would be nearer to the wrong side."""
 
 
 class Shape(NamedTuple):
-    """Features by the numbers of the body's particles."""
+    """Features, by indices of the body's particles."""
 
     vertices: np.ndarray
     """(V,) the corners of a closed surface, or all particles"""
@@ -31,15 +31,15 @@ class Shape(NamedTuple):
     lines: np.ndarray
     """(L, 2) all edges of the triangles, flat ones included"""
     turns: bool = False
-    """whether the body is a sphere that turns, whose first particle contacts see at its centre of mass, see
-    `as_met`"""
+    """whether the body is a sphere that turns, whose first particle represents its centre of mass in
+    contacts, see `as_met`"""
     skin: bool = False
     """whether friction acts at its skin, and so turns it: a sphere or a capsule"""
 
 
 @lru_cache(maxsize=1024)
 def shape(body: Body) -> Shape:
-    """Return the features of a body that others meet; `check_shape` tells whether they can."""
+    """Return the features of a body that can touch others; `check_shape` checks that they are fit to."""
     if len(body.triangles):
         lines = surface.all_edges(body.triangles)
         return Shape(np.unique(body.triangles), body.triangles, body.edges, 0.0, lines)
@@ -55,7 +55,7 @@ def shape(body: Body) -> Shape:
 
 
 def _radius_about_centre(body: Body) -> float:
-    """Return the radius [m] of a body's only feature, a sphere about its centre of mass; 0 of any other."""
+    """Return the radius [m] of a body's only feature, a sphere about its centre of mass; 0 for any other."""
     feature: Round = body.rounds[0]
     about = np.abs(feature.centre - body.centre).max() <= ABOUT * feature.extent
     whole = _is_ball(feature) and _carried(feature, body)
@@ -63,7 +63,7 @@ def _radius_about_centre(body: Body) -> float:
 
 
 def _ends_of_capsule(body: Body) -> np.ndarray:
-    """Return the two particles (2,) at the ends of a capsule's axis; none (0,) of what is no capsule.
+    """Return the two particles (2,) at the ends of a capsule's axis; an empty array if it is no capsule.
 
     Its features are two spheres of one radius about these particles, which all particles carry.
     """
@@ -108,12 +108,12 @@ def as_met(
 
 
 def check_shape(name: str, body: Body, reach: float, held: bool = False) -> None:
-    """Refuse a body that cannot collide with a reach Δ [m]; ``held`` says that it is pinned in part.
+    """Raise ValueError if a body cannot collide with a margin Δ [m]; ``held``: only part of it is pinned.
 
     Raises
     ------
     ValueError
-        Naming the body and the reason.
+        The message names the body and the reason.
     """
     if reason := _unfit(body, reach, held):
         raise ValueError(
@@ -123,7 +123,7 @@ def check_shape(name: str, body: Body, reach: float, held: bool = False) -> None
 
 
 def _unfit(body: Body, reach: float, held: bool) -> str | None:
-    """Return why a body cannot collide with a reach Δ; None if it can."""
+    """Return why a body cannot collide with a margin Δ [m]; None if it can."""
     given = shape(body)
     if given.skin and held:
         return "it is round, and only some of its particles are pinned; pin all or none"

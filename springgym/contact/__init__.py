@@ -1,16 +1,15 @@
-"""Contact, from what is near what to the impulses that it gives.
+"""Contact: the search for contacts, and their impulses.
 
-The walk of a contact, a module a station: `pairs` has the bodies that may meet, `search` keeps `lists` of
-which of their features are near each other, and `features` puts the contacts into `rows`; so does `ground`,
-of particles, and of round features (`round`), that are near `surfaces`. `solver` finds their impulses by the
-one `law`, with the friction of `cone`; `movers` knows what they move: particles, bodies that turn as one, and
-rigid bodies; `friction` keeps the angular momentum where faces of particles rub. Impulses start from those of
-the last node, see `warm`. `totals` has what is told of each pair. The arrays of all this are declared in
-`records`.
+The modules, in the order in which they compute contacts: `pairs` has the bodies that may touch; `search`
+maintains `lists` of features that are near each other, and `features` makes contact `rows` of them; `ground`
+does so for particles and round features (`round`) near `surfaces`. `solver` finds the impulses by one `law`,
+with the friction of `cone`; `movers` applies them to particles, bodies that turn as one, and rigid bodies;
+`friction` keeps the angular momentum where friction acts on faces of particles. Impulses start from those of
+the last node, see `warm`. `totals` accumulates the results of each pair. `records` declares all arrays.
 
-Particles at surfaces, in scenes whose bodies neither collide nor roll, go a short way of their own: `points`.
-`overlap` tells by geometry alone whether bodies are shown in each other.
+`points` has a shorter computation for particles at surfaces, in scenes whose bodies neither collide nor roll.
+`overlap` checks by geometry alone whether bodies in a state overlap.
 
-The node of a step, in which all this acts, is `springgym.integrators.rows`, `springgym.rigid.node` for rigid
+The node of a step, where all this acts, is in `springgym.integrators.rows`, `springgym.rigid.node` for rigid
 bodies, and `springgym.integrators.node` for `points`.
 """

@@ -1,12 +1,12 @@
-"""The law of friction, Coulomb's cone, and what resists turning.
+"""The law of friction, Coulomb's cone, and rolling and torsional resistance.
 
-Friction is an impulse j across the normal that stops what slips, or as much of it as the cone allows,
-|j| ≤ μ J, with the push J.
+Friction is the tangential impulse j that stops slip, or as much of it as the cone allows, |j| ≤ μ J, with the
+normal impulse J.
 
-Where what is round meets a surface or another body, a couple q may resist its turning, too: by up to ρ J
-what turns it about tangents, by up to τ J what turns it about the normal. ρ and τ are lengths: what yields
-carries its load by ρ ahead of its middle, and a patch of radius a, under an even pressure, takes the moment
-(2/3) μ a J to turn about its normal.
+Where a round body touches a surface or another body, a couple q may resist its turning, too: rolling about
+tangents by up to ρ J, and spinning about the normal by up to τ J. ρ and τ are lengths: a yielding contact
+carries its load at a distance ρ ahead of its centre, and a patch of radius a, under uniform pressure, needs
+the moment (2/3) μ a J to turn about its normal.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from springgym.core.vectors import TINY, dot
 
 
 def resistance_of(rolling: np.ndarray, torsional: np.ndarray) -> Resistance | None:
-    """Return coefficients of resistance as compiled functions take them; None if all are zero."""
+    """Return coefficients of resistance in the form of compiled functions; None if all are zero."""
     return Resistance(rolling, torsional) if rolling.any() or torsional.any() else None
 
 
@@ -31,9 +31,9 @@ ROLLING, SPINNING = range(2)
 
 @compiled
 def within_cone(wanted: Vector, limit: Number) -> Vector:
-    """Return an impulse across the normal, ``wanted``, or as much of it as the ``limit`` μ J allows.
+    """Return the tangential impulse ``wanted``, shortened to the ``limit`` μ J if it is longer.
 
-    Both are in N·s, or per mass.
+    Both are in N·s, or both per mass.
     """
     return minimum(limit / sqrt(dot(wanted, wanted) + TINY), 1.0) * wanted
 

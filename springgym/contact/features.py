@@ -1,19 +1,19 @@
-"""Find where the features of two bodies meet: vertex and face, vertex and rod, ball and ball, edge and edge.
+"""Narrow phase: contacts of vertex and face, vertex and rod, ball and ball, edge and edge.
 
 A contact has up to four particles with weights w (sum 0; + on the first body, − on the second), a unit normal
-n from the second to the first, a signed distance d and a share Φ of the strength, such that Σ w x = d n (less
-radii) and u = n · Σ w v = ḋ.
+n from the second to the first, a signed distance d and a factor Φ of the strength, such that Σ w x = d n
+(less radii) and u = n · Σ w v = ḋ.
 
-Vertex and face. Of the triangles of a closed surface the nearest counts, by the key |D|² − 1e-6 h², with
-D from the nearest point and h the height over its plane: of triangles that share this point the second
-term picks the one that the vertex faces, whose sign of h is that of the distance. A vertex behind a
-triangle must have come through it since the step began, in t seconds: h − t ḣ > 0. If it came through
-another, that one counts, be it farther. Those that it faces are looked for a little farther, lest the
-nearest be left out where its neighbour, behind which the vertex lies, is not.
+Vertex and face. The nearest triangle of a closed surface counts, by the key |D|² − 1e-6 h², with D from the
+nearest point and h the height over its plane: among triangles that share this point the second term picks the
+one that the vertex faces, whose sign of h is the sign of the distance. A vertex behind a triangle must have
+passed through it since the step began, t seconds ago: h − t ḣ > 0. If it passed through another triangle,
+that one counts, even if it is farther. Triangles that the vertex faces are searched a little farther, so that
+the nearest is not left out while its neighbour, behind which the vertex lies, is found.
 
-Edge and edge, or rods. At the critical point of the two lines, if it lies inside both. Φ falls to 0
-towards the ends and towards parallel lines, where vertices take over. The normal is that of the step's
-beginning: where the lines passed through each other since then, d is negative.
+Edge and edge, or rods. The contact is at the closest points of the two lines, if they lie inside both edges.
+Φ falls to 0 towards the ends and for parallel lines, where vertices take over. The normal has the direction
+of the step's beginning: where the lines passed through each other since then, d is negative.
 """
 
 from __future__ import annotations
@@ -39,25 +39,25 @@ from springgym.core.lanes import (
 from springgym.core.vectors import TINY, choose, cross, dot, row, row_each, set_row, set_row_each, unit, vec
 
 TIE, ROUGH = 1e-6, 8192.0
-"""Share of h² in the key of a triangle, and what each `epsilon` adds: 1e-3 in single precision."""
+"""Factor of h² in the key of a triangle, and its increase per `epsilon`: 1e-3 in single precision."""
 
 TAPER = 0.5
 """Length over which Φ of an edge rises from its ends, as a share of Δ."""
 
 LEAST_SHARE = 1e-6
-"""Of less, there is no contact."""
+"""Edges with a smaller Φ have no contact."""
 
 
 @compiled
 def smooth(y: Number) -> Number:
-    """Return what rises from 0 to 1 for y from 0 to 1, flat at both ends."""
+    """Return the smooth step 3y² − 2y³, which rises from 0 at y ≤ 0 to 1 at y ≥ 1."""
     y = minimum(maximum(y, 0.0), 1.0)
     return y * y * (3.0 - 2.0 * y)
 
 
 @compiled
 def within(y: Number) -> Number:
-    """Return the nearest number from 0 to 1."""
+    """Return y clipped to 0…1."""
     return minimum(maximum(y, 0.0), 1.0)
 
 
@@ -65,10 +65,10 @@ def within(y: Number) -> Number:
 def on_sides(
     uu: Number, uw: Number, ww: Number, inverse: Number, e: Number, f: Number
 ) -> tuple[Number, Number]:
-    """Return the weights of the far corners in the point of a triangle's sides nearest to r.
+    """Return the weights of the second and third corner in the point of a triangle's sides nearest to r.
 
-    It is spanned by u and w, whose products are ``uu``, ``uw`` and ``ww``; ``inverse`` is that of the product
-    of its sides' squares, ``e`` and ``f`` are u·r and w·r.
+    The triangle is spanned by u and w, whose products are ``uu``, ``uw`` and ``ww``; ``inverse`` is 1 over
+    the product of its sides' squares; ``e`` and ``f`` are u·r and w·r.
     """
     third = uu - 2.0 * uw + ww
     t1, t2 = within(e * (ww * third * inverse)), within(f * (uu * third * inverse))
@@ -85,9 +85,9 @@ def on_sides(
 
 @compiled
 def enlist(kind: Numbers, first: int, have: Number, what: Number, wanted: Mask) -> Number:
-    """Put ``what`` into a list, from row ``first`` on, in the copies where it is wanted.
+    """Append ``what`` to a list that begins at row ``first``, in the copies where it is ``wanted``.
 
-    They ``have`` so many there; returns how many they have then.
+    ``have`` is the number of entries of each copy; return the new number.
     """
     put(kind, filled(wanted, have + first), wanted, what + 0.0 * have)
     return have + select(wanted, 1.0, 0.0 * have)
@@ -95,19 +95,19 @@ def enlist(kind: Numbers, first: int, have: Number, what: Number, wanted: Mask) 
 
 @compiled
 def put(array: Numbers, k: Number, wanted: Mask, what: Number) -> None:
-    """Store in each copy's own row of an array, in the copies where it is ``wanted``; all rows are there."""
+    """Store ``what`` in each copy's row ``k`` of an array, where it is ``wanted``; all rows must exist."""
     store_each(array, k, select(wanted, what, load_each(array, k)))
 
 
 @compiled
 def grown(rows: int, have: Number) -> int:
-    """Return how many rows a list has of which one was filled: ``rows``, or one more."""
+    """Return the number of rows of a list after an entry was added: ``rows``, or one more."""
     return rows + (1 if any_lane(have > 1.0 * rows) else 0)
 
 
 @compiled
 def begin(contacts: ContactRows) -> None:
-    """Let the next contacts of all copies begin in the same row."""
+    """Start the next contacts of all copies in the same row."""
     store(contacts.have, 1, 0.0)
 
 
@@ -119,7 +119,7 @@ def leave_out(pair: int, one: Number, contacts: ContactRows) -> None:
 
 @compiled
 def add_contact(count: int, first: int, members: int, touch: Closest, near: Near, seen: Search) -> int:
-    """List a contact of each copy behind its others from row ``first`` on; the rows that makes."""
+    """Add a contact of each copy after its others, from row ``first`` on; return the number of rows."""
     contacts = seen.contacts
     whole, own, wanted = load(contacts.have, 0), load(contacts.have, 1), touch.share > 0.0
     fits = select(wanted, whole, FAR) < 1.0 * seen.pairs.most
@@ -147,7 +147,7 @@ def add_contact(count: int, first: int, members: int, touch: Closest, near: Near
 
 @compiled
 def clear(k: int, pair: int, members: int, particles: Quad, opens: Mask, contacts: ContactRows) -> None:
-    """Make a row of contacts in which no copy has one yet; with the particles of a copy that ``opens`` it."""
+    """Initialise a new row of contacts, with the particles of a copy that ``opens`` it."""
     contacts.pair[k], contacts.members[k] = pair, members
     for n in range(4):
         store(contacts.particle, 4 * k + n, filled(opens, particles[n]))
@@ -164,7 +164,7 @@ def clear(k: int, pair: int, members: int, particles: Quad, opens: Mask, contact
 def vertex_faces(count: int, first: int, m: int, near: Near, seen: Search) -> int:
     """List the contact of a vertex in row ``m`` with the nearest of its candidates, triangles of the other.
 
-    Each triangle is asked no more than it takes to know that it is not near: first its plane, then its sides.
+    Distant triangles are rejected early: first by their plane, then by their sides.
     """
     lists = seen.lists
     i, point = load(lists.vertex_particle, m), row(lists.point, m)
@@ -204,7 +204,7 @@ def vertex_faces(count: int, first: int, m: int, near: Near, seen: Search) -> in
                     own = row_each(w, i)
                     across = own - weighted(w, a, 1.0 - wb - wc, b, wb, c, wc)
                     credible = select(behind, height - near.lead * dot(normal, across), 1.0) > 0.0
-                    key = select(credible, key, key + 4.0 * limit)  # after all that are
+                    key = select(credible, key, key + 4.0 * limit)  # after all credible ones
                 better = key < best
                 best, face = select(better, key, best), select(better, 1.0 * n, face)
                 second, third = select(better, wb, second), select(better, wc, third)
@@ -235,14 +235,14 @@ def side_of_vertex(m: int, near: Near, lists: Neighbours) -> float:
 
 @compiled
 def corners(n: Number, lists: Neighbours) -> tuple[Number, Number, Number]:
-    """Return the particles of the triangles that copies have in the rows ``n`` of their lists."""
+    """Return the particles of the triangles in rows ``n`` of the copies' lists."""
     of, k = lists.triangle_particles, 3.0 * n
     return load_each(of, k), load_each(of, k + 1.0), load_each(of, k + 2.0)
 
 
 @compiled
 def weighted(x: Rows, i: Number, wi: Number, j: Number, wj: Number, k: Number, wk: Number) -> Vector:
-    """Return the sum of three rows of each copy's own, each times a number."""
+    """Return the weighted sum of three rows, with row indices of each copy."""
     return wi * row_each(x, i) + wj * row_each(x, j) + wk * row_each(x, k)
 
 
@@ -280,7 +280,7 @@ def vertex_rods(
 
 @compiled
 def tips(n: Number, lists: Neighbours) -> tuple[Number, Number]:
-    """Return the particles of the edges that copies have in the rows ``n`` of their lists."""
+    """Return the particles of the edges in rows ``n`` of the copies' lists."""
     return load_each(lists.edge_particles, 2.0 * n), load_each(lists.edge_particles, 2.0 * n + 1.0)
 
 
@@ -304,7 +304,7 @@ def ball_ball(
 
 @compiled
 def crossing(near: Near, seen: Search) -> tuple[int, Number]:
-    """List which candidates of edges or rods meet inside both; how many rows that makes, and of each copy."""
+    """List edges or rods that cross inside both; return the number of rows, and that of each copy."""
     lists = seen.lists
     have, rows = 0.0 * near.reach, 0
     for m in range(lists.ends[near.pair, 2, 0], lists.ends[near.pair, 2, 1]):
@@ -332,7 +332,7 @@ def crossing(near: Near, seen: Search) -> tuple[int, Number]:
 
 @compiled
 def edge_edge(count: int, first: int, k: int, have: Number, near: Near, seen: Search) -> int:
-    """List the contact of the edges or rods that meet by row ``k`` of the list; copies ``have`` so many."""
+    """Add the contact of the crossing edges or rods in row ``k``; copies ``have`` so many."""
     lists, w = seen.lists, seen.w
     there = have > 1.0 * k
     one, other = filled(there, load(lists.crossed, k)), filled(there, load(lists.crossing, k))
@@ -364,7 +364,7 @@ def edge_edge(count: int, first: int, k: int, have: Number, near: Near, seen: Se
 
 @compiled
 def edge_share(s: Number, t: Number, aa: Number, bb: Number, square: Number, p: int, pairs: Pairs) -> Number:
-    """Return Φ of two edges that meet at s and t, with |a|², |b|² and |a × b|²."""
+    """Return Φ of two edges that cross at s and t, with |a|², |b|² and |a × b|²."""
     taper = 1.0 / (TAPER * pairs.reach[p])
     la, lb = sqrt(aa) * taper, sqrt(bb) * taper
     share = smooth(s * la) * smooth((1.0 - s) * la) * smooth(t * lb) * smooth((1.0 - t) * lb)

@@ -1,20 +1,20 @@
-"""How friction acts on bodies that touch, and what keeps the angular momentum.
+"""How friction acts on touching bodies while it conserves angular momentum.
 
-Friction is an impulse j ⊥ n. Between bodies that turn, or at a surface, it acts at one point. Where a side is
-of particles, they get it by their weights w. The points of both sides are D = d n apart, so that it leaves a
-torque D × j. What cancels it are impulses along n,
+Friction is an impulse j ⊥ n. Between bodies that turn as one, or at a surface, it acts at one point. A side
+of particles gets it by their weights w. The points of both sides are D = d n apart, so that a torque D × j is
+left. It is cancelled by impulses along n,
 
     δvᵢ = (wᵢ j + (gᵢ · j) n)/mᵢ,    Σ gᵢ = 0,    Σ (gᵢ · j) xᵢ = d j + γ n for all j ⊥ n.
 
-They are the push of a face whose friction acts at the height d above it. With u and q two sides of the face,
-or the two edges that cross, A = n · (u × q), G = d (q × n)/A and H = d (n × u)/A, the far end of u has g = G,
-that of q has g = H, and their near ends take that back. The slip is what such an impulse works against,
+They are the pressure of a face with friction at the height d above it. With u and q two sides of the face, or
+the two crossing edges, A = n · (u × q), G = d (q × n)/A and H = d (n × u)/A, the far end of u has g = G, that
+of q has g = H, their near ends −G and −H. The slip is the velocity conjugate to such an impulse,
 
     slip = Σ (wᵢ (1 − n nᵀ) + gᵢ nᵀ) vᵢ:    the velocity of one body at the other's point, as both turn.
 
-Along a unit vector ŝ an impulse changes it by K = W + Σ (gᵢ · ŝ)²/mᵢ. A rod alone is rubbed along itself
-only; two balls of a particle each are points here, and no impulse across the line of their centres keeps the
-angular momentum.
+An impulse of 1 along a unit vector ŝ changes it by K = W + Σ (gᵢ · ŝ)²/mᵢ. Friction on a rod touched by a
+vertex acts along the rod only. Two balls of one particle each are points here, without friction: no impulse
+across the line of their centres conserves angular momentum.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ from springgym.core.lanes import load, load_each, maximum, select, sqrt, store
 from springgym.core.vectors import choose, cross, dot, plus_scaled, row, row_each, set_row, set_row_each
 
 SHALLOW = 0.05
-"""Where n is nearer to a face's plane than this sine, or along a rod, no friction acts: d/A has no bound."""
+"""Least sine of the angle of n with a face's plane, or with a rod, for friction: d/A is unbounded."""
 
 AWAY = 0.5
-"""K is taken for at least this share of W: a flat disk has it less where the point that touches runs away
-within half a step, and there friction waits for the next."""
+"""Least K as a fraction of that without the motion during half a step: a flat disk has less where its point
+of contact runs away within half a step, and there friction waits for the next."""
 
 
 @compiled
 def set_tilt(k: int, problem: Problem) -> None:
-    """Find where friction acts in contact k, and its G and H, if its torque has to be cancelled."""
+    """Set ``grips`` of contact k, and its G and H if the torque of friction has to be cancelled."""
     contacts, x, single = problem.contacts, problem.x, problem.pairs.single
     members, n = contacts.members[k], row(contacts.normal, k)
     none = 0.0 * n[0]
@@ -72,19 +72,19 @@ def set_tilt(k: int, problem: Problem) -> None:
 
 @compiled
 def row_of(rows: Rows, k: int, j: int, contacts: ContactRows) -> Vector:
-    """Return a row of particle ``j`` of contact k: its position, or its velocity."""
+    """Return the position or velocity, a row of ``rows``, of particle ``j`` of contact k."""
     return row_each(rows, load(contacts.particle, 4 * k + j))
 
 
 @compiled
 def crosses(k: int, contacts: ContactRows) -> Mask:
-    """Return where a contact is of two edges: else it is of a vertex and a face."""
+    """Return the mask of copies in which contact k is of two edges, not of a vertex and a face."""
     return load(contacts.crossed, k) > 0.0
 
 
 @compiled
 def slip_of(v: Rows, k: int, late: int, problem: Problem) -> Vector:
-    """Return how contact k slips [m/s]; ``late`` as in `springgym.contact.movers.velocity_between`."""
+    """Return the slip of contact k [m/s]; ``late`` is as in `springgym.contact.movers.velocity_between`."""
     contacts = problem.contacts
     n, slip = row(contacts.normal, k), velocity_between(v, k, late, problem)
     if number_of(k, contacts.tilts) == 0:
@@ -102,7 +102,7 @@ def slip_of(v: Rows, k: int, late: int, problem: Problem) -> Vector:
 
 @compiled
 def normal_part(k: int, m: int, j: Vector, contacts: ContactRows) -> Number:
-    """Return gᵢ · j of the contact's particle ``m``, for an impulse j across the normal."""
+    """Return gᵢ · j of the contact's particle ``m``, for a tangential impulse j."""
     g = dot(row(contacts.tilt, 2 * k), j)
     if contacts.members[k] == 3:
         return g if m == 2 else (-1.0 * g if m == 1 else 0.0 * g)
@@ -119,7 +119,7 @@ def normal_part(k: int, m: int, j: Vector, contacts: ContactRows) -> Number:
 
 @compiled
 def inverse_mass_along(along: Vector, k: int, problem: Problem) -> Number:
-    """Return the effective inverse mass K [1/kg] of contact k along a unit vector across its normal."""
+    """Return the effective inverse mass K [1/kg] of contact k along a tangential unit vector."""
     contacts = problem.contacts
     only = contacts.only[k]
     if only >= 0:
@@ -137,7 +137,7 @@ def inverse_mass_along(along: Vector, k: int, problem: Problem) -> Number:
 
 @compiled
 def push_across(v: Rows, k: int, j: Vector, problem: Problem) -> None:
-    """Give contact k an impulse across its normal, and what takes its torque back."""
+    """Apply a tangential impulse at contact k, and the impulses that cancel its torque."""
     contacts = problem.contacts
     push(v, k, j, problem)
     if number_of(k, contacts.tilts) == 1:

@@ -1,9 +1,9 @@
-"""Find where bodies are near surfaces: by their particles, or by their round features.
+"""Find contacts of bodies with surfaces: of their particles, or of their round features.
 
 Each near particle, or feature, and surface makes a row of contact (`springgym.contact.rows`). A round feature
-touches in its support point at the node; its gap is that of the feature, at both ends of the step: what the
-point gains on its way over the skin, of second order in the angle that a step turns by, is in it. Read
-backwards a step is one by the same rule, so that the energy of what rolls does not drift.
+touches in its support point at the node; its gap is that of the feature at both ends of the step, which
+includes the change, of second order in the angle of a step, as the support point moves over the skin. The
+rule is symmetric in time, so that the energy of rolling bodies does not drift.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from springgym.core.lanes import any_lane, minimum, store
 from springgym.core.vectors import row, set_row
 
 NEAR = 2.0
-"""Share of Δ below which a surface is looked at: more than 1, as what bodies give each other moves them."""
+"""Gap in units of Δ below which a surface gets a row: more than 1, as contacts between bodies move them."""
 
 
 class Grounded(NamedTuple):
-    """A body that may meet surfaces in a step."""
+    """A body that may touch surfaces in a step."""
 
     pair: int
     """index among all pairs of this body and the surfaces"""
@@ -46,7 +46,7 @@ class Grounded(NamedTuple):
 
 @compiled
 def find_ground(rows: int, own: Grounded, rounds: Rounds | None) -> int:
-    """List the contacts of a body with surfaces behind ``rows`` others, and return how many that makes."""
+    """Add the contacts of a body with surfaces after ``rows`` others, and return the number of rows."""
     if rounds is not None:
         for e in range(rounds.first.size):
             for k in range(count(own.surfaces.kinds)):
@@ -91,14 +91,14 @@ def add_row(rows: int, k: int, i: int, e: int, touch: tuple[Vector, Number, Numb
 
 @compiled
 def clear(k: int, numbers: np.ndarray | None) -> None:
-    """Set the entry of contact k in an array of whole numbers to 0, if the scene has that array."""
+    """Set the entry of contact k in an integer array to 0, if the scene has that array."""
     if numbers is not None:
         numbers[k] = 0
 
 
 @compiled
 def set_particle_arm(rows: int, place: Vector, own: Grounded, turning: Turning | None) -> None:
-    """Find where a particle is pushed whose body turns as one, be it rigid."""
+    """Set the point of contact of a particle, and its arm if its body, springs or rigid, turns as one."""
     set_row(own.contacts.place, rows, place)
     if turns_as_one(own.body, turning):
         own.contacts.only[rows] = -1
@@ -107,7 +107,7 @@ def set_particle_arm(rows: int, place: Vector, own: Grounded, turning: Turning |
 
 @compiled
 def add_feature(rows: int, e: int, k: int, own: Grounded, rounds: Rounds, turning: Turning | None) -> int:
-    """List the contact of round feature ``e`` with surface ``k``, if they are near."""
+    """Add the contact of round feature ``e`` with surface ``k``, if near; return the number of rows."""
     if turning is not None:
         _, _, _, start = nearest(e, k, own.begin, rounds, own.surfaces)
         late, _, _, ahead = nearest(e, k, own.end, rounds, own.surfaces)
@@ -125,7 +125,7 @@ def add_feature(rows: int, e: int, k: int, own: Grounded, rounds: Rounds, turnin
 
 @compiled
 def shift_arms(k: int, contacts: ContactRows, turning: Turning | None) -> None:
-    """Measure the arms of contact k with a surface from the body's point, at the node and at the end."""
+    """Make the arms of contact k with a surface relative to the body's point, at the node and at the end."""
     if turning is not None and contacts.only[k] < 0:
         body, count_of = contacts.body[2 * k], turning.turns.size
         set_row(contacts.arm, 4 * k, row(contacts.arm, 4 * k) - row(turning.point, body))
@@ -136,7 +136,7 @@ def shift_arms(k: int, contacts: ContactRows, turning: Turning | None) -> None:
 
 @compiled
 def ahead_of(k: int, own: Grounded, rounds: Rounds | None) -> Number:
-    """Return the gap of contact k with a surface where the step would end [m]."""
+    """Return the gap [m] of contact k with a surface where the step would end without contact."""
     contacts = own.contacts
     if rounds is not None and contacts.feature[k] >= 0:
         _, _, _, gap = nearest(contacts.feature[k], contacts.surface[k], own.end, rounds, own.surfaces)

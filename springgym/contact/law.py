@@ -1,21 +1,21 @@
 """The law of contact: an inverse-square barrier with a constant restitution, solved for the end of a step.
 
-Whatever touches, at a gap h < Δ and a gap's rate ḣ, is pushed apart along the normal with
+At a gap h < Δ with the rate ḣ, both sides of a contact are pushed apart along the normal with
 
     F = F_el(h) L(ḣ),    F_el = c/h² − c/Δ²,    L(v) = 1 − β v/√(v² + w²),    β = (1 − e²)/(1 + e²).
 
 F_el is equation 8 of McDonald's paper; its energy is U(h) = c (Δ − h)²/(h Δ²). L is the loss. Far above the
 speed w, L is 1 + β on the way in and 1 − β on the way out: half of m v₀² is (1 + β) U at the turn, and half
 of m v₁² is (1 − β) U, so that v₁/v₀ = √((1 − β)/(1 + β)) = e, at every speed and for every c, Δ and m. Below
-w the loss is that of a damper, so that what is slow comes to rest. As 0 ≤ L ≤ 2, contact never pulls, and a
+w the loss is that of a damper, so that slow contacts come to rest. As 0 ≤ L ≤ 2, contact never pulls, and a
 restitution of 0 is a finite loss. (Hunt and Crossley's loss, J. Appl. Mech. 42 (1975) 440, which grows with
 ḣ, has a restitution that falls with the speed of impact.)
 
 No integrator samples this force. In a step of τ seconds from gap h₀ to h₁ it has the size of the exact
-discrete gradient F̄ = −(U(h₁) − U(h₀))/(h₁ − h₀), so that its work is −(U(h₁) − U(h₀)) whatever else acts
-(Gonzalez, J. Nonlinear Sci. 6 (1996) 449, doi:10.1007/BF02440162), and the loss is that of the mean rate. An
-impulse acts at the node of the step; t seconds after it the step ends: half of τ, or τ of a copy that was
-just placed. With W the inverse of the effective mass and a the gap that all else would end with,
+discrete gradient F̄ = −(U(h₁) − U(h₀))/(h₁ − h₀), so that its work is −(U(h₁) − U(h₀)) whatever other forces
+act (Gonzalez, J. Nonlinear Sci. 6 (1996) 449, doi:10.1007/BF02440162), and the loss is that of the mean rate.
+An impulse acts at the node of the step, and the step ends t seconds later: t is half of τ, or τ for a copy
+that was just placed. With W the inverse of the effective mass and a the gap at the end without this contact,
 
     h₁ = a + G F̄(h₀, h₁) L((h₁ − h₀)/τ),    G = t τ W.
 
@@ -32,24 +32,24 @@ from springgym.core.kinds import Mask, Number
 from springgym.core.lanes import any_lane, epsilon, maximum, minimum, select, sqrt
 
 SLOW = 0.004
-"""w [m/s]: what is in contact and slower than this is slowed as by a damper, and does not rebound."""
+"""w [m/s]: slower contacts are damped and do not rebound."""
 
 LEAST = 1e-9
-"""The least gap of a step's beginning and end, as a share of Δ; 1e-6 in single precision."""
+"""The least gap at a step's beginning and end, in units of Δ; 1e-6 in single precision."""
 
 ROUNDS = 60
-"""The most rounds of Newton's method for a gap; it takes some three where it need not halve its bracket."""
+"""Largest number of Newton iterations for a gap; about three suffice where the bracket is not halved."""
 
 FOUND, EXACT = 1e-5, 1e-7
-"""The relative change of a gap at which Newton's method, which squares the error each time, has it; and where
-nothing is lost, so that energy is kept to rounding."""
+"""Relative change of a gap at which Newton's method, which squares the error each time, ends; and that of
+contacts without loss, which conserve energy to rounding."""
 
 
 class Times(NamedTuple):
-    """The time of a node: that of the drifts before and after it that are its own [s]."""
+    """The times of a node [s]: of the drifts before and after it."""
 
     lead: Number
-    """h/2, or 0 of a fresh copy"""
+    """h/2, or 0 for a copy just placed"""
     out: Number
     """h/2"""
     whole: Number
@@ -58,7 +58,7 @@ class Times(NamedTuple):
 
 @compiled
 def least_gap(like: Number) -> Number:
-    """Return the share of Δ below which gaps are taken for it; ``like`` is any number of the step."""
+    """Return the least gap in units of Δ, which replaces smaller ones; ``like`` gives the precision."""
     return LEAST + 8 * epsilon(like)
 
 
@@ -73,9 +73,9 @@ def positive_root(linear: Number, product: Number) -> Number:
 
 @compiled
 def mean_force(start: Number, end: Number, on: Mask) -> tuple[Number, Number, Number, Number]:
-    """Return N and D of the mean force F̄ = c/Δ² N/D between two gaps, and their derivatives by the second.
+    """Return N and D of the mean force F̄ = c/Δ² N/D between two gaps, and their derivatives by ``end``.
 
-    Gaps are in units of Δ. The numbers have a meaning where a contact is ``on``.
+    Gaps are in units of Δ. The results are valid only where a contact is ``on``.
     """
     product = start * end
     n, d, n_slope, d_slope = 1.0 - product, product, -1.0 * start, start
@@ -92,10 +92,10 @@ def mean_force(start: Number, end: Number, on: Mask) -> tuple[Number, Number, Nu
 
 @compiled
 def first_guess(start: Number, free: Number, gain: Number, pace: Number, beta: Number, on: Mask) -> Number:
-    """Return a first guess of the gap that `last_gap` finds: exact without loss, of what begins in reach.
+    """Return a first guess of the gap that `last_gap` finds: exact without loss if the step begins below Δ.
 
-    It is that of a round of Newton's method at σ, where ρ = 0, if it finds |ρ| < 1, as of contacts that rest;
-    else the solution for rates far above w, with L = 1 + β or 1 − β, on the side of σ where the solution is.
+    It is that of one Newton iteration from σ, where ρ = 0, if this gives |ρ| < 1, as for resting contacts;
+    else that for rates far above w, with L = 1 + β or 1 − β, on the side of σ where the solution is.
     """
     inside, nearer = start < 1.0, maximum(1.0 - start, 0.0)
     closing = closes(start, free, gain)
@@ -113,7 +113,7 @@ def first_guess(start: Number, free: Number, gain: Number, pace: Number, beta: N
 
 @compiled
 def closes(start: Number, free: Number, gain: Number) -> Mask:
-    """Return whether a step ends nearer than it begins: known from both sides at σ."""
+    """Return whether the gap shrinks during the step, from the signs of both sides of the equation at σ."""
     return (start - free) * start * start > gain * maximum(1.0 - start, 0.0) * (1.0 + start)
 
 
@@ -128,9 +128,9 @@ def last_gap(
 
         (y − α) D = γ N (1 − β ρ/√q),    q = 1 + ρ².
 
-    It has no quotient of y but that of the root, and in a round of Newton's method the one division by the
-    slope takes that with it. It begins at a ``guess`` above 0, else at `first_guess`. A round that would
-    leave the bracket halves it.
+    Its only quotient that depends on y is that with the root, so that a Newton iteration takes one division.
+    The iteration starts from ``guess`` if that is above 0, else from `first_guess`. An iteration that would
+    leave the bracket halves it instead.
     """
     inside, nearer = start < 1.0, maximum(1.0 - start, 0.0)
     closing = closes(start, free, gain)
@@ -176,11 +176,11 @@ def last_gap(
 def solve_gap(
     gaps: tuple[Number, Number, Number], span: Times, c: Number, reach: Number, beta: Number, on: Mask
 ) -> tuple[Number, Number]:
-    """Solve one contact for a step, where it is ``on``; elsewhere the numbers have no meaning.
+    """Solve one contact for a step, where it is ``on``; elsewhere the results are not valid.
 
-    ``gaps`` are h₀, that the step begins with, a, that all else would end it with, and where it may end, 0 if
-    that is not known [m]; ``c`` is the strength times W [m³/s²], ``beta`` is β. The `Times` says how long the
-    step is, and how long it lasts after the node.
+    ``gaps`` are h₀ at the beginning of the step, a at its end without this contact, and a guess of the gap at
+    its end, 0 if there is none [m]; ``c`` is the strength times W [m³/s²], ``beta`` is β. ``span`` has the
+    length of the step, and how long it lasts after the node.
 
     Returns
     -------
@@ -200,6 +200,6 @@ def solve_gap(
 
 @compiled
 def barrier_energy(gap: Number, c: Number, reach: Number) -> Number:
-    """Return U [J] at a gap [m]; 0 out of reach."""
+    """Return U [J] at a gap [m]; 0 for gaps above Δ."""
     depth = maximum(reach - gap, 0.0)
     return c * depth * depth / (maximum(gap, least_gap(gap) * reach) * (reach * reach))

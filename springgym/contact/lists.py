@@ -1,8 +1,8 @@
-"""Lists of which features of which bodies are near each other, in which contacts are looked for.
+"""Neighbour lists: features of bodies that are near each other, among which contacts are searched.
 
-Rows of lists hold something of each copy, its own: row r of a list the r-th of each. A copy that has less
-than others has `NONE` there, and the particles of another. So a list is as long as the longest of a copy, and
-what a copy has, and in which order, does not depend on the others.
+Row r of a list holds the r-th entry of each copy. A copy with fewer entries than others has `NONE` there, and
+the particles of another copy. So a list is as long as that of the copy with most entries, and a copy's
+entries and their order do not depend on other copies.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from springgym.contact.records import Neighbours, Pairs
 from springgym.core.blocks import aligned_zeros
 
 LISTED, CANDIDATES = 16, 8
-"""Rows of features that lists have space for, in all of the scene's features: more are listed anew at each
-node; and candidates for each row, or all are."""
+"""Capacity of the lists: rows in units of all features of the scene (beyond that, lists are rebuilt at each
+node), and candidates per row (beyond that, all features are candidates)."""
 
 
 def new_lists(pairs: Pairs, particles: int, dtype: DTypeLike) -> Neighbours:
@@ -26,7 +26,7 @@ def new_lists(pairs: Pairs, particles: int, dtype: DTypeLike) -> Neighbours:
     bodies, count = len(shapes.radius), pairs.among
     features = np.diff(shapes.start, axis=1)
     of_pairs = features[:, pairs.first[:count]] + features[:, pairs.second[:count]]
-    # lists of all pairs, unless that is absurd; at least those of any one
+    # space for the lists of all pairs, up to a limit, and at least for those of any one pair
     most = np.maximum(of_pairs.max(axis=1), np.minimum(of_pairs.sum(axis=1), LISTED * features.sum(axis=1)))
     vertices, triangles, edges = (int(n) + 1 for n in most)
     candidates = max(triangles, edges) + CANDIDATES * (vertices + edges)

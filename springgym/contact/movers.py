@@ -1,17 +1,17 @@
-"""What contacts move: particles, bodies that turn as one, and rigid bodies. The world does not move.
+"""Motion at contacts, of particles, bodies that turn as one, and rigid bodies. The world does not move.
 
-A contact is between two sides, a first and a second body, or a body and a surface. It sees the relative
-velocity of two points, and gives them opposite impulses j. A side of particles has a point Σ wᵢ xᵢ and moves
-by δvᵢ = wᵢ j/mᵢ. A body that turns has v of its point X, the centre of mass or the pin, and the angular
-momentum L about it, and with the arm r from there to where it is touched
+A contact is between two sides, a first and a second body, or a body and a surface. It depends on the relative
+velocity of two points, and applies opposite impulses j to them. A side of particles has a point Σ wᵢ xᵢ and
+moves by δvᵢ = wᵢ j/mᵢ. A body that turns as one has the velocity v of its point X, the centre of mass or the
+pin, and the angular momentum L about it. With the arm r from X to the point of contact,
 
     u = v + ω × r,    ω = I⁻¹ L,    δv = j/M,    δL = r × j,
 
-so that momentum and angular momentum are kept to rounding. What is round turns so, of springs or rigid: a
-push strains no spring. Of a body that cannot move, or not turn, 1/M or I⁻¹ is 0. An array of velocities has a
-row for each particle; or v and L of a body that turns in two of its rows.
+so that momentum and angular momentum are conserved to rounding. Round bodies turn so, of springs or rigid: an
+impulse strains no spring. If a body cannot move, or cannot turn, 1/M or I⁻¹ is 0. An array of velocities has
+a row for each particle; v and L of a body that turns as one are in two of its rows.
 
-As a body of springs turns as one, its particles get δv + I⁻¹ δL × (xᵢ − X).
+The particles of a body of springs that turns as one get δv + I⁻¹ δL × (xᵢ − X).
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ def new_turning(
 ) -> Turning | None:
     """Return a workspace for the bodies that turn as one; None if none ``turns``.
 
-    All are (bodies,): whether others see a body's first particle at its centre of mass, as of ``balls``; in
-    which of ``rows`` its velocity is, before its angular momentum; and its pivot, or −1.
+    All are (bodies,): whether a body turns; whether its first particle stands for its centre of mass in
+    contacts; the row of its velocity, before its angular momentum; and its pivot, or −1.
     """
     if not turns.any():
         return None
@@ -68,7 +68,7 @@ def new_turning(
 
 @compiled
 def turns_as_one(body: int, turning: Turning | None) -> bool:
-    """Return whether a body, −1 for the world, is moved as a whole."""
+    """Return whether contacts turn a body as one; the world is −1."""
     if turning is None:
         return False
     return body >= 0 and turning.turns[body]
@@ -76,7 +76,7 @@ def turns_as_one(body: int, turning: Turning | None) -> bool:
 
 @compiled
 def number_of(k: int, numbers: np.ndarray | None) -> int:
-    """Return the entry of contact k in an array of whole numbers; 0 if the scene has no such array."""
+    """Return the entry of contact k in an integer array; 0 if the scene has no such array."""
     if numbers is None:
         return 0
     return int(numbers[k])
@@ -89,10 +89,10 @@ def number_of(k: int, numbers: np.ndarray | None) -> int:
 def find_inertia(
     body: int, late: int, x: Rows, mass: Numbers, inverse_mass: Numbers, turning: Turning
 ) -> None:
-    """Find point, 1/M and I⁻¹ of a body of springs whose particles are at ``x`` (N, 3).
+    """Compute the point, 1/M and I⁻¹ of a body of springs whose particles are at ``x`` (N, 3).
 
-    These are of the node, or ``late`` ones, of the end of the step. A pinned body turns about its pivot, if
-    it has one, and else does not move.
+    ``late`` is 0 for the node, and 1 for the end of the step. A pinned body turns about its pivot, if it has
+    one, and else does not move.
     """
     count, pivot = turning.turns.size, turning.pivot[body]
     whole, free = 0.0 * load(mass, 0), 1.0 + 0.0 * load(x, (0, 0))
@@ -136,9 +136,9 @@ def spin(v: Rows, body: int, late: int, turning: Turning) -> Vector:
 
 @compiled
 def velocity_between(v: Rows, k: int, late: int, problem: Problem) -> Vector:
-    """Return the velocity of the first side of contact k relative to the second [m/s].
+    """Return the velocity of the first side of contact k relative to the second [m/s], (3,).
 
-    If ``late``, it is that of the points which touch at the end of the step.
+    If ``late`` is 1, it is that of the points which touch at the end of the step.
     """
     contacts = problem.contacts
     only = contacts.only[k]
@@ -168,8 +168,8 @@ def plus_turning(u: Vector, v: Rows, k: int, late: int, problem: Problem, turnin
 def inverse_mass_of(along: Vector, late: int, k: int, problem: Problem, turning: Turning | None) -> Number:
     """Return the inverse mass of the bodies of contact k that turn, along a unit vector at the node [1/kg].
 
-    An impulse of 1 changes their relative velocity by this; if ``late``, that of the points which touch at
-    the end of the step. Of a vector of another length it is so many times its square.
+    An impulse of 1 changes their relative velocity by this; if ``late`` is 1, that of the points which touch
+    at the end of the step. The result scales with the square of the vector's length.
     """
     total = 0.0 * along[0]
     if turning is not None:
@@ -185,7 +185,7 @@ def inverse_mass_of(along: Vector, late: int, k: int, problem: Problem, turning:
 
 @compiled
 def push(v: Rows, k: int, j: Vector, problem: Problem) -> None:
-    """Give the first side of contact k an impulse [N·s], and the second side its opposite."""
+    """Apply an impulse [N·s] to the first side of contact k, and its opposite to the second."""
     contacts = problem.contacts
     only = contacts.only[k]
     if only >= 0:
@@ -201,7 +201,7 @@ def push(v: Rows, k: int, j: Vector, problem: Problem) -> None:
 def push_turning(
     v: Rows, k: int, j: Vector, couple: Vector, problem: Problem, turning: Turning | None
 ) -> None:
-    """Give the bodies of contact k that turn opposite impulses [N·s] and couples [N·m·s]."""
+    """Apply opposite impulses [N·s] and couples [N·m·s] to the bodies of contact k that turn as one."""
     if turning is not None:
         contacts = problem.contacts
         for side in range(2):
@@ -215,7 +215,7 @@ def push_turning(
 
 @compiled
 def spin_between(v: Rows, k: int, problem: Problem, turning: Turning | None) -> Vector:
-    """Return ω of the first body of contact k less that of the second [rad/s], as far as they turn."""
+    """Return ω of the first body of contact k less that of the second [rad/s], if they turn as one."""
     total = 0.0 * row(problem.contacts.normal, k)
     if turning is not None:
         for side in range(2):
@@ -228,7 +228,7 @@ def spin_between(v: Rows, k: int, problem: Problem, turning: Turning | None) -> 
 
 @compiled
 def spun_by(moment: Vector, across: bool, k: int, problem: Problem, turning: Turning | None) -> Vector:
-    """Return by how much the couple ``moment`` changes `spin_between`; or, if ``across``, an impulse."""
+    """Return the change of `spin_between` by the couple ``moment`` or, if ``across``, by an impulse."""
     total = 0.0 * moment
     if turning is not None:
         for side in range(2):
@@ -241,7 +241,7 @@ def spun_by(moment: Vector, across: bool, k: int, problem: Problem, turning: Tur
 
 @compiled
 def slip_by_couple(q: Vector, k: int, problem: Problem, turning: Turning | None) -> Vector:
-    """Return by how much a couple changes the velocity between the sides of contact k [m/s]."""
+    """Return the change of the velocity between the sides of contact k [m/s] by a couple."""
     total = 0.0 * q
     if turning is not None:
         for side in range(2):

@@ -1,11 +1,11 @@
-"""Tell whether bodies are shown in each other: by geometry alone, whatever contacts were found.
+"""Detect bodies that overlap in a state, by geometry alone, whatever contacts were found.
 
-Contacts are of corners, faces and sharp edges. What else a body has, the edges that are flat at rest and
-crease as it bends, is looked at here, where a state is read; and so is what a step that is too coarse did.
+Contacts are of corners, faces and sharp edges. Overlaps of other features, such as edges that are flat at
+rest and crease as the body bends, and those due to too coarse steps, are detected here when a state is read.
 
-Two bodies are in each other if a line of one goes through a face of the other, or if one is all inside the
-other. Signs of the volumes of tetrahedra tell, without tolerances: a line p q goes through a face a b c if p
-and q are on different sides of its plane, and if p q passes all of its sides in the same sense.
+Two bodies overlap if a line of one goes through a face of the other, or if one is completely inside the
+other. The test uses signs of volumes of tetrahedra, without tolerances: a line p q goes through a face a b c
+if p and q are on different sides of its plane, and p q passes all of its sides in the same sense.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from springgym.core.kinds import Vector
 from springgym.core.vectors import cross, dot, row, vec
 
 ASKEW = (0.31, 0.47, 3.1)
-"""A way out of a body, in its sizes: along no plane or edge that a body is likely to have."""
+"""A ray out of a body, in units of its size: along no plane or edge that a body is likely to have."""
 
 
 class Outlines(NamedTuple):
@@ -31,7 +31,7 @@ class Outlines(NamedTuple):
     faces: np.ndarray
     """(F, 3)"""
     lines: np.ndarray
-    """(L, 2) the edges of faces, flat ones, too; of a body without faces its rods"""
+    """(L, 2) the edges of faces, including flat ones, or the rods of a body without faces"""
     start: np.ndarray
     """(3, bodies + 1) where each body's faces, lines and particles begin, and the end"""
 
@@ -44,13 +44,13 @@ def outlines(shapes: Sequence[Shape], starts: np.ndarray) -> Outlines:
 
 @compiled
 def volume(a: Vector, b: Vector, c: Vector, d: Vector) -> float:
-    """Return six times the volume of a tetrahedron [m³], with a sign."""
+    """Return six times the signed volume of a tetrahedron [m³]."""
     return dot(b - a, cross(c - a, d - a))
 
 
 @compiled
 def goes_through(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> bool:
-    """Tell whether the line p q goes through the face a b c."""
+    """Return whether the line p q goes through the face a b c."""
     for axis in range(3):
         if max(p[axis], q[axis]) < min(a[axis], b[axis], c[axis]):
             return False
@@ -64,7 +64,7 @@ def goes_through(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> bool:
 
 @compiled
 def inside(p: Vector, x: np.ndarray, body: int, size: float, of: Outlines) -> bool:
-    """Tell whether a point is inside the faces of a body of some size [m]: by how many a way out crosses."""
+    """Return whether a point is inside a body of ``size`` [m], by counting crossings of a ray."""
     out = p + size * vec(ASKEW[0], ASKEW[1], ASKEW[2])
     times = 0
     for n in range(of.start[0, body], of.start[0, body + 1]):
@@ -76,7 +76,7 @@ def inside(p: Vector, x: np.ndarray, body: int, size: float, of: Outlines) -> bo
 
 @compiled
 def reaches_into(x: np.ndarray, own: int, other: int, box: np.ndarray, of: Outlines) -> bool:
-    """Tell whether a line of a body goes through a face of another, in the ``box`` (2, 3) that both share."""
+    """Return whether a line of body ``own`` goes through a face of ``other``, in a ``box`` (2, 3)."""
     for k in range(of.start[1, own], of.start[1, own + 1]):
         p, q = row(x, of.lines[k, 0]), row(x, of.lines[k, 1])
         near = True
@@ -94,10 +94,10 @@ def reaches_into(x: np.ndarray, own: int, other: int, box: np.ndarray, of: Outli
 def find_overlaps(
     x: np.ndarray, first: np.ndarray, second: np.ndarray, of: Outlines, boxes: np.ndarray, found: np.ndarray
 ) -> bool:
-    """Find which pairs of bodies are shown in each other, ``found`` (copies, pairs); whether any is.
+    """Find the pairs of bodies that overlap, ``found`` (copies, pairs), and return whether any does.
 
-    Positions ``x`` are (copies, N, 3); ``boxes`` (bodies + 1, 2, 3) is room for the boxes around bodies and
-    for what two of them share.
+    Positions ``x`` are (copies, N, 3) [m]; ``boxes`` (bodies + 1, 2, 3) is a work array for the boxes around
+    bodies and the common box of two.
     """
     whether = False
     bodies = of.start.shape[1] - 1

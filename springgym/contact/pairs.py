@@ -1,4 +1,4 @@
-"""Bodies that may collide, and their features, as compiled functions take them."""
+"""Bodies that may collide, and their features, in the form of compiled functions."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from springgym.collisions import Meetings, Shape
 from springgym.contact.records import Shapes
 
 MOST_CONTACTS = 64
-"""Contacts of a copy, for each of its bodies: beyond, they are counted and left out."""
+"""Largest number of contacts of a copy per body: more are counted and left out."""
 
 PARALLEL = 2.0
-"""σ of edges, the sine of the angle from which they count in full: this times Δ over the longest edge."""
+"""Sine σ of the angle from which edges have full strength, in units of Δ over the longest edge."""
 
 MOST_PARALLEL = 0.2
 
@@ -39,7 +39,7 @@ def packed_shapes(shapes: Sequence[Shape], first: np.ndarray) -> Shapes:
 def joined(
     shapes: Sequence[Shape], first: np.ndarray, kinds: Sequence[str], dtype: DTypeLike
 ) -> tuple[list[np.ndarray], np.ndarray]:
-    """Return kinds of features of all bodies, by the numbers of the scene's particles, and where each begins.
+    """Return the features of all bodies, by kind and by particles of the scene, and where each begins.
 
     The latter (kinds, bodies + 1) says where each body's features begin among all, and the end.
     """
@@ -49,7 +49,7 @@ def joined(
 
 
 def longest_edge(body: Body, shape: Shape) -> float:
-    """Return the length [m] of the longest edge of a body that others meet; 0 if it has none."""
+    """Return the length [m] of a body's longest edge that can touch others; 0 if it has none."""
     ends = body.positions[shape.edges]
     return float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).max(initial=0.0))
 
@@ -63,7 +63,7 @@ def parallel(met: Meetings, longest: Sequence[float]) -> np.ndarray:
 
 
 def most_contacts(met: Meetings, shapes: Sequence[Shape]) -> tuple[int, int]:
-    """Return how many contacts a copy may have, and how many rows a list: for each vertex, each two edges."""
+    """Return the largest numbers of a copy's contacts and of rows: one for each vertex and each two edges."""
     vertices, edges = (np.array([len(getattr(of, name)) for of in shapes]) for name in ("vertices", "edges"))
     found = int((vertices[met.first] + vertices[met.second] + edges[met.first] * edges[met.second]).sum())
     return min(found, MOST_CONTACTS * len(shapes)), found

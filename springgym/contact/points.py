@@ -1,12 +1,12 @@
-"""Particles at surfaces: the impulses that surfaces and friction give a particle at the node of a step.
+"""Particles at surfaces: the impulses of surfaces and friction on a particle at the node of a step.
 
-Without contact the way of a particle begins at x₀ and would end at x₁. A surface with the normal n there
-meets it by `springgym.contact.law`, with the gaps h₀ and a = h₀ + n · (x₁ − x₀) and W = 1/m. What several
-surfaces give is found in turns, each from what the others give (Gauss and Seidel). Friction acts along what
-the surfaces that touch leave free, so that it moves nothing towards one, and stops what it can stop.
+Without contact a particle would move from x₀ to x₁. Contact with a surface of normal n follows
+`springgym.contact.law`, with the gaps h₀ and a = h₀ + n · (x₁ − x₀) and W = 1/m. Impulses of several surfaces
+are found by iteration, each from those of the others (Gauss–Seidel). Friction acts along the directions that
+touching surfaces leave free, so that it moves nothing towards them, and stops what slip it can.
 
-On a curved surface n is the discrete gradient of the height for the way, see
-`springgym.contact.surfaces.mean_normal`; as it depends on the end of the way, it is found in the same turns.
+On a curved surface n is the discrete gradient of the height along the path (`springgym.contact.surfaces`). It
+depends on the end of the path, and is found in the same iterations.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ TURNS = 40
 """Largest number of iterations (turns) that find the impulses of coupled surfaces."""
 
 AGREED = 1e-9
-"""Iterations end when none changes a displacement by more than this share of Δ."""
+"""Iterations end when one changes no displacement by more than this fraction of Δ."""
 
 ALMOST = 1.1
-"""Share of Δ below which a surface is near: where a way ends out of it, the next begins out of Δ, whatever is
-rounded."""
+"""Gap in units of Δ below which a surface is near: a path that ends farther away is followed by one that
+begins beyond Δ, despite rounding."""
 
 
 @compiled
 def nothing_given(like: Vector) -> SurfaceImpulse:
-    """Return what is given where no surface is near."""
+    """Return the zero impulse, of a particle that no surface is near."""
     nothing = 0.0 * like
     return SurfaceImpulse(nothing, nothing, nothing)
 
 
 @compiled
 def previous_push(turn: int, k: int, nothing: Vector, pushes: Numbers, surfaces: Surfaces) -> Vector:
-    """Return the change of velocity by surface ``k`` in the last turn: ``nothing`` where one turn is all."""
+    """Return the change of velocity by surface ``k`` in the last iteration; ``nothing`` in the first."""
     if surfaces.coupled is None or turn == 0:
         return nothing
     return row(pushes, k)
@@ -50,7 +50,7 @@ def previous_push(turn: int, k: int, nothing: Vector, pushes: Numbers, surfaces:
 
 @compiled
 def near(begin: Vector, free: Vector, surfaces: Surfaces) -> Mask:
-    """Return where a way begins or ends within reach of a surface, or almost: by `ALMOST`."""
+    """Return the mask of paths that begin or end within `ALMOST` Δ of a surface."""
     return minimum(lowest(begin, surfaces), lowest(free, surfaces)) < ALMOST * surfaces.reach
 
 
@@ -64,12 +64,11 @@ def impulses(
     pushes: Numbers,
     terms: Terms,
 ) -> SurfaceImpulse:
-    """Return what surfaces and friction give particle ``i`` at a node.
+    """Return the impulses of surfaces and friction on particle ``i`` at a node.
 
-    Without them, its ``way`` would have these two ends. It begins with the velocity ``speed``, which all else
-    changes by ``smooth``. What one surface gives is all else to the others: they are taken in turn until they
-    agree. Where a normal depends on the end of the way, that is found in the same turns. Friction acts along
-    what the surfaces that touch leave free, so that it moves nothing towards one, and stops what it can stop.
+    Without them, the particle would move between the two ends of its ``way``. It starts with the velocity
+    ``speed``, which other forces change by ``smooth``. The impulses of surfaces are iterated one after
+    another until they agree, see the head of this file.
     """
     begin, free = way
     nothing = 0.0 * speed

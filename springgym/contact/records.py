@@ -1,6 +1,6 @@
-"""The records of contact: surfaces, bodies that may meet, what is near what, and rows of contacts.
+"""The records of contact: surfaces, bodies that may touch, neighbour lists, and rows of contacts.
 
-Arrays have a number of each copy of a block in each element, unless all copies share them.
+Each element of an array holds one number per copy of a block, unless all copies share the array.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ Kinds: TypeAlias = tuple[Any, ...]
 
 
 Facing: TypeAlias = tuple[Vector, Number, Number]
-"""The normal n̄ of a surface for a way, its square, and the gap [m] where the way begins."""
+"""The mean normal n̄ of a surface along a path, its square, and the gap [m] where the path begins."""
 
 
 class Surfaces(NamedTuple):
-    """Surfaces of any kinds, and how a body meets them."""
+    """Surfaces of any kinds, and the contact of a body with them."""
 
     kinds: Kinds
     strength: np.ndarray
@@ -31,7 +31,7 @@ class Surfaces(NamedTuple):
     radius: float | None
     """[m] of balls and rods, whose gaps count from their skin; None if all bodies are made of points"""
     coupled: bool | None
-    """True if `springgym.surfaces.coupled`; else None, so that no turns are compiled"""
+    """True if `springgym.surfaces.coupled`; else None, so that no iteration is compiled"""
     totals: Numbers | None = None
     """(`ENTRIES`,) totals of the body, of which only `FASTEST` is set; None where contacts are rows"""
 
@@ -46,23 +46,23 @@ class Resistance(NamedTuple):
 
 
 class SurfaceImpulse(NamedTuple):
-    """The impulses that surfaces give a particle at a node, as changes of its velocity."""
+    """The impulses of surfaces on a particle at a node, as changes of its velocity."""
 
     change: Vector
-    """change of velocity by the pushes of surfaces [m/s]"""
+    """change of velocity by normal impulses [m/s]"""
     rub: Vector
     """change of velocity by friction [m/s]"""
     force: Vector
-    """Σ J n [m/s]: the work of the barriers is its product with the way, over the time"""
+    """Σ J n without loss [m/s]: its product with the displacement, over the time, is the barriers' work"""
 
 
 MANY = 10
-"""Largest number of bodies in a scene whose sweeps end as soon as impulses agree. With more bodies, a node
-takes a few sweeps, and the next node continues from its impulses."""
+"""Largest number of bodies in a scene whose sweeps are iterated until impulses agree. With more bodies, a
+node takes a few sweeps, and the next node continues from its impulses."""
 
 
 PASSES = 2
-"""Number of iterations, within a turn, that find the couple and the friction of a contact from each other."""
+"""Number of iterations within a sweep that find a contact's couple and friction from each other."""
 
 
 LEAST = 0.01
@@ -87,7 +87,7 @@ class Rounds(NamedTuple):
 
 
 class Shapes(NamedTuple):
-    """The features of all bodies, one body after another, by the numbers of the scene's particles."""
+    """The features of all bodies, one body after another, by indices of the scene's particles."""
 
     vertices: np.ndarray
     """(V, 1) the particle at each vertex"""
@@ -107,7 +107,7 @@ class Shapes(NamedTuple):
 
 
 class Pairs(NamedTuple):
-    """The pairs of bodies that may meet, and then each body with the surfaces, if there are any.
+    """The pairs of bodies that may touch, and then each body with the surfaces, if there are any.
 
     Each array has shape (pairs,), if nothing else is said.
     """
@@ -119,7 +119,7 @@ class Pairs(NamedTuple):
     second: np.ndarray
     """the index of the second body of each pair; −1 for surfaces"""
     reach: np.ndarray
-    """the reach Δ, the gap below which contact repels both bodies [m]"""
+    """the contact margin Δ, the gap below which contact repels both bodies [m]"""
     least_reach: float
     """the least Δ of all pairs [m]"""
     parallel: np.ndarray
@@ -127,7 +127,7 @@ class Pairs(NamedTuple):
     strength: np.ndarray
     """c of the barrier [N·m²]"""
     friction: np.ndarray | None
-    """μ [1]; None if no pair rubs"""
+    """μ [1]; None if no pair has friction"""
     resistance: Resistance | None
     """the coefficients of rolling and torsional resistance of all pairs; None if all are zero"""
     loss: np.ndarray | None
@@ -143,27 +143,27 @@ class Pairs(NamedTuple):
 
 
 NONE = -1.0
-"""Of a list, in a copy that has less than others."""
+"""Entry of a list in a copy that has fewer entries than others."""
 
 
 WATCHED, CLOSE = range(2)
-"""Lists of pairs."""
+"""Indices of the lists of pairs in `Neighbours.length`."""
 
 
 class Neighbours(NamedTuple):
-    """The lists of features that are near each other: the workspace of `springgym.contact.search`.
+    """The neighbour lists of features: the workspace of `springgym.contact.search`.
 
-    Lists of features stay from node to node, one pair's behind another's.
+    Lists of features persist from node to node; those of one pair follow those of another.
     """
 
     origin: np.ndarray
     """(particles, 3) where vertices were when features were listed [m]"""
     shift: np.ndarray
-    """(particles, 3) how far they moved since then [m]"""
+    """(particles, 3) displacement since then [m]"""
     moved: np.ndarray
-    """(bodies,) the farthest that a vertex moved [m]"""
+    """(bodies,) the largest displacement of a vertex, plus what is added for fast bodies [m]"""
     mean_shift: np.ndarray
-    """(bodies, 3) the mean of how far vertices moved [m]"""
+    """(bodies, 3) the mean displacement of vertices [m]"""
     bend: np.ndarray
     """(bodies,) the largest difference from it [m]"""
     mean: np.ndarray
@@ -175,35 +175,35 @@ class Neighbours(NamedTuple):
     high: np.ndarray
     """(bodies, 3) and their upper corners [m]"""
     along: np.ndarray
-    """(particles,) how far vertices are from the other body of a pair, along the line between both [m]"""
+    """(particles,) distance of vertices from the other body of a pair, along the line of their centres [m]"""
     listed: np.ndarray
-    """(pairs,) all features of a pair that were nearer than this were listed; 0 before any were [m]"""
+    """(pairs,) all features of a pair nearer than this were listed; 0 before the first listing [m]"""
     gap: np.ndarray
     """(pairs,) no features of the pair were nearer than this when they were listed [m]"""
     nearest: np.ndarray
     """(pairs,) nor are any nearer than this at this node [m]"""
     reach: np.ndarray
-    """(pairs,) how far to look for contacts at this node [m]"""
+    """(pairs,) search distance for contacts at this node [m]"""
     watched: np.ndarray
     """(pairs,) list: pairs of bodies that are not far apart in some copy, ascending"""
     ahead: np.ndarray
-    """(bodies,) by how much the way in half a step exceeds what is allowed for, as pairs were watched [m]"""
+    """(bodies,) excess of the motion in half a step over the allowed one, when pairs were watched [m]"""
     margin: np.ndarray
     """(bodies,) the distance that a body may move before the search lists the watched pairs anew [m]"""
     travelled: np.ndarray
-    """(bodies,) how far it moved at most since pairs were watched, up to when features were listed [m]"""
+    """(bodies,) bound of the motion from when pairs were watched to when features were listed [m]"""
     close: np.ndarray
     """(pairs,) list of the watched pairs that may touch at this node"""
     length: np.ndarray
-    """(2,) how many are `WATCHED`, and how many `CLOSE`"""
+    """(2,) the numbers of pairs that are `WATCHED` and `CLOSE`"""
     kept: np.ndarray
-    """(1,) whether the lists of all pairs are there"""
+    """(1,) whether the lists of all pairs are stored"""
     used: np.ndarray
-    """(4,) how many rows of vertices, triangles, edges and candidates are in use"""
+    """(4,) the numbers of rows of vertices, triangles, edges and candidates in use"""
     ends: np.ndarray
-    """(pairs, 3, 3) where vertices, triangles and edges begin of the first body, of the second, and end"""
+    """(pairs, 3, 3) vertices, triangles and edges: first row of the first body, of the second, and the end"""
     vertex: np.ndarray
-    """(V,) list: vertices of a pair that lie between the two bodies, the first's before"""
+    """(V,) list of the vertices of a pair that lie between the two bodies: the first body's come first"""
     vertex_particle: np.ndarray
     """(V,) which particles they are"""
     point: np.ndarray
@@ -236,13 +236,13 @@ class Neighbours(NamedTuple):
     start: np.ndarray
     """(E, 3) the first end of each edge [m]"""
     way: np.ndarray
-    """(E, 3) the way from the first end of each edge to its second [m]; 0 in rows without an edge"""
+    """(E, 3) the vector from the first end of each edge to its second [m]; 0 in rows without an edge"""
     candidate: np.ndarray
-    """rows of triangles and edges: first all of them, in turn; then those near a vertex or an edge"""
+    """rows of triangles and edges: first all of them in order, then those near a vertex or an edge"""
     faces: np.ndarray
-    """(V, 2) where the candidates of a vertex begin there, and end: triangles of the other body"""
+    """(V, 2) the range in ``candidate`` of each vertex's candidates, triangles of the other body"""
     partners: np.ndarray
-    """(E, 2) where the candidates of an edge of the first body begin there, and end: edges of the second"""
+    """(E, 2) the range in ``candidate`` of the second body's edges near each edge of the first"""
     crossed: np.ndarray
     """(most,) list of the rows of edges of one body that cross edges of the other"""
     crossing: np.ndarray
@@ -259,18 +259,18 @@ class Near(NamedTuple):
     pair: int
     bodies: tuple[int, int]
     lead: Number
-    """time since the step began [s]"""
+    """time from the beginning of the step to the node [s]"""
     reach: Number
-    """how far to look for contacts [m]"""
+    """search distance for contacts [m]"""
     radius: Number
-    """the radii of what lies around their features, both together [m]"""
+    """the sum of the radii of balls and rods of both [m]"""
 
 
 class Closest(NamedTuple):
     """The closest points of two features of each copy: a contact where its ``share`` is positive."""
 
     particles: Quad
-    """the numbers of up to four particles"""
+    """the indices of up to four particles"""
     weights: Quad
     """w of each: they sum to 0"""
     normal: Vector
@@ -282,20 +282,20 @@ class Closest(NamedTuple):
 
 
 FAR = 1e9
-"""Distance [m] of what is no contact, in a lane where another copy has one."""
+"""Gap [m] of a row in the copies that have no contact there."""
 
 
 MET, ROWS = range(2)
-"""The list of pairs that have contacts, and the rows of contacts."""
+"""Indices in `ContactRows.length` of the number of pairs that have contacts, and of rows of contacts."""
 
 
 GOING, CHANGE = range(2)
-"""Of a copy: 1 while its impulses are to change, else 0; and the largest change of a contact's speed since it
-was set to 0, over its Δ [1/s]."""
+"""State of a copy: 1 while its impulses are iterated, else 0; and the largest change of a contact's speed
+since it was set to 0, over its Δ [1/s]."""
 
 
 Ends: TypeAlias = tuple[Vector, Vector, Vector, Vector]
-"""A vector of each of the four ends of two edges."""
+"""A vector for each of the four ends of two edges."""
 
 
 class Turning(NamedTuple):
@@ -304,48 +304,48 @@ class Turning(NamedTuple):
     turns: np.ndarray
     """(bodies,) whether contacts turn a body as one"""
     balls: np.ndarray
-    """(bodies,) whether a body is a ball, which others meet at its centre of mass"""
+    """(bodies,) whether a body is a ball, which contacts represent by its centre of mass"""
     first: np.ndarray
     """(bodies,) the index of the row that holds its velocity; the next row holds its angular momentum"""
     pivot: np.ndarray
     """(bodies,) the index of its only pinned particle; −1 if none or all particles are pinned"""
     lightness: np.ndarray
-    """(bodies,) 1/M [1/kg]; 0 of what is pinned"""
+    """(bodies,) 1/M [1/kg]; 0 for pinned bodies"""
     point: np.ndarray
-    """(2 bodies, 3) where its point is at the node [m], of all bodies, and where at the end of the step"""
+    """(2 bodies, 3) the point X of each body at the node [m], then at the end of the step"""
     turn: np.ndarray
     """(4 bodies, 3) the inverse inertia I⁻¹ about the body's point at the node, in two rows: xx, yy, zz, and
-    xy, xz, yz [1/(kg·m²)]; behind all, those at the end of the step"""
+    xy, xz, yz [1/(kg·m²)]; then those of all bodies at the end of the step"""
 
 
 class ContactRows(NamedTuple):
-    """The contacts of a node, a row each, with the impulses that they give."""
+    """The contacts of a node, one row each, with their impulses."""
 
     length: np.ndarray
-    """(2,) how many pairs have contacts, `MET`, and how many rows of contacts there are, `ROWS`"""
+    """(2,) the number of pairs that have contacts, `MET`, and of rows of contacts, `ROWS`"""
     touching_pairs: np.ndarray
     """(pairs,) list of the pairs of bodies that have contacts, in ascending order"""
     left_out: np.ndarray
-    """(pairs,) how many contacts there was no space for, at this node"""
+    """(pairs,) number of contacts at this node that were left out for lack of space"""
     have: np.ndarray
-    """(2,) how many contacts each copy has: in all, and of the pair that is looked at"""
+    """(2,) number of contacts of each copy: in all, and of the pair that is being searched"""
     pair: np.ndarray
-    """(rows,) the pair that meets in this contact, the same in all copies"""
+    """(rows,) the pair that this contact belongs to, the same in all copies"""
     body: np.ndarray
     """(2 rows,) its first and its second body; −1 for a surface"""
     surface: np.ndarray
     """(rows,) the index of the surface; −1 between bodies"""
     feature: np.ndarray
-    """(rows,) the index of the round feature that meets a surface; −1 of a particle"""
+    """(rows,) the index of the round feature at a surface; −1 of a particle"""
     members: np.ndarray
     """(rows,) the number of particles of the contact, the same in all copies"""
     loose: np.ndarray
-    """(rows,) the number of the contact's particles if any of them is moved by itself, else 0; None if no
+    """(rows,) the number of the contact's particles if any of them moves individually, else 0; None if no
     bodies collide"""
     only: np.ndarray
-    """(rows,) the index of the particle that meets a surface and moves by itself; else −1"""
+    """(rows,) the index of the particle at a surface if it moves individually; else −1"""
     touching: np.ndarray
-    """(rows,) the index of the particle that meets a surface; −1 of round features and between bodies"""
+    """(rows,) the index of the particle at a surface; −1 of round features and between bodies"""
     late: np.ndarray
     """(rows,) 1 if slip is that of the points which touch at the end of the step, else 0"""
     tilts: np.ndarray
@@ -353,7 +353,7 @@ class ContactRows(NamedTuple):
     particle: np.ndarray
     """(4 rows,) the indices of the particles"""
     weight: np.ndarray
-    """(4 rows,) the weights w of those that move by themselves: > 0 of the first body; all sum to 0"""
+    """(4 rows,) the weights w of particles that move individually: > 0 in the first body"""
     normal: np.ndarray
     """(rows, 3) the normal n from the second side to the first; at a surface the gradient of the height"""
     gap: np.ndarray
@@ -368,8 +368,8 @@ class ContactRows(NamedTuple):
     place: np.ndarray
     """(rows, 3) where the contact is [m]"""
     arm: np.ndarray
-    """(4 rows, 3) from the points of both bodies, if they turn, to where they are pushed at the node, and to
-    what touches at the end of the step [m]"""
+    """(4 rows, 3) arms from the points X of both bodies, if they turn as one, to the contact at the node, and
+    to the points that touch at the end of the step [m]"""
     approach: np.ndarray
     """(rows,) the speed u₀ along the normal before the node [m/s]"""
     gain: np.ndarray
@@ -387,23 +387,23 @@ class ContactRows(NamedTuple):
     tilt: np.ndarray
     """(2 rows, 3) G and H; of a rod, G and the direction along it: see `springgym.contact.friction`"""
     height: np.ndarray
-    """(rows,) how far apart the points are at which both sides get their friction [m]"""
+    """(rows,) the distance along n of the points at which friction acts on both sides [m]"""
     crossed: np.ndarray
     """(rows,) more than 0 where two edges meet"""
     grips: np.ndarray
     """(rows,) 1 where friction acts, else 0"""
     losses: np.ndarray
-    """(bodies, 3) energy that each body lost at this node: to restitution, and to friction [J]; 0"""
+    """(bodies, 3) each body's losses at this node to restitution and to friction [J]; the last column is 0"""
     going: np.ndarray
-    """(1,) 1 while the impulses of a copy are to change, else 0"""
+    """(1,) 1 while the impulses of a copy are iterated, else 0"""
     change: np.ndarray
-    """(1,) the largest change of a contact's way in a sweep, over its Δ [1]"""
+    """(1,) the largest change of a contact's displacement in a sweep, over its Δ [1]"""
     turning: Turning | None
     """the bodies that turn as one; None if none do"""
 
 
 class Problem(NamedTuple):
-    """All that the impulses of the contacts of a node follow from."""
+    """All that determines the impulses of the contacts of a node."""
 
     span: Times
     """the time of the node"""
@@ -414,29 +414,29 @@ class Problem(NamedTuple):
     inverse_mass: Numbers
     """(N,) the inverse masses of the particles [1/kg]"""
     pairs: Pairs
-    """the pairs of bodies, and what they are like"""
+    """the pairs of bodies, and their parameters"""
     contacts: ContactRows
-    """the contacts, and where their impulses are written"""
+    """the contacts, with their impulses as output"""
     totals: Numbers
     """the totals of each pair, see `springgym.contact.totals`"""
 
 
 class RowSpace(NamedTuple):
-    """The arrays in which a thread computes what contacts give; rows (N, 3) are of all particles.
+    """The arrays in which a thread solves contacts; rows (N, 3) are of all particles.
 
-    Of a body that turns as one, the first two rows are its velocity [m/s] and angular momentum [kg·m²/s].
+    If a body turns as one, its first two rows are its velocity [m/s] and angular momentum [kg·m²/s].
     """
 
     velocity: Rows
-    """velocities after the node, with the impulses of contact found so far [m/s]"""
+    """velocities after the node, with the current impulses of contact [m/s]"""
     free: Rows
-    """and without any"""
+    """velocities after the node without contact [m/s]"""
     before: Rows
     """velocities before the node [m/s]"""
     places: Rows
-    """positions at the node as others see them: the first particle of a ball is at its centre [m]"""
+    """positions at the node as contacts use them: the first particle of a ball is at its centre [m]"""
     speeds: Rows
-    """and velocities before it [m/s]"""
+    """velocities before the node as contacts use them [m/s]"""
     active: np.ndarray
     """(bodies,) whether a body has contacts in any copy"""
     rolls: np.ndarray
@@ -447,7 +447,7 @@ class RowSpace(NamedTuple):
 
 
 class Search(NamedTuple):
-    """All that a search for contacts reads and writes."""
+    """The arrays that a search for contacts reads and writes."""
 
     x: Rows
     """positions (N, 3) [m]"""
@@ -459,18 +459,18 @@ class Search(NamedTuple):
 
 
 class WarmStart(NamedTuple):
-    """The impulses of contacts at the last node: a table of each copy, of a power of 2 of rows."""
+    """The impulses of contacts at the last node: a hash table for each copy, whose length is a power of 2."""
 
     pair: np.ndarray
     """(rows,) the index of the contact's pair, plus one; 0 in an empty row"""
     first: np.ndarray
-    """(rows,) the first particle of the contact"""
+    """(rows,) the first particle of the contact, or the round feature"""
     others: np.ndarray
-    """(rows,) a number that the other ends of two edges make; 0 of the contact of a vertex"""
+    """(rows,) a number made of the other ends of two edges; the surface's index; 0 for a vertex"""
     impulse: np.ndarray
     """(rows,) the impulse J along the normal [N·s]"""
     friction: np.ndarray | None
-    """(rows, 3) the impulse of friction [N·s]; None if no pair rubs"""
+    """(rows, 3) the impulse of friction [N·s]; None if no pair has friction"""
     couple: np.ndarray | None
     """(rows, 3) the angular impulse of the couple [N·m·s]; None if no turning is resisted"""
     in_use: np.ndarray
@@ -479,16 +479,16 @@ class WarmStart(NamedTuple):
 
 TOUCHING, IMPULSE, GAP, ENERGY, CONTACT, FRICTION, MISSES, FAST, OVERFLOW, FASTEST = range(10)
 """The totals of a pair: whether it touches; the sum of J [N·s]; the least gap [m]; the energy in the barriers
-[J]; what was lost to restitution and to friction [J]; how often a contact was found too late, was faster than
-it is computed well for, or had no space; and the largest speed along its normal that any contact which pushes
-was reached with [m/s]."""
+[J]; the losses to restitution and to friction [J]; how often a contact was found too late, was too fast for
+accuracy, or had no space; and the largest approach speed along the normal of any contact with an impulse
+[m/s]."""
 
 
 ENTRIES = 10
 
 
 class Collisions(NamedTuple):
-    """Bodies that collide, and what is told of them."""
+    """Bodies that collide, with their totals and warm start."""
 
     pairs: Pairs
     totals: np.ndarray
@@ -498,6 +498,6 @@ class Collisions(NamedTuple):
     fresh: np.ndarray
     """(1,) 1 in copies that were just placed and whose touching bodies are not found yet, else 0"""
     changing: np.ndarray
-    """(1 + pairs,) list: how many pairs, and which, ascending, may touch or have energy in their barriers"""
+    """(1 + pairs,) the number of pairs that may touch or have energy in their barriers; these, ascending"""
     warm: WarmStart | None = None
     """the impulses of the last node; None if contacts start from nothing"""

@@ -1,16 +1,16 @@
-"""Round features of bodies at surfaces: where their points are, and where they are met.
+"""Round features of bodies at surfaces: positions of their points, and points of contact.
 
-A feature is an ellipsoid in the rest shape, with the centre ξc and the matrix A; its carriers say where each
-of its material points is by constant weights, affine in ξ (`springgym.bodies.round`):
+A feature is an ellipsoid in the rest shape, with the centre ξc and the matrix A; its carriers give the
+position of each material point by constant weights, affine in ξ (`springgym.bodies.round`):
 
     x(ξ) = Σ wᵢ(ξ) xᵢ,    wᵢ(ξ) = wᵢ(ξc) + Bᵢ · (ξ − ξc).
 
-A surface whose height has the gradient n is met at the support point, with g = Fᵀ n and F = Σ xᵢ ⊗ Bᵢ,
+A surface whose height has the gradient n is touched at the support point, with g = Fᵀ n and F = Σ xᵢ ⊗ Bᵢ,
 
     ξ = ξc − A g/√(g · A g).
 
-On a curved surface n is found in turns from the point and the point from n: they agree where the feature is
-less curved outwards than the surface is inwards.
+On a curved surface the point and n are found from each other by iteration, which converges where the surface
+is less curved inwards than the feature outwards.
 """
 
 from __future__ import annotations
@@ -30,22 +30,22 @@ from springgym.core.lanes import load, sqrt
 from springgym.core.vectors import TINY, dot, plus_scaled, row, vec
 
 BENDS = 6
-"""Turns in which a point and the normal of a curved surface find each other."""
+"""Number of iterations that find a point and the normal of a curved surface from each other."""
 
 
 class Way(NamedTuple):
-    """The straight ways that particles take: positions and, if they move on, velocities and for how long."""
+    """Straight paths of particles: positions and, if they move on, velocities and a duration."""
 
     rows: Rows
-    """(N, 3) positions [m]; or velocities, of which a point's is asked for"""
+    """(N, 3) positions [m]; or velocities, if the velocity of a point is to be found"""
     v: Rows | None
     """(N, 3) velocities [m/s]; None if they stay"""
     tau: Number
-    """for how long they move on [s]"""
+    """the duration of the motion [s]"""
 
 
 def packed_rounds(body: Body) -> Rounds:
-    """Return the round features of a body as compiled functions take them."""
+    """Return the round features of a body in the form of compiled functions."""
     particle, base, slope = [np.zeros(0, int)], [np.zeros(0)], [np.zeros((0, 3))]
     for feature in body.rounds:
         carriers = feature.carriers(len(body.masses))
@@ -66,7 +66,7 @@ def packed_rounds(body: Body) -> Rounds:
 
 @compiled
 def rolls(rounds: Rounds | None) -> bool:
-    """Tell whether a body has round features."""
+    """Return whether a body has round features."""
     if rounds is None:
         return False
     return rounds.first.size > 0
@@ -83,7 +83,7 @@ def weight(c: int, point: Vector, rounds: Rounds) -> Number:
 
 @compiled
 def moved(i: int, way: Way, v: Rows | None) -> Vector:
-    """Return the row of particle ``i`` that a way ends with."""
+    """Return the row of particle ``i`` at the end of a path."""
     if v is None:
         return row(way.rows, i)
     return plus_scaled(row(way.rows, i), way.tau, row(v, i))
@@ -91,7 +91,7 @@ def moved(i: int, way: Way, v: Rows | None) -> Vector:
 
 @compiled
 def at(e: int, point: Vector, way: Way, rounds: Rounds) -> Vector:
-    """Return where a point of feature ``e`` is after a way of positions; or how it moves, of velocities."""
+    """Return the position of a point of feature ``e`` after a path, or its velocity."""
     total = 0.0 * point
     for c in range(rounds.first[e], rounds.behind[e]):
         total = plus_scaled(total, weight(c, point, rounds), moved(rounds.particle[c], way, way.v))
@@ -100,7 +100,7 @@ def at(e: int, point: Vector, way: Way, rounds: Rounds) -> Vector:
 
 @compiled
 def support(e: int, n: Vector, way: Way, rounds: Rounds) -> Vector:
-    """Return the point, ξ − ξc, of feature ``e`` farthest against n, after a way."""
+    """Return the support point ξ − ξc of feature ``e``, farthest against n, after a path."""
     g = 0.0 * row(way.rows, 0)
     for c in range(rounds.first[e], rounds.behind[e]):
         g = plus_scaled(g, dot(n, moved(rounds.particle[c], way, way.v)), row(rounds.slope, c))
@@ -116,7 +116,7 @@ def support(e: int, n: Vector, way: Way, rounds: Rounds) -> Vector:
 def nearest(
     e: int, k: int, way: Way, rounds: Rounds, surfaces: Surfaces
 ) -> tuple[Vector, Vector, Number, Number]:
-    """Return where feature ``e`` is nearest to surface ``k`` after a way: ξ − ξc, n, n² and the gap [m]."""
+    """Return the contact of feature ``e`` with surface ``k`` after a path: ξ − ξc, n, n² and the gap [m]."""
     point = 0.0 * row(way.rows, 0)
     n, square, gap = normal_at(k, at(e, point, way, rounds), surfaces)
     for _ in range(1 if surfaces.coupled is None else BENDS):

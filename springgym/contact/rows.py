@@ -2,8 +2,8 @@
 
 Row r of two bodies holds the r-th contact of each copy, which may be of other particles in each. A copy with
 fewer contacts has a gap of `FAR` in the rows that it lacks. So the list is as long as that of the copy with
-most contacts, and which contacts a copy has, and in which order, does not depend on other copies. A row of a
-surface is of the same particle, or the same round feature, in all copies.
+most contacts, and which contacts a copy has, and in which order, does not depend on other copies. A row of
+contact with a surface is of the same particle, or the same round feature, in all copies.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from springgym.core.vectors import choose, dot, plus_scaled, row, row_each, set_
 def new_contacts(
     pairs: Pairs, among: int, surfaces: int, bodies: int, turning: Turning | None, dtype: DTypeLike
 ) -> ContactRows:
-    """Return an empty list of contacts on elements of ``dtype``; `ContactRows` says what its arrays hold.
+    """Return an empty list of contacts with elements of ``dtype``.
 
-    A block has at most as many contacts ``among`` bodies, and with ``surfaces``.
+    A block has at most ``among`` contacts between bodies, and ``surfaces`` with surfaces.
     """
     width = np.dtype(dtype)["lanes"].shape[0]
     rows = min(among, pairs.most * width) + surfaces + 1
@@ -83,7 +83,7 @@ def new_contacts(
 
 @compiled
 def describe(k: int, problem: Problem) -> None:
-    """Find where contact k of two bodies acts on them."""
+    """Set the bodies, the points and the arms of contact k between two bodies."""
     contacts, pairs = problem.contacts, problem.pairs
     p, n, nothing = contacts.pair[k], row(contacts.normal, k), 0.0 * row(contacts.normal, k)
     a, b = pairs.first[p], pairs.second[p]
@@ -112,10 +112,10 @@ def set_arms(
     problem: Problem,
     turning: Turning | None,
 ) -> None:
-    """Find the points at which contact k pushes bodies that turn as one, from the points of both sides.
+    """Set the arms of contact k on bodies that turn as one, from the points of both sides.
 
-    Two such bodies are pushed halfway between both points. One beside a body of particles is pushed at its
-    own skin if friction can tilt a face of the other, or else at the other's point. A body of a single
+    Two such bodies are pushed halfway between both points. If only one turns as one, it is pushed at its own
+    skin where friction can tilt a face of the other, or else at the other's point. A body of a single
     particle is pushed at its particle.
     """
     if turning is not None:
@@ -142,7 +142,7 @@ def set_arms(
                     store(contacts.height, k, select(crossed, 0.0, left))
                 for m in range(contacts.members[k]):
                     weight = load(contacts.weight, 4 * k + m)
-                    sign = 1.0 if first else -1.0  # of the weights of what turns
+                    sign = 1.0 if first else -1.0  # of the weights of the body that turns
                     store(contacts.weight, 4 * k + m, select(sign * weight > 0.0, 0.0 * weight, weight))
             if first:
                 set_row(contacts.arm, 4 * k, place - row(turning.point, a))

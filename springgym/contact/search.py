@@ -1,24 +1,23 @@
-"""Find which features of the bodies are near each other: by boxes around bodies, then between two bodies.
+"""Search for contacts: broad phase by boxes around bodies, then neighbour lists of features.
 
-Broad phase. Pairs of bodies that are not far apart are watched until a body has used up a margin of its own:
-the others cannot have come near by then. Of those that are watched, bodies whose boxes are near each other
-have those features listed that lie in the slab between both, along the line of their centres, and near the
-other's box; and of these, which vertices are near which triangles, and which edges near which: the
-candidates.
+Broad phase. Pairs of bodies that are not far apart are watched until a body has moved by its margin: until
+then no other pair can have come near. For watched bodies whose boxes are near each other, features are listed
+that lie in the slab between both, along the line of their centres, and near the other's box; and among these,
+the candidates: vertices and triangles, or edges and edges, that are near each other.
 
-Lists are kept as molecular dynamics keeps those of neighbours (Verlet 1967, doi:10.1103/PhysRev.159.98).
-They reach farther than contacts are looked for, by a margin. No two points of two bodies come nearer to each
-other than by what their bodies moved, and by how much the vertices of either moved otherwise: as long as this
-leaves anything of the margin, whatever may touch is in the lists. Where vertices were then is kept with the
-lists. So it does not matter whose lists they are, nor how vertices came to be where they are.
+Lists are reused like neighbour lists in molecular dynamics (Verlet 1967, doi:10.1103/PhysRev.159.98). They
+extend beyond the search distance by a margin. Two points of two bodies approach by no more than the relative
+displacement of the bodies plus the largest displacement of vertices relative to their body: as long as this
+is less than the margin, all features that may touch are in the lists. The positions of vertices at listing
+are stored, so it does not matter whose lists they are.
 
-Narrow phase. At each node candidates are compared (`springgym.contact.features`), and those that are
-near enough make contacts: the same, to the bit, however much more is listed. How far to look follows from how
-fast bodies move.
+Narrow phase. At each node candidates are compared (`springgym.contact.features`), and those that are near
+enough make contacts: bit-identical however many more features are listed. The search distance follows from
+the speed of the bodies.
 
-Contacts, and features for one node alone, are listed copy by copy (`springgym.contact.rows`): copies
-of a block that touch in different places have as many rows as the one that has most. Every test is
-made for all copies of a block, and what is found in one does not depend on another.
+Contacts, and features for one node alone, are listed copy by copy (`springgym.contact.rows`): a block has as
+many rows as its copy with most contacts. Every test is made for all copies of a block, and the results of one
+copy do not depend on another.
 """
 
 from __future__ import annotations
@@ -58,39 +57,39 @@ from springgym.core.lanes import any_lane, filled, load, load_each, maximum, min
 from springgym.core.vectors import TINY, choose, cross, dot, row, row_each, set_row, unit, vec
 
 Indices: TypeAlias = "np.ndarray | None"
-"""The features of a kind, by their particles; None if no body has any."""
+"""The features of a kind, by the indices of their particles; None if no body has any."""
 
 SPARE = 1.05
-"""Contacts are looked for up to this many Δ, and farther by the way of half a step, however long that is."""
+"""The search distance of contacts is this many Δ plus the relative motion in half a step, however long."""
 
 FARTHEST = 4.0
-"""Way of two bodies in half a step, in Δ, up to which it need not be known how fast pairs that are not near
-each other move: a body that makes more than half of it counts as one that has moved by the rest already."""
+"""Relative motion of two bodies in half a step, in Δ, that distant pairs are allowed without a check of their
+speed: for a body that moves by more than half of it, the excess counts as motion already made."""
 
 WIDEST = 1e3
-"""[m] Contacts are never looked for farther than this: what is no contact lies at `FAR`. Of a pair that goes
-farther in half a step, a contact counts as left out."""
+"""Largest search distance of contacts [m], less than `FAR`. If a pair moves farther in half a step, one
+contact is counted as left out."""
 
 ROUNDING = 1.001
-"""Features are listed a little farther than contacts are looked for: rounding decides nothing."""
+"""Features are listed up to this many search distances, so that rounding has no effect."""
 
 MARGIN = 1.0
-"""And, to be kept, farther by so many Δ, if that lasts for"""
+"""Margin of lists that are reused, in Δ, if it is expected to last for"""
 
 LASTING = 3.0
-"""so many steps."""
+"""this many steps."""
 
 ROOMY = 0.25
-"""Bodies are watched that come near when each moves by this share of its box's longest side,"""
+"""The margin of watched pairs is, for each body, this fraction of its box's longest side,"""
 
 PATIENT = 20.0
-"""or by its way in so many steps: as long as it does not, no other pairs are looked at."""
+"""or, if larger, its motion in this many steps: until a body has moved by it, no other pairs are checked."""
 
 SKEW = 1e-3
-"""sin² of the angle between edges beyond which it is known how far apart their lines are."""
+"""sin² of the angle between edges above which the distance of their lines is used."""
 
 VERTICES, TRIANGLES, EDGES, CANDIDATES = range(4)
-"""What is listed."""
+"""Kinds of lists."""
 
 
 @compiled
@@ -105,20 +104,20 @@ def smaller(u: Vector, w: Vector) -> Vector:
 
 @compiled
 def box_gap(low: Vector, high: Vector, other_low: Vector, other_high: Vector) -> Number:
-    """Find how far two boxes are from each other, along the axis of their largest gap."""
+    """Return the gap [m] between two boxes on the axis where it is largest; negative if they overlap."""
     gap = larger(low - other_high, other_low - high)
     return maximum(maximum(gap[0], gap[1]), gap[2])
 
 
 @compiled
 def outside(low: Vector, high: Vector, body: int, lists: Neighbours) -> Number:
-    """Find how far a box is outside that of a body."""
+    """Return the gap [m] between a box and the box of a body."""
     return box_gap(low, high, row(lists.low, body), row(lists.high, body))
 
 
 @compiled
 def find(x: Rows, w: Rows, span: Times, pairs: Pairs, lists: Neighbours, contacts: ContactRows) -> int:
-    """List the contacts of all pairs of bodies, and return how many rows that makes.
+    """List the contacts of all pairs of bodies, and return the number of rows.
 
     Particles are at ``x`` (N, 3) and reach the node with velocities ``w`` (N, 3); ``span`` is its time.
     """
@@ -154,7 +153,7 @@ def find(x: Rows, w: Rows, span: Times, pairs: Pairs, lists: Neighbours, contact
 
 @compiled
 def is_listed(kind: int, p: int, lists: Neighbours) -> bool:
-    """Tell whether features of a kind are listed of a pair."""
+    """Return whether features of a kind are listed for a pair."""
     return lists.ends[p, kind, 0] < lists.ends[p, kind, 2]
 
 
@@ -163,7 +162,7 @@ def is_listed(kind: int, p: int, lists: Neighbours) -> bool:
 
 @compiled
 def all_far_are_far(lists: Neighbours) -> bool:
-    """Tell whether pairs that are not watched are still too far apart to be looked at."""
+    """Return whether pairs that are not watched are still too far apart to need a check."""
     for body in range(lists.margin.size):
         gone = load(lists.travelled, body) + load(lists.moved, body)
         margin = load(lists.margin, body)
@@ -181,7 +180,7 @@ def watch(x: Rows, w: Rows, span: Times, pairs: Pairs, lists: Neighbours) -> Non
     for body in range(shapes.radius.size):
         sides, mean = row(lists.high, body) - row(lists.low, body), row(lists.mean, body)
         longest = maximum(maximum(sides[0], sides[1]), sides[2]) + 2.0 * shapes.radius[body]
-        half = span.out * (sqrt(dot(mean, mean)) + load(lists.turning, body))  # the way in half a step
+        half = span.out * (sqrt(dot(mean, mean)) + load(lists.turning, body))  # motion in half a step
         store(lists.margin, body, minimum(maximum(ROOMY * longest, PATIENT * 2.0 * half), 0.5 * FAR))
         ahead = maximum(half - 0.5 * FARTHEST * pairs.least_reach, 0.0)  # as in `measure_moved`
         store(lists.ahead, body, ahead)
@@ -199,14 +198,14 @@ def watch(x: Rows, w: Rows, span: Times, pairs: Pairs, lists: Neighbours) -> Non
 
 @compiled
 def near_enough(p: int, a: int, b: int, pairs: Pairs) -> Number:
-    """Return how near two bodies must be to be looked at [m]."""
+    """Return the distance [m] below which two bodies are checked."""
     radius = pairs.shapes.radius[a] + pairs.shapes.radius[b]
     return ROUNDING * ((SPARE + FARTHEST) * pairs.reach[p] + radius)
 
 
 @compiled
 def measure_boxes(x: Rows, shapes: Shapes, lists: Neighbours) -> None:
-    """Find the boxes around all bodies."""
+    """Compute the boxes around all bodies."""
     for body in range(shapes.radius.size):
         low = row(x, shapes.vertices[shapes.start[VERTICES, body], 0])
         high = low
@@ -222,9 +221,9 @@ def measure_boxes(x: Rows, shapes: Shapes, lists: Neighbours) -> None:
 
 @compiled
 def measure_moved(x: Rows, w: Rows, span: Times, pairs: Pairs, lists: Neighbours) -> None:
-    """Find how far the vertices of each body are from where they were when features were listed.
+    """Compute the displacements of each body's vertices since features were listed.
 
-    What is fast is taken for farther, see `FARTHEST`, so that no pair is left out which may meet in a step.
+    Fast bodies count as displaced farther, see `FARTHEST`, so that no pair that may touch is left out.
     """
     shapes, usual = pairs.shapes, 0.5 * FARTHEST * pairs.least_reach
     for body in range(shapes.radius.size):
@@ -243,7 +242,7 @@ def measure_moved(x: Rows, w: Rows, span: Times, pairs: Pairs, lists: Neighbours
 
 @compiled
 def lists_hold(w: Rows, span: Times, pairs: Pairs, lists: Neighbours) -> bool:
-    """Tell whether all that may touch is in the lists; of pairs that are close, find how far to look."""
+    """Return whether the lists hold all that may touch, and set the search distance of close pairs."""
     shapes, hold, averaged, shifted = pairs.shapes, lists.kept[0], False, False
     close = 0
     for n in range(lists.length[WATCHED]):
@@ -273,7 +272,7 @@ def lists_hold(w: Rows, span: Times, pairs: Pairs, lists: Neighbours) -> bool:
 
 @compiled
 def average(u: Rows, shapes: Shapes, mean: Rows, rest: Numbers) -> None:
-    """Find the mean of each body's vertices, and the largest difference from it, of velocities or shifts."""
+    """Compute the mean velocity or shift of each body's vertices, and the largest difference from it."""
     for body in range(shapes.radius.size):
         first, behind = shapes.start[VERTICES, body], shapes.start[VERTICES, body + 1]
         middle = row(u, shapes.vertices[first, 0])
@@ -290,7 +289,7 @@ def average(u: Rows, shapes: Shapes, mean: Rows, rest: Numbers) -> None:
 
 @compiled
 def approach(a: int, b: int, mean: Rows, rest: Numbers) -> Number:
-    """Bound how much, or how fast, particles of two bodies come nearer: both move, and turn or bend."""
+    """Return a bound of the approach, or its speed, of two bodies' particles, with rotation and bending."""
     apart = row(mean, a) - row(mean, b)
     return sqrt(dot(apart, apart)) + load(rest, a) + load(rest, b)
 
@@ -300,11 +299,11 @@ def approach(a: int, b: int, mean: Rows, rest: Numbers) -> Number:
 
 @compiled
 def begin_lists(x: Rows, fresh: bool, pairs: Pairs, lists: Neighbours) -> None:
-    """Empty the lists of features, remember where vertices are, and find the boxes around all bodies.
+    """Empty the lists of features, store the positions of vertices, and compute the boxes around all bodies.
 
-    A pair that is not close is as far apart as it was, less by what its bodies moved. Where pairs that are
-    watched are ``fresh``, no body has used up any of its margin. A place that is no number is remembered as
-    one that is far from all that may follow it.
+    The known distance of a pair that is not close decreases by the motion of its bodies. If the watched pairs
+    are ``fresh``, the margins of all bodies start anew. A position that is NaN is stored as one far from any
+    later position.
     """
     shapes = pairs.shapes
     lists.kept[0] = True
@@ -331,7 +330,7 @@ def begin_lists(x: Rows, fresh: bool, pairs: Pairs, lists: Neighbours) -> None:
 
 @compiled
 def empty(lists: Neighbours) -> None:
-    """Let lists begin with their first rows; of candidates, behind those that are all there are."""
+    """Reset all lists to their first rows; candidates begin after the list of all rows."""
     for kind in range(3):
         lists.used[kind] = 0
     lists.used[CANDIDATES] = max(lists.triangle.size, lists.edge.size)
@@ -339,9 +338,9 @@ def empty(lists: Neighbours) -> None:
 
 @compiled
 def list_features(near: Near, span: Times, seen: Search, triangles: Indices, edges: Indices) -> bool:
-    """List what of two bodies is near the other, and tell whether it is for this node alone.
+    """List the features of two bodies near the other; return whether the lists are for this node only.
 
-    It is where the margin would not last: then it is cheaper to have none.
+    They are if the margin would not last: then lists without a margin are cheaper.
     """
     x, lists, shapes, p = seen.x, seen.lists, seen.pairs.shapes, near.pair
     a, b = near.bodies
@@ -368,8 +367,8 @@ def list_features(near: Near, span: Times, seen: Search, triangles: Indices, edg
 
 @compiled
 def measure_slab(x: Rows, a: int, b: int, shapes: Shapes, lists: Neighbours) -> Number:
-    """Find how far vertices of two bodies are from the other, along the line of the middles of their boxes;
-    and how far apart the bodies are."""
+    """Compute the distances of two bodies' vertices from the other body, along the line of their boxes'
+    centres, and return the gap between the bodies [m]."""
     axis = unit(row(lists.low, b) + row(lists.high, b) - (row(lists.low, a) + row(lists.high, a)))
     last, first = -FAR + 0.0 * axis[0], FAR + 0.0 * axis[0]
     for k in range(shapes.start[VERTICES, a], shapes.start[VERTICES, a + 1]):
@@ -387,7 +386,7 @@ def measure_slab(x: Rows, a: int, b: int, shapes: Shapes, lists: Neighbours) -> 
 
 @compiled
 def make_space(a: int, b: int, shapes: Shapes, lists: Neighbours) -> None:
-    """Begin all lists anew if those of two bodies may not fit behind the others, which do not last then."""
+    """Reset all lists if those of two bodies may not fit after the others; then no list is reused."""
     sizes, fits = (lists.vertex.size, lists.triangle.size, lists.edge.size), True
     for kind in range(3):
         start = shapes.start
@@ -404,7 +403,7 @@ def list_kind(
 ) -> None:
     """List the features of a kind of one body that are near the other's box, and in the slab.
 
-    If it is to last, all copies list what one does: rows that are the same in all are soon loaded.
+    Lists to be reused have the same features in all copies, which makes rows fast to load.
     """
     body, other = near.bodies[side], near.bodies[1 - side]
     x, lists, start, p = seen.x, seen.lists, seen.pairs.shapes.start, near.pair
@@ -439,7 +438,7 @@ def list_kind(
 
 @compiled
 def listed_as(kind: int, lists: Neighbours) -> tuple[Numbers, Numbers]:
-    """Return the list of a kind of features, and that of their particles."""
+    """Return the list of features of a kind, and that of their particles."""
     if kind == VERTICES:
         return lists.vertex, lists.vertex_particle
     if kind == TRIANGLES:
@@ -449,7 +448,7 @@ def listed_as(kind: int, lists: Neighbours) -> tuple[Numbers, Numbers]:
 
 @compiled
 def locate(p: int, seen: Search, triangles: Indices, edges: Indices) -> None:
-    """Find where what is listed of a pair is; what a copy has not is far from all else."""
+    """Compute positions of a pair's listed features; entries that a copy lacks are far from all others."""
     x, lists = seen.x, seen.lists
     far = FAR + 0.0 * load(lists.reach, p)
     for k in range(lists.ends[p, VERTICES, 0], lists.ends[p, VERTICES, 2]):
@@ -476,16 +475,16 @@ def locate(p: int, seen: Search, triangles: Indices, edges: Indices) -> None:
         for k in range(lists.ends[p, EDGES, 0], lists.ends[p, EDGES, 2]):
             start = row_each(x, load(lists.edge_particles, 2 * k))
             way = row_each(x, load(lists.edge_particles, 2 * k + 1)) - start
-            none, away = load(lists.edge, k) < 0.0, (k + 2.0) * far  # no two there, nor where vertices are
+            none, away = load(lists.edge, k) < 0.0, (k + 2.0) * far  # all in different places
             set_row(lists.start, k, choose(none, vec(away, away, away), start))
             set_row(lists.way, k, choose(none, 0.0 * way, way))
 
 
 @compiled
 def list_candidates(p: int, every: bool, seen: Search, triangles: Indices, edges: Indices) -> None:
-    """List which vertices and triangles, which edges and edges are near each other in any copy.
+    """List the candidates of a pair: vertices and triangles, or two edges, that are near in any copy.
 
-    Where it is to be ``every`` one that is listed, or there is no space for more, all are.
+    If ``every``, or if there is no space for more, all listed features are candidates.
     """
     lists, ends = seen.lists, seen.lists.ends
     if triangles is not None:
@@ -509,10 +508,10 @@ def list_near(
     candidates: np.ndarray,
     is_near: Callable[[int, int, Number, Neighbours], bool],
 ) -> None:
-    """List which of the ``others`` are near each feature ``of`` a body in any copy, by ``is_near``.
+    """List the ``others`` that are near each feature ``of`` a body in any copy, by ``is_near``.
 
-    Both are rows of lists, from the first to the one behind. Where the list of row m begins and ends is
-    written into row m of ``candidates`` (rows, 2).
+    Both are half-open ranges of rows. The range of row m's candidates is written into row m of ``candidates``
+    (rows, 2).
     """
     wide, used = load(lists.listed, p), lists.used[CANDIDATES]
     first, behind = others
@@ -530,7 +529,7 @@ def list_near(
 
 @compiled
 def face_is_near(m: int, n: int, wide: Number, lists: Neighbours) -> bool:
-    """Tell whether a vertex may be near a triangle in any copy: near its plane and its box."""
+    """Return whether a vertex may be near a triangle in any copy: near its plane and its box."""
     r, u, q = row(lists.point, m) - row(lists.corner, n), row(lists.first, n), row(lists.second, n)
     none, height = 0.0 * u, dot(row(lists.normal, n), r)  # times |normal|
     gap = box_gap(r, r, smaller(smaller(u, q), none), larger(larger(u, q), none))
@@ -539,7 +538,7 @@ def face_is_near(m: int, n: int, wide: Number, lists: Neighbours) -> bool:
 
 @compiled
 def edge_is_near(m: int, n: int, wide: Number, lists: Neighbours) -> bool:
-    """Tell whether two edges may be near each other in a copy: their lines, if skew, and their boxes."""
+    """Return whether two edges may be near each other in any copy: their lines, if skew, and their boxes."""
     a, b, r = row(lists.way, m), row(lists.way, n), row(lists.start, m) - row(lists.start, n)
     none, across = 0.0 * a, cross(a, b)
     square, h = dot(across, across), dot(r, across)
@@ -553,7 +552,7 @@ def edge_is_near(m: int, n: int, wide: Number, lists: Neighbours) -> bool:
 
 @compiled
 def compare(count: int, near: Near, seen: Search, triangles: Indices, edges: Indices) -> int:
-    """List the contacts of a pair behind ``count`` others."""
+    """Add the contacts of a pair after ``count`` others, and return the number of rows."""
     lists, p, contacts = seen.lists, near.pair, seen.contacts
     shapes: Shapes = seen.pairs.shapes  # type: ignore[assignment]
     ends, rods, balls = lists.ends, shapes.rods, shapes.balls
@@ -584,7 +583,7 @@ def compare(count: int, near: Near, seen: Search, triangles: Indices, edges: Ind
 
 @compiled
 def is_of(body: int, kind: Indices) -> bool:
-    """Tell whether a body is of a kind."""
+    """Return whether a body is of a kind."""
     if kind is None:
         return False
     return kind[body]

@@ -1,24 +1,23 @@
 """The impulses of contacts at the node of a step, where all impulses act at once.
 
 A row k is a contact of two bodies, or of a body and a surface: a gap d with the normal n, from the second
-side to the first, and what moves it (`springgym.contact.movers`). Its impulse J n changes the gap's rate
-u = n · (v₁ − v₂) by W J, and follows from the gaps where the step begins, h₀, and where all else would end
-it, a = h₀ + h (u₀ + u)/2 (`springgym.contact.law`). Friction is an impulse j across n that stops what slips,
-as far as Coulomb's cone allows (`springgym.contact.cone`), and a couple q may resist what turns. Each follows
-from all others: they are found one after another, in sweeps there and back (Gauss and Seidel's), from those
-of the last node (`springgym.contact.warm`).
+side to the first, between two sides (`springgym.contact.movers`). Its impulse J n changes the gap's rate u =
+n · (v₁ − v₂) by W J, and follows from the gap h₀ where the step begins, and the gap a = h₀ + h (u₀ + u)/2
+where it would end without this contact (`springgym.contact.law`). Friction is a tangential impulse j that
+stops slip, as far as Coulomb's cone allows (`springgym.contact.cone`), and a couple q may resist turning. All
+depend on each other, and are found in alternating forward and backward sweeps (symmetric Gauss–Seidel), from
+those of the last node (`springgym.contact.warm`).
 
 All impulses of a contact act at the positions of the node, along the line between its points or at one point,
-so that they keep momentum and angular momentum to rounding, whatever their size; each changes the kinetic
+so that they conserve momentum and angular momentum to rounding, whatever their size; each changes the kinetic
 energy by its product with the mean velocity, before and after the node.
 
-Where a round feature rolls on a surface, what sticks is the point that touches at the end of the step: slip
-is measured there, with the arm and the inertia that the body has by then. Else friction that sticks is of
-first order in h: a disk precesses 1.6 % too slowly.
+Where a round feature rolls on a surface, friction acts on the slip of the point that touches at the end of
+the step, with the arm and the inertia of the body at that time. Otherwise static friction would be of first
+order in h: a disk precesses 1.6 % too slowly.
 
-The strength of an edge's contact depends on where it is met: the force of this energy's gradient acts, too.
-Its impulse is q ∇Φ, q = h Ū/(1 + h² Ū G/2), G = Σ |∇ᵢΦ|²/mᵢ, so bounded that a step cannot gain more of it
-than there is.
+The strength of an edge's contact depends on its place, which adds the force of its gradient. The impulse is q
+∇Φ, q = h Ū/(1 + h² Ū G/2), G = Σ |∇ᵢΦ|²/mᵢ, bounded so that a step gains no more than this energy.
 """
 
 from __future__ import annotations
@@ -79,16 +78,16 @@ from springgym.core.vectors import (
 )
 
 LOW = 0.02
-"""What begins a step nearer than this share of Δ was missed before. It is taken as this near: what sweeps
-leave over brings contacts nearer than they were solved for, and their energy has no bound."""
+"""A gap below this fraction of Δ at a step's beginning counts as a missed contact, and is raised to it:
+residuals of sweeps can bring contacts nearer than solved for, and their energy is unbounded."""
 
 ROLLED, TAKEN = 1e-5, 0.2
-"""Shares of Δ of what rolls. What begins a step nearer than the first was missed: its point of contact went
-so far over the skin in a step, as that of a coin that falls flat, that it is behind the surface. It is taken
-as this far, so that it is pushed out gently, and not within a step."""
+"""The same for rolling contacts. A gap below the first fraction of Δ counts as missed: its point of contact
+moved so far over the skin in a step, as on a coin that falls flat, that it is behind the surface. It is
+raised to the second, so that it is pushed out gently, and not within a step."""
 
 QUICK = 0.2
-"""Share of Δ that a contact may move by in a step, to be computed well."""
+"""Largest motion of a contact in a step, as a fraction of Δ, that is resolved accurately."""
 
 
 # --- What rows follow from ----------------------------------------------------------------------------
@@ -96,10 +95,10 @@ QUICK = 0.2
 
 @compiled
 def prepare(k: int, free: Rows, problem: Problem) -> None:
-    """Find how contact k is reached, and how much an impulse changes that.
+    """Compute the approach of contact k, its inverse mass, and its gaps; reset its impulses.
 
-    ``free`` are the velocities after the node, but for contact. Before this is called, the gap of a surface
-    is that where all else would end the step.
+    ``free`` are the velocities after the node without contact. Before the call, the gap of a contact with a
+    surface is that at the end of the step without contact.
     """
     span, contacts = problem.span, problem.contacts
     n = row(contacts.normal, k)
@@ -159,10 +158,10 @@ def prepare_row(k: int, problem: Problem) -> Number:
 
 @compiled
 def solve(v: Rows, sweeps: int, enough: float, tapers: bool, problem: Problem) -> None:
-    """Find all impulses, and change the velocities ``v`` by them.
+    """Find all impulses, and apply them to the velocities ``v``.
 
-    Sweeps end in copies where one changes no gap by more than ``enough`` Δ. If it ``tapers``, the gradients
-    of Φ act after the first sweep: they act once a node.
+    A copy's sweeps end after one that changes no gap by more than ``enough`` Δ. If ``tapers``, gradients of Φ
+    act after the first.
     """
     contacts = problem.contacts
     for turn in range(sweeps):
@@ -180,7 +179,7 @@ def solve(v: Rows, sweeps: int, enough: float, tapers: bool, problem: Problem) -
 
 @compiled
 def solve_row(v: Rows, k: int, problem: Problem) -> None:
-    """Find the impulses of contact k from all others' as they are by now."""
+    """Find the impulses of contact k from the current ones of all others."""
     span, contacts = problem.span, problem.contacts
     reach, inverse, old = reach_of(k, problem), load(contacts.inverse_mass, k), load(contacts.impulse, k)
     n, start = row(contacts.normal, k), load(contacts.start, k)
@@ -188,7 +187,7 @@ def solve_row(v: Rows, k: int, problem: Problem) -> None:
     free = last - span.out * inverse * old
     going = select(inverse > 0.0, load(contacts.going, 0), 0.0)
     meets = select(going > 0.5, minimum(start, free), FAR) < reach
-    if any_lane(select(meets, 1.0, going * old) > 0.0):  # what was given may have to be taken back
+    if any_lane(select(meets, 1.0, going * old) > 0.0):  # an earlier impulse may have to be taken back
         c, beta = strength_of(k, problem) * inverse, beta_of(k, inverse, problem, problem.pairs.loss)
         gaps = start, free, select(old > 0.0, last, 0.0)
         change, _ = solve_gap(gaps, span, c, reach, beta, meets)
@@ -236,7 +235,7 @@ def ends(v: Rows, k: int, problem: Problem) -> tuple[Number, Number]:
 
 @compiled
 def apply_friction(v: Rows, k: int, going: Mask, problem: Problem, mu: Numbers | None) -> None:
-    """Let friction, and a couple if there is one, stop what slips and turns in contact k."""
+    """Apply friction, and a couple if turning is resisted, against slip and turning in contact k."""
     if mu is not None:
         contacts = problem.contacts
         n = row(contacts.normal, k)
@@ -255,7 +254,7 @@ def apply_friction(v: Rows, k: int, going: Mask, problem: Problem, mu: Numbers |
 
 @compiled
 def stop_slip(v: Rows, k: int, limit: Number, acts: Mask, problem: Problem) -> None:
-    """Let friction stop what slips in contact k, or give as much as the push there allows."""
+    """Apply the friction that stops the slip of contact k, or as much as the ``limit`` allows [N·s]."""
     contacts = problem.contacts
     friction, slip = row(contacts.friction, k), slip_of(v, k, contacts.late[k], problem)
     along = 1.0 / (sqrt(dot(slip, slip)) + TINY) * slip
@@ -283,10 +282,10 @@ def resisted(k: int, contacts: ContactRows, resistance: Resistance | None) -> bo
 def begin_to_hold(
     v: Rows, k: int, limit: Number, acts: Mask, problem: Problem, resistance: Resistance | None
 ) -> None:
-    """Begin the friction of contact k with what would stop its slip if a couple stopped its rolling.
+    """Start friction of contact k with the impulse that stops its slip if a couple stops its rolling.
 
-    Beside that couple, an impulse of 1 along s changes the slip by K and by what the couple that stops the
-    rolling by s changes it.
+    With that couple, an impulse of 1 along s changes the slip by K and by the effect of the couple that stops
+    the rolling due to s.
     """
     if resistance is not None:
         contacts, turning = problem.contacts, problem.contacts.turning
@@ -307,7 +306,7 @@ def begin_to_hold(
 
 @compiled
 def without_rolling(slip: Vector, rate: Vector, k: int, problem: Problem) -> Vector:
-    """Return a slip at contact k if a couple stopped all rolling at an angular velocity ``rate``."""
+    """Return the slip at contact k after a couple that stops all rolling at an angular velocity ``rate``."""
     n = row(problem.contacts.normal, k)
     square = dot(n, n)
     rolls = rate - dot(rate, n) / square * n
@@ -327,7 +326,7 @@ def couple_against(rate: Vector, k: int, problem: Problem) -> Vector:
 def stop_turning(
     v: Rows, k: int, pressed: Number, acts: Mask, problem: Problem, resistance: Resistance | None
 ) -> None:
-    """Apply the couples that stop rolling and then spinning in contact k, as far as its push allows."""
+    """Apply couples that stop rolling and then spinning in contact k, as far as ``pressed`` allows."""
     if resistance is not None:
         contacts, turning = problem.contacts, problem.contacts.turning
         n = row(contacts.normal, k)
@@ -351,7 +350,7 @@ def stop_turning(
 
 @compiled
 def taper(v: Rows, problem: Problem, shapes: Shapes | None) -> None:
-    """Let the force of the gradient of Φ act, where edges meet."""
+    """Apply the force of the gradient of Φ, where edges touch."""
     if shapes is not None:
         contacts = problem.contacts
         for k in range(problem.contacts.length[ROWS]):
@@ -371,7 +370,8 @@ def taper(v: Rows, problem: Problem, shapes: Shapes | None) -> None:
 def gradient_of_share(k: int, on: Mask, problem: Problem) -> Ends:
     """Return ∇Φ by each of the four ends of the edges that meet in contact k [1/m].
 
-    With D = r + s a − t b, D·a = D·b = 0 says how s and t change as the four points move; lengths stay.
+    With D = r + s a − t b, D·a = D·b = 0 determines the changes of s and t with the four points; lengths are
+    constant.
     """
     contacts, x, parallel = problem.contacts, problem.x, problem.pairs.parallel[problem.contacts.pair[k]]
     i, j = load(contacts.particle, 4 * k), load(contacts.particle, 4 * k + 1)
@@ -394,7 +394,7 @@ def gradient_of_share(k: int, on: Mask, problem: Problem) -> Ends:
     by_angle = -2.0 * ab * both * (s0 * s1 * t0 * t1 * steepness(angle) * sine)
     by_a = by_angle * (b - ab / (aa + TINY) * a)
     by_b = by_angle * (a - ab / (bb + TINY) * b)
-    # by how much Φ changes, through s and t, with D·a and D·b
+    # derivatives of Φ, through s and t, by D·a and D·b
     along_a, along_b = -(bb * by_s + ab * by_t) * inverse, (ab * by_s + aa * by_t) * inverse
     apart = r + (s * a - t * b)
     lever = along_a * a + along_b * b
@@ -407,7 +407,7 @@ def gradient_of_share(k: int, on: Mask, problem: Problem) -> Ends:
 
 @compiled
 def push_ends(v: Rows, k: int, pushes: Ends, mean: Number, on: Mask, problem: Problem) -> None:
-    """Give the ends of the edges of contact k −q times ``pushes``; ``mean`` is the energy Ū per Φ [J]."""
+    """Apply −q times ``pushes`` to the ends of the edges of contact k; ``mean`` is the energy Ū per Φ [J]."""
     contacts, span, turning = problem.contacts, problem.span, problem.contacts.turning
     g0, g1, g2, g3 = pushes
     size = moved_by(0, k, g0, g1, problem, turning) + moved_by(1, k, g2, g3, problem, turning)
@@ -423,7 +423,7 @@ def push_ends(v: Rows, k: int, pushes: Ends, mean: Number, on: Mask, problem: Pr
 
 @compiled
 def moment_of(side: int, k: int, first: Vector, second: Vector, problem: Problem, turning: Turning) -> Vector:
-    """Return the moment of two impulses at the ends of one side's edge, about its body's point."""
+    """Return the moment [N·m·s] of two impulses at the ends of one side's edge, about its body's point."""
     particle, point = problem.contacts.particle, row(turning.point, problem.contacts.body[2 * k + side])
     i, j = load(particle, 4 * k + 2 * side), load(particle, 4 * k + 2 * side + 1)
     return cross(row_each(problem.x, i) - point, first) + cross(row_each(problem.x, j) - point, second)
@@ -433,7 +433,7 @@ def moment_of(side: int, k: int, first: Vector, second: Vector, problem: Problem
 def moved_by(
     side: int, k: int, first: Vector, second: Vector, problem: Problem, turning: Turning | None
 ) -> Number:
-    """Return twice the kinetic energy that two impulses at the ends of an edge give a side at rest."""
+    """Return twice the kinetic energy [J] that two impulses at the ends of an edge give a side at rest."""
     contacts, body = problem.contacts, problem.contacts.body[2 * k + side]
     if turning is not None and turns_as_one(body, turning):
         both, moment = first + second, moment_of(side, k, first, second, problem, turning)
@@ -447,7 +447,7 @@ def moved_by(
 def push_edge(
     v: Rows, side: int, k: int, first: Vector, second: Vector, problem: Problem, turning: Turning | None
 ) -> None:
-    """Give the ends of one side's edge two impulses."""
+    """Apply two impulses [N·s] to the ends of one side's edge."""
     contacts, body = problem.contacts, problem.contacts.body[2 * k + side]
     if turning is not None and turns_as_one(body, turning):
         n = turning.first[body]
@@ -467,12 +467,12 @@ def steepness(y: Number) -> Number:
     return 6.0 * y * (1.0 - y)
 
 
-# --- What is told -------------------------------------------------------------------------------------
+# --- Totals -------------------------------------------------------------------------------------------
 
 
 @compiled
 def add_totals(v: Rows, problem: Problem, changing: np.ndarray) -> None:
-    """Add what the contacts did at this node to the totals, and find what bodies lost."""
+    """Add the results of the contacts at this node to the totals, and compute the losses of bodies."""
     contacts, totals, span = problem.contacts, problem.totals, problem.span
     clear_current(True, totals, changing)
     for n in range(contacts.length[MET]):
@@ -490,7 +490,7 @@ def add_totals(v: Rows, problem: Problem, changing: np.ndarray) -> None:
         if contacts.surface[k] < 0:
             set_touching(touches, p, totals)
             add_to(totals, p, ENERGY, select(there, after, 0.0))
-        # without loss they differ by what sweeps leave over, which is an error, and is not entered
+        # without loss they differ by the residual of the sweeps, an error that is not entered
         lossy = select(there, beta_of(k, impulse, problem, problem.pairs.loss), 0.0) > 0.0
         lost = select(lossy, before - after - 0.5 * impulse * (u0 + u1), 0.0)
         rubbed = lost_to_friction(v, k, problem, problem.pairs.friction)
@@ -503,7 +503,7 @@ def add_totals(v: Rows, problem: Problem, changing: np.ndarray) -> None:
 
 @compiled
 def lost_to_friction(v: Rows, k: int, problem: Problem, mu: Numbers | None) -> Number:
-    """Return the energy that friction and couple of contact k took [J]: less their mean rates of work."""
+    """Return the energy dissipated by friction and couple of contact k [J], by their mean rates."""
     lost = 0.0 * load(problem.contacts.gap, k)
     if mu is not None:
         friction = row(problem.contacts.friction, k)
@@ -516,7 +516,7 @@ def lost_to_friction(v: Rows, k: int, problem: Problem, mu: Numbers | None) -> N
 
 @compiled
 def lost_to_couple(v: Rows, k: int, problem: Problem, resistance: Resistance | None) -> Number:
-    """Return the energy that the couple of contact k took from the turning [J]."""
+    """Return the energy that the couple of contact k dissipates [J]."""
     lost = 0.0 * load(problem.contacts.gap, k)
     if resistance is not None:
         turning = problem.contacts.turning
@@ -527,7 +527,7 @@ def lost_to_couple(v: Rows, k: int, problem: Problem, resistance: Resistance | N
 
 @compiled
 def add_loss(k: int, entry: int, energy: Number, problem: Problem) -> None:
-    """Add to what a pair lost, and half of it, or all at a surface, to what each body did [J]."""
+    """Add to the loss of a pair, and half of it, or all at a surface, to the loss of each body [J]."""
     contacts = problem.contacts
     add_to(problem.totals, contacts.pair[k], entry, energy)
     among = contacts.surface[k] < 0
@@ -538,7 +538,7 @@ def add_loss(k: int, entry: int, energy: Number, problem: Problem) -> None:
 
 @compiled
 def start_totals(fresh: Mask, problem: Problem, changing: np.ndarray) -> None:
-    """Set the totals of ``fresh`` copies to what their contacts are before any step."""
+    """Set the totals of ``fresh`` copies from their contacts before any step."""
     contacts, totals = problem.contacts, problem.totals
     clear_current(fresh, totals, changing)
     for k in range(problem.contacts.length[ROWS]):

@@ -1,6 +1,6 @@
-"""Surfaces that bound where particles may be: how high a particle is above them, and their normals.
+"""Surfaces that bound the space of particles: heights of particles above them, and normals.
 
-Particles meet them by `springgym.contact.law`.
+Contact with them follows `springgym.contact.law`.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from springgym.core.vectors import TINY, dot, plus_scaled, row
 from springgym.terms import Particles
 
 Overload: TypeAlias = Callable[..., Any]
-"""A function that Numba compiles in place of another, for the kinds of surfaces there are."""
+"""A function that Numba compiles in place of another, for the scene's kinds of surfaces."""
 
 INLINE = {**OPTIONS, "forceinline": True}
-"""Options of functions that differ by the kinds of surfaces: they are compiled into what calls them."""
+"""Options of functions that differ by the kinds of surfaces: they are inlined into their callers."""
 
 COMPILED = "Numba compiles an overload in place of this"
 
 
 @compiled
 def coefficient(of: Numbers, none: Number) -> Number:
-    """Return the one number of friction or loss, or ``none`` if the scene has no such thing."""
+    """Return the coefficient of friction or loss, or ``none`` if the scene has none."""
     if of is not None:
         none = none + load(of, 0)
     return none
@@ -39,7 +39,7 @@ def coefficient(of: Numbers, none: Number) -> Number:
 
 
 def count(kinds: Kinds) -> int:
-    """Return how many surfaces there are of some kinds."""
+    """Return the number of surfaces of some kinds."""
     raise NotImplementedError(COMPILED)
 
 
@@ -76,15 +76,15 @@ def _distance(k: int, place: Vector, kinds: Kinds) -> Overload:
 
 
 def mean_gradient(k: int, begin: Vector, end: Vector, least: Number, kinds: Kinds) -> Facing:
-    """Return n̄ of surface ``k`` for a way, its square, and the height [m] where the way begins.
+    """Return n̄ of surface ``k`` along a path, its square, and the height [m] where the path begins.
 
-    Of a way shorter than ``least`` [m] rounding would be all that is corrected.
+    For a path shorter than ``least`` [m], the correction would only be rounding, and is left out.
     """
     raise NotImplementedError(COMPILED)
 
 
 def _mean_gradient_of_first(kind: Any) -> Overload:
-    """Make the function that does what `mean_gradient` does, for surfaces of the first kind."""
+    """Return an implementation of `mean_gradient` for surfaces of the first kind."""
     height, gradient = kind.height, kind.gradient
 
     def of_plane(k: int, begin: Vector, end: Vector, least: Number, kinds: Kinds) -> Facing:
@@ -126,7 +126,7 @@ def strength_and_reach(surfaces: Surfaces) -> tuple[Number, Number]:
 
 @compiled
 def from_skin(distance: Number, radius: float | None) -> Number:
-    """Return the gap [m] at a distance of a ball's centre, or of a point."""
+    """Return the gap [m] of a ball whose centre, or of a point that, has a distance from a surface."""
     if radius is not None:
         distance = distance - radius
     return distance
@@ -140,15 +140,15 @@ def height(k: int, place: Vector, surfaces: Surfaces) -> Number:
 
 @compiled
 def mean_normal(k: int, begin: Vector, end: Vector, surfaces: Surfaces) -> Facing:
-    """Return the normal n̄ of surface ``k`` for a way, its square, and the gap [m] where the way begins.
+    """Return the normal n̄ of surface ``k`` along a path, its square, and the gap [m] where the path begins.
 
     n̄ · (end − begin) is the difference of both gaps: n̄ is the discrete gradient of the height h (Gonzalez,
     J. Nonlinear Sci. 6 (1996) 449, doi:10.1007/BF02440162),
 
         n̄ = ∇h(m) + (h(end) − h(begin) − ∇h(m) · d)/|d|² d,    m = (begin + end)/2,    d = end − begin.
 
-    Of planes it is their normal. In a way shorter than 1e-5 Δ, whose second term is less than what rounding
-    makes of it, that is left out.
+    For planes it is their normal. For a path shorter than 1e-5 Δ, the second term is left out, as rounding
+    would exceed it.
     """
     least = sqrt(1e-10 + 100.0 * epsilon(begin[0])) * surfaces.reach
     n, square, start = mean_gradient(k, begin, end, least, surfaces.kinds)
@@ -172,7 +172,7 @@ def lowest(place: Vector, surfaces: Surfaces) -> Number:
 
 @compiled
 def energy_at(position: Vector, surfaces: Surfaces | None) -> Number:
-    """Return the energy of a free particle in the barriers of all surfaces [J]; 0 without any."""
+    """Return the energy of a free particle in the barriers of all surfaces [J]; 0 without surfaces."""
     energy = 0.0 * position[0]
     if surfaces is not None:
         for k in range(count(surfaces.kinds)):

@@ -1,4 +1,4 @@
-"""Keep totals of each pair of bodies that collide, over the nodes since they were emptied."""
+"""Totals of each pair of bodies that collide, over all nodes since they were reset."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ from springgym.core.kinds import Mask, Number, Numbers
 from springgym.core.lanes import any_lane, load, maximum, minimum, select, store
 
 RESOLVED = 1.0
-"""Share of Δ that a contact may move by in a step: what is faster is not in reach before it is through."""
+"""Largest motion of a contact in a step, in Δ: a faster one passes the barrier before it acts."""
 
 
 class PairReadings(NamedTuple):
     """Totals of pairs, (copies, pairs), in the order of `Scene.meetings`."""
 
     touching: np.ndarray
-    """whether anything pushed at the last node"""
+    """whether the bodies pushed each other at the last node"""
     impulse: np.ndarray
     """the sum of all impulses along normals [N·s]"""
     least_gap: np.ndarray
-    """the least distance that any contact had [m]; infinite if none was near"""
+    """the least gap of any contact [m]; infinite if none was near"""
     energy: np.ndarray
-    """in the barriers between them [J]"""
+    """energy in the barriers between them [J]"""
     contact_loss: np.ndarray
-    """what was lost to restitution [J]"""
+    """energy lost to restitution [J]"""
     friction_loss: np.ndarray
-    """and to friction [J]"""
+    """energy lost to friction [J]"""
     misses: np.ndarray
     """number of contacts that were found late, in a step or a read state whose bodies (almost) overlapped"""
     too_fast: np.ndarray
@@ -55,13 +55,13 @@ class PairReadings(NamedTuple):
 
 @compiled
 def entry_of(changing: np.ndarray, n: int) -> int:
-    """Return a number of a list that all copies of a block share."""
+    """Return entry ``n`` of a list that all copies of a block share."""
     return changing[n]["lanes"][0]
 
 
 @compiled
 def set_entry(changing: np.ndarray, n: int, value: int) -> None:
-    """Set a number of a list that all copies of a block share."""
+    """Set entry ``n`` of a list that all copies of a block share."""
     changing[n]["lanes"][0] = value
 
 
@@ -75,7 +75,7 @@ def list_changing(contacts: ContactRows, totals: Numbers, changing: np.ndarray) 
     for n in range(1, entry_of(changing, 0) + 1):
         p = entry_of(changing, n)
         touching, energy = load(totals, p * ENTRIES + TOUCHING), load(totals, p * ENTRIES + ENERGY)
-        # an energy that is not a number counts as contact
+        # an energy that is NaN counts as contact
         if any_lane(select(energy <= 0.0, touching, 1.0 + 0.0 * touching) > 0.5):
             count += 1
             set_entry(changing, count, p)
@@ -135,7 +135,7 @@ def set_least_gap(gap: Number, pair: int, totals: Numbers) -> None:
 
 
 def read_pairs(totals: np.ndarray | None, copies: int, pairs: int | None = None) -> PairReadings:
-    """Return the totals of the first pairs of some copies; of all if no number of ``pairs`` is given."""
+    """Return the totals of the first ``pairs`` of some copies; of all pairs if None."""
     if totals is None:
         return PairReadings(*np.zeros((ENTRIES, copies, 0)))
     values = to_copies(totals, copies).reshape(copies, -1, ENTRIES)[:, :pairs].astype(float)
@@ -149,10 +149,10 @@ def read_pairs(totals: np.ndarray | None, copies: int, pairs: int | None = None)
 
 @kernel
 def tell_unresolved(totals: np.ndarray, reach: np.ndarray, step: float, found: np.ndarray) -> None:
-    """Tell in which copies, ``found`` (copies,), bodies met in a way that a step [s] cannot resolve.
+    """Mark the copies, ``found`` (copies,), with contacts that a step [s] cannot resolve.
 
-    The ``totals`` (blocks, pairs × `ENTRIES`, copies of a block) are of blocks that begin with the first of
-    these copies; the ``reach`` (pairs,) is Δ [m].
+    The first block of ``totals`` (blocks, pairs × `ENTRIES`, copies of a block) begins with the first of
+    these copies; ``reach`` (pairs,) is Δ [m].
     """
     width = totals.shape[2]
     for copy in range(found.size):
@@ -182,7 +182,7 @@ def forget_pairs(totals: np.ndarray) -> None:
 
 
 def find_changing(collisions: Collisions) -> None:
-    """Find from the totals, which were set, the pairs that may touch."""
+    """Rebuild the list of pairs that may touch from the totals, after these were set."""
     changing, totals = numbers(collisions.changing)[:, :, 0], numbers(collisions.totals)
     touching, energy = (totals[:, entry::ENTRIES] for entry in (TOUCHING, ENERGY))
     for row, apart in zip(changing, (touching <= 0.0) & (energy <= 0.0), strict=True):
@@ -191,7 +191,7 @@ def find_changing(collisions: Collisions) -> None:
 
 
 def empty_totals(collisions: Collisions, index: np.ndarray | slice) -> None:
-    """Begin some copies (k,) with empty totals."""
+    """Reset the totals of some copies (k,), and mark these copies as fresh."""
     row = np.zeros(collisions.totals.shape[1])
     row[GAP::ENTRIES] = FAR
     for array, value in ((collisions.totals, row), (collisions.fresh, np.ones(1))):

@@ -1,13 +1,13 @@
-"""Start the impulses of contacts from those of the last node: a warm start.
+"""Warm start: the impulses of contacts start from those of the last node.
 
-A sweep carries what one contact gives to the next. From nothing, a pile needs many sweeps before what lies
-below carries what lies above. From what held it a step ago it needs few, and as steps go on, the impulses of
-what rests become those that no sweep changes any more.
+A sweep propagates impulses from one contact to the next. Starting from zero, a pile needs many sweeps before
+lower bodies support upper ones. Starting from the impulses of the last step it needs few, and over several
+steps the impulses of resting bodies converge.
 
-Each copy keeps the impulses of a node in a table, by which contact they are of. That of a vertex is known by
-the pair and the vertex, whichever face of the other body it meets; that of two edges by their four ends. A
-contact that is not in the table starts from nothing. All this is a first guess: sweeps solve for each impulse
-as they do for any other.
+Each copy stores the impulses of a node in a hash table, by contact. The key of a vertex is its pair and the
+vertex, whichever face of the other body it touches; at a surface, also the surface; that of two edges is
+their four ends. A contact that is not in the table starts from zero. All this is only a first guess, from
+which sweeps solve for all impulses.
 """
 
 from __future__ import annotations
@@ -27,25 +27,25 @@ from springgym.core.lanes import any_lane, load, load_each, maximum, nearest, se
 from springgym.core.vectors import choose, dot, row, row_each, set_row, set_row_each
 
 ROWS_OF_A_BODY = 32
-"""Rows that the table has for each body, at least: three times the contacts of a cube among others."""
+"""Least number of rows of the table per body: three times the contacts of a cube among others."""
 
 PROBES = 64
-"""Rows in which the impulses of a contact may be: the first of them that was empty has them. If none was,
-they are not kept; such a contact would start from nothing at each node, and never hold all that it should."""
+"""Number of rows that are probed for a contact: its impulses are stored in the first empty one. If none is
+empty, they are not stored; such a contact starts from zero at each node, and its impulse stays too small."""
 
 OF_PAIR, OF_ENDS = 61.0, (17.0, 7.0, 5.0, 3.0)
-"""Factors of the numbers of pair and particles, by which contacts are spread over the table."""
+"""Factors of the indices of pair and particles in the hash that spreads contacts over the table."""
 
 
 class Key(NamedTuple):
-    """A `Key` identifies a contact, and says where its row in the table may be."""
+    """A key identifies a contact, and gives the first row of the table to probe."""
 
     pair: int
     """the index of the pair, plus one"""
     first: Number
     others: Number
     place: Number
-    """the first row that may have it"""
+    """the first row to probe"""
 
 
 def new_warm_start(pairs: Pairs, bodies: int, blocks: Callable[..., np.ndarray]) -> WarmStart:
@@ -67,7 +67,7 @@ def new_warm_start(pairs: Pairs, bodies: int, blocks: Callable[..., np.ndarray])
 
 @compiled
 def key_of(k: int, problem: Problem, rows: int) -> Key:
-    """Return the key of contact k, for a table of so many rows."""
+    """Return the key of contact k in a table with ``rows`` rows."""
     contacts, pair = problem.contacts, problem.contacts.pair[k]
     i, j = load(contacts.particle, 4 * k), load(contacts.particle, 4 * k + 1)
     m, n = load(contacts.particle, 4 * k + 2), load(contacts.particle, 4 * k + 3)
@@ -85,7 +85,7 @@ def key_of(k: int, problem: Problem, rows: int) -> Key:
 
 @compiled
 def within_table(place: Number, rows: int) -> Number:
-    """Return a place in the table, which goes round."""
+    """Return a row index wrapped around the end of the table."""
     return select(place < rows - 0.5, place, place - rows)
 
 
@@ -131,7 +131,7 @@ def start_warm(v: Rows, problem: Problem, table: WarmStart | None) -> None:
 def start_friction(
     v: Rows, k: int, at: Number, there: Mask, problem: Problem, kept: np.ndarray | None
 ) -> None:
-    """Start the friction of contact k from rows ``at`` of the table, across the normal of today."""
+    """Start the friction of contact k from rows ``at`` of the table, made tangential."""
     if kept is not None:
         contacts, n = problem.contacts, row(problem.contacts.normal, k)
         friction = row_each(kept, at)
@@ -156,7 +156,7 @@ def start_couple(v: Rows, k: int, at: Number, there: Mask, problem: Problem, kep
 
 @compiled
 def keep_impulses(problem: Problem, table: WarmStart | None) -> None:
-    """Enter what all contacts gave, in place of what they gave at the last node."""
+    """Store the impulses of all contacts, in place of those of the last node."""
     if table is not None:
         contacts, rows, in_use = problem.contacts, table.pair.size, load(table.in_use, 0)
         if any_lane(in_use > 0.5):
@@ -186,6 +186,6 @@ def keep_impulses(problem: Problem, table: WarmStart | None) -> None:
 
 @compiled
 def enter_row(array: np.ndarray | None, place: Number, value: Vector, enters: Mask) -> None:
-    """Store a vector in each copy's own row of a table, if there is one, in the copies that it ``enters``."""
+    """Store a vector in each copy's row of a table, if there is one, where it ``enters``."""
     if array is not None:
         set_row_each(array, place, choose(enters, value, row_each(array, place)))

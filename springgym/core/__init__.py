@@ -1,8 +1,8 @@
-"""Compiled code: values of many copies at once, vectors of them, and how functions are compiled and kept.
+"""Compiled code: values of many copies at once, vectors of them, and compilation with a disk cache.
 
-Only this package knows the inside of Numba. A force, a surface or a method of one's own takes its words
-from here: `compiled` makes a function part of the step, `row`, `vector` and `vec` give vectors, on which
-`+`, `-`, `*` and `dot` act as on paper, and `select` decides copy by copy.
+Only this package depends on Numba's internals. User-defined forces, surfaces and methods import from here:
+`compiled` makes a function part of the step; `row`, `vector` and `vec` return vectors, on which `+`, `-`, `*`
+and `dot` act as on paper; and `select` chooses a value for each copy.
 """
 
 from springgym.core.compiling import compiled

@@ -1,4 +1,4 @@
-"""The layout of a batch: arrays of blocks, and their view as one row a copy."""
+"""The layout of a batch: arrays of blocks, and their view as one row per copy."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from springgym.core.lanes import at as at
 from springgym.core.lanes import block_dtype
 
 WIDTH = {np.dtype(kind): 2 * REGISTER // np.dtype(kind).itemsize for kind in (np.float64, np.float32)}
-"""Copies in a block of a batch: two registers of the processor. While one of them waits for the result of the
-operation before, the other goes on: dampers, one after another, cost half of what they do in one. In more
-registers values are written to memory and read again, and more copies wait for those that touch something.
-Copies have the same bits in blocks of any width."""
+"""Number of copies in a block of a batch, which fill two vector registers. While one register waits for the
+result of the previous operation, the processor works on the other: dampers, which follow one another, cost
+half as much as with one register. With more registers, values spill to memory, and more copies wait for those
+in contact. Results are bit-identical for blocks of any width."""
 
 CACHE_LINE = 64
 """[bytes]"""
 
 
 def block_array(copies: int, shape: tuple[int, ...], dtype: DTypeLike) -> np.ndarray:
-    """Return zeros of shape (blocks, *shape), each element a number for every copy of the block.
+    """Return zeros of shape (blocks, *shape); each element holds a number for every copy of the block.
 
     One copy makes a block of width 1; more make blocks of `WIDTH`, the last one padded.
     """
@@ -81,7 +81,7 @@ def get_copies(array: np.ndarray, index: np.ndarray) -> np.ndarray:
 
 
 def chosen_copies(array: np.ndarray, index: np.ndarray) -> np.ndarray:
-    """Return a block array of nothing but the copies ``index`` (k,) of one; the last of them pads it."""
+    """Return a block array of only the copies ``index`` (k,) of another; the last of them is its padding."""
     chosen = block_array(len(index), array.shape[1:], numbers(array).dtype)
     blocks, width = chosen.shape[0], numbers(chosen).shape[-1]
     padded = np.append(index, np.repeat(index[-1:], blocks * width - len(index)))
@@ -91,7 +91,7 @@ def chosen_copies(array: np.ndarray, index: np.ndarray) -> np.ndarray:
 
 @kernel
 def put(lanes: np.ndarray, index: np.ndarray, rows: np.ndarray, bound: float) -> bool:
-    """Set some copies (k,) of `flat_numbers` (blocks, n, width) to ``rows`` (k, n), or to one for all.
+    """Set copies ``index`` (k,) of `flat_numbers` (blocks, n, width) to ``rows`` (k, n), or (1, n) for all.
 
     Return False, and change nothing, if a number is NaN or larger than ``bound`` in size.
     """

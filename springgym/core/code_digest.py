@@ -1,12 +1,12 @@
 """A digest of what a compiled function is compiled from: its code, and all that this code names.
 
-Numba freezes much: constants of modules, what a closure binds, default arguments, and all of the functions
-that are called, however far down. `digest` walks through all of it as it is in memory. Comments, docstrings,
-the order of definitions and functions that nobody calls are not part of it.
+Numba compiles in module constants, closure variables, default arguments, and all functions that are called,
+directly or indirectly. `digest` walks through all of it as it is in memory. Comments, docstrings, the order
+of definitions and functions that nobody calls are not part of it.
 
-What belongs to Python, NumPy or Numba is told by its name: their versions belong into a key, too. A module
-that teaches Numba how to compile something (by `numba.extending`) is taken as a whole: nothing leads from
-the code that it changes to the place where it does.
+Objects of Python, NumPy or Numba enter by name only, so a key needs the versions of these packages, too. A
+module that extends Numba (by `numba.extending`) enters as a whole: the code that it affects does not refer to
+it.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ TEACHERS = [
     if name.startswith(("lower_", "overload", "register_model", "typeof_impl"))
     or name in ("box", "unbox", "type_callable", "make_attribute_wrapper")
 ]
-"""Names in a module that teaches Numba something, of what it does not name again where it is used."""
+"""Functions of `numba.extending` that affect how code is compiled which does not name them."""
 
 OF_EVERY_CLASS = frozenset(
     (
@@ -75,15 +75,15 @@ def digest(function: Callable[..., Any], arguments: object = (), by_source: Iter
     function
         What is compiled: a plain function, not what Numba made of it.
     arguments
-        Numba's types of its arguments: functions and named tuples among them bring code with them.
+        Numba's types of its arguments; the code of functions and named tuples among them enters, too.
     by_source
-        Names of modules of which the source tells all.
+        Names of modules that enter the digest by their source alone.
 
     Raises
     ------
     NotHashable
-        If it is compiled from something that has no digest, such as a function written in C; or if what a
-        function names has changed since an earlier digest, and may have been compiled as it was then.
+        If it is compiled from something that has no digest, such as a function written in C; or if a constant
+        that a function names has changed since an earlier digest, and may be compiled in.
     """
     walk = _Walk(frozenset(by_source))
     walk.value(function)
@@ -101,11 +101,11 @@ class _Walk:
         self.modules: set[str] = set()
 
     def text(self, *parts: object) -> None:
-        """Feed what has the same `repr` in every process."""
+        """Feed values whose `repr` is the same in every process."""
         self.sum.update(repr(parts).encode())
 
     def of_types(self, kind: object) -> None:
-        """Feed the types of arguments, and what code they bring with them."""
+        """Feed the types of arguments, and the code of functions and named tuples among them."""
         if isinstance(kind, (tuple, list, numba.types.BaseTuple)):
             self.text("types", type(kind).__name__, len(kind))
             if hasattr(kind, "instance_class"):
@@ -118,7 +118,7 @@ class _Walk:
             self.text(str(kind))
 
     def value(self, value: Any) -> None:
-        """Feed anything that Numba may freeze.
+        """Feed any value that Numba may compile in.
 
         Raises
         ------
@@ -213,14 +213,14 @@ class _Walk:
                 self.attributes(value, names)
 
     def unchanged(self, function: types.FunctionType, named: dict[str, object]) -> None:
-        """Refuse a function that may have been compiled when its constants were others."""
+        """Raise `NotHashable` if a function may have been compiled with other values of its constants."""
         for name, value in named.items():
             now = _plain(value)
             if now is not None and _EARLIER.setdefault((function, name), now) != now:
                 raise NotHashable(f"{name}, which {function.__qualname__} names, has changed")
 
     def attributes(self, module: types.ModuleType, names: Iterable[str]) -> None:
-        """Feed what ``names`` may mean in a module that is not `KNOWN`."""
+        """Feed the attributes ``names`` of a module, unless the module is `KNOWN`."""
         if _known(module.__name__):
             return
         self.module(module.__name__)
@@ -244,7 +244,7 @@ class _Walk:
                 self.value(constant)
 
     def module(self, name: str) -> None:
-        """Feed the whole of a module that teaches Numba something, or is to be told by its source."""
+        """Feed all of a module that extends Numba, or the source of one that is in ``by_source``."""
         if name in self.modules or _known(name):
             return
         self.modules.add(name)
@@ -277,7 +277,7 @@ def _known(module: str) -> bool:
 
 
 def _plain(value: object) -> tuple[object, ...] | None:
-    """Return the whole content of a value that refers to no other values; None if it refers to some."""
+    """Return the full content of a value that refers to no other values; None if it refers to some."""
     if isinstance(value, enum.Enum):
         return type(value).__qualname__, value.name, repr(value.value)
     if value is None or value is ... or type(value) in (bool, int, float, complex, str, bytes):
@@ -323,7 +323,7 @@ def _names(code: types.CodeType) -> set[str]:
 
 
 def _teaches(module: types.ModuleType) -> bool:
-    """Return whether a module uses one of `TEACHERS`, by its name or by way of Numba's."""
+    """Return whether a module uses one of `TEACHERS`, imported by name or as ``numba.extending``."""
     values = list(vars(module).values())
     if any(value is one for value in values for one in (*TEACHERS, extending)):
         return True
@@ -337,7 +337,7 @@ def _source(name: str) -> types.CodeType:
     Raises
     ------
     NotHashable
-        If there is no file of it, or a newer one than what was imported.
+        If it has no source file, or a file that is newer than the import.
     """
     path = getattr(sys.modules[name], "__file__", None)
     try:

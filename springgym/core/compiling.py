@@ -1,30 +1,30 @@
 """Compilation: the two decorators every compiled function carries, and their disk cache.
 
-``@kernel`` marks what Python calls: it releases the GIL and is cached on disk. ``@compiled`` marks what
-only kernels call; it is stored inside the kernels that use it.
+``@kernel`` marks functions that Python calls: they release the GIL and are cached on disk. ``@compiled``
+marks functions that only kernels call; their code is part of the kernels that use them.
 
-Numba's own cache looks at the file of the cached function alone, so an edit in a file it *calls* would
-silently run the old physics, and its index can be torn by two processes that compile at once. Here a
-cache entry is one file, named by a hash over everything it depends on: the code of all functions the kernel
-is compiled from with the constants that they name (`springgym.core.code_digest`), the argument types, the
-CPU, the versions of Python, NumPy and Numba, and those of Numba's settings that change the code. Nothing is
-ever invalidated or locked; other code, another name. What has no digest is compiled anew by each process.
-An entry is run: its folder must be one's own, or of somebody whom one trusts. Folders can be copied, shared
-and read only. Code is made for the processor that makes it, and found by those like it; with
-``SPRINGGYM_CPU=x86-64-v3`` (or another of `LEVELS`), for every processor of that level, and found by
-processes that are told the same. Numba's settings are not touched but for that one.
+Numba's own cache checks only the file of the cached function, so after an edit in a file that it *calls* the
+old physics would silently run, and two processes that compile at once can corrupt its index. Here a cache
+entry is one file, named by a hash over everything it depends on: the code of all functions the kernel is
+compiled from with the constants that they name (`springgym.core.code_digest`), the argument types, the CPU,
+the versions of Python, NumPy and Numba, and those of Numba's settings that change the code. Nothing is ever
+invalidated or locked: other code has another name. A function without a digest is compiled by each process.
+Entries are executed, so their folder must belong to the user or to somebody trusted. Folders can be copied,
+shared and read-only. Code is made for the processor that compiles it, and found by similar ones; with
+``SPRINGGYM_CPU=x86-64-v3`` (or another of `LEVELS`) it is made for every processor of that level, and found
+by processes with the same setting. No other setting of Numba is changed.
 
-What the folder lacks, processes that are not told ``SPRINGGYM_CPU`` take from the package `KERNELS`, if it is
-installed and fits: code for the levels, of which each processor runs that of its own (`fitting_level`). All
-levels compute the same bits. Such code runs in a process whose Numba compiles for the processor itself: code
-is told what to run on when it is made, and functions of both kinds hand numbers on in the same registers.
+If ``SPRINGGYM_CPU`` is not set, entries that the folder lacks are taken from the package `KERNELS`, if it is
+installed and fits. It has code for the levels; each processor runs that of its own (`fitting_level`). All
+levels give bit-identical results. Such code can run in a process whose Numba compiles for the processor
+itself: the target is fixed when code is made, and functions of both kinds pass numbers in the same registers.
 
-The cache needs a few things of Numba that are not of its public interface: `INSIDE` names them. Where a
-version of Numba lacks one, a warning says so, every process compiles anew, and results are the same.
+The cache needs a few private parts of Numba, listed in `INSIDE`. If a version of Numba lacks one, a warning
+is issued and every process compiles again; results are the same.
 
 With ``NUMBA_BOUNDSCHECK=1`` in the environment all compiled functions check every index, those of `lanes` and
-`blocks` too, and raise an `IndexError`: slow, for the search of a fault. Set ``NUMBA_OPT=1`` as well: to
-optimise all these checks where bodies collide takes LLVM many minutes, to leave most of that a minute.
+`blocks` too, and raise an `IndexError`: slow, for debugging. Set ``NUMBA_OPT=1`` as well: where bodies
+collide, LLVM takes many minutes to optimise all these checks, but a minute at this level.
 
 With ``NUMBA_DISABLE_JIT=1`` in the environment this module cannot be imported: lanes exist in compiled code
 alone.
@@ -74,7 +74,7 @@ if TYPE_CHECKING:
     from numba.core.typing.templates import Signature
 
     Asked: TypeAlias = Signature | tuple[numba.types.Type, ...]
-    """Types of the arguments that Numba asks code for."""
+    """Argument types for which Numba requests code."""
 
 if numba.config.DISABLE_JIT:
     raise ImportError("springgym runs compiled code only: unset NUMBA_DISABLE_JIT")
@@ -92,13 +92,13 @@ LEVELS = {
     "x86-64-v4": V4.split(),
     INTELS: f"{V4} adx aes clflushopt clwb pclmul prfchw rdrnd rdseed xsavec xsaveopt".split(),
 }
-"""Processors that code can be made for, other than the one that makes it, and what each of them has
-(x86-64 psABI, table 3.1; Intel's, for user programs, by LLVM). Names are LLVM's. Those below do not have the
-fused product and sum."""
+"""Levels of processors that code can be made for, instead of the compiling one, with the features of each
+(x86-64 psABI, table 3.1; Intel's level: LLVM's features for user programs). Names are LLVM's. Levels below
+these lack fused multiply-add."""
 
 
 def fitting_level(name: str, has: Mapping[str, bool]) -> str | None:
-    """Return the level whose code is the fastest on a processor; None if it has no level.
+    """Return the level whose code is fastest on a processor; None if it supports no level.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def fitting_level(name: str, has: Mapping[str, bool]) -> str | None:
 
 
 def _level(asked: str, has: Mapping[str, bool]) -> str | None:
-    """Return the level to make code for; None for this processor itself, which ``has`` some features.
+    """Return the level to compile for; None for this processor itself, whose features are ``has``.
 
     Raises
     ------
@@ -148,7 +148,7 @@ def features() -> Mapping[str, bool]:
 
 
 LEVEL = _level(os.environ.get("SPRINGGYM_CPU", ""), features())
-"""The processors that code is made for, of `LEVELS`; None for those like this one."""
+"""The level of `LEVELS` that code is made for; None for processors like this one."""
 
 if LEVEL is not None:  # before Numba compiles anything; the key of an entry holds both
     numba.config.CPU_NAME, numba.config.CPU_FEATURES = LEVEL, ""
@@ -156,28 +156,28 @@ if LEVEL is not None:  # before Numba compiles anything; the key of an entry hol
 _FITS = LEVEL or fitting_level(binding.get_host_cpu_name(), features())
 
 REGISTER = 64 if _FITS is not None and "avx512f" in LEVELS[_FITS] else 32
-"""Size of a vector register of the processors that code is made for [bytes]."""
+"""Size of a vector register of the target processors [bytes]."""
 
 OPTIONS = {"error_model": "numpy", "_nrt": False}
-"""IEEE arithmetic (no fastmath); no allocation, hence no counting of references to arrays, which cost as
-much as the physics where small functions hand arrays on."""
+"""IEEE arithmetic (no fastmath); no allocation, hence no reference counts of arrays, which would cost as much
+as the physics where small functions pass arrays."""
 
 SETTINGS = ("BOUNDSCHECK", "OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "DEBUGINFO_DEFAULT")
-"""Those of `numba.config` that change what is compiled."""
+"""Settings of `numba.config` that change the compiled code."""
 
 VERSIONS = {
     "Python": str(sysconfig.get_config_var("EXT_SUFFIX")).split(".")[1],  # as for modules written in C
     "NumPy": np.__version__,
     "Numba": numba.__version__,
 }
-"""What compiled code fits, beside a processor."""
+"""Versions that compiled code depends on, besides the processor."""
 
 SAMPLE = CPUDispatcher(lambda: None)
-"""A function that is never called: a sample of how this version of Numba wraps a compiled function."""
+"""A function that is never called: an example of this version's wrapper of compiled functions."""
 
 
 def _inside(path: str) -> Any:
-    """Something in Numba that may be gone in its next version; None if it is."""
+    """Return a private object of Numba, by its dotted path; None if this version lacks it."""
     try:
         return attrgetter(path)(numba)
     except AttributeError:
@@ -194,7 +194,7 @@ INSIDE = {
         "core.codegen.JitEngine._load_defined_symbols",
     )
 }
-"""The private things in Numba that the cache is made of; None for what this version lacks."""
+"""The private parts of Numba that the cache uses; None for those that this version lacks."""
 
 LOCK, REDUCE, REBUILD, DUMPS, NAME_SYMBOLS = INSIDE.values()
 
@@ -204,7 +204,7 @@ if not hasattr(SAMPLE, "_cache"):
 
 
 def _warn_uncached(why: str) -> None:
-    """Warn, once a process, that compiled code is not kept."""
+    """Warn, once per process, that compiled code is not cached."""
     global _warned
     if not _warned:
         _warned = True
@@ -221,16 +221,16 @@ if LACKING:
     _warn_uncached(f"has no {', '.join(LACKING)}")
 
 if LOCK is not None and hasattr(os, "register_at_fork"):
-    # A forked child has the compiler's lock as it was, but not the thread that held it: it would wait for
-    # ever. So a fork waits until no other thread compiles.
+    # A forked child inherits the compiler's lock, but not the thread that holds it, and would wait forever.
+    # So a fork waits until no other thread compiles.
     os.register_at_fork(before=LOCK.acquire, after_in_parent=LOCK.release, after_in_child=LOCK.release)
 
 
 class WholeTuple(models.TupleModel):
-    """Hands a named tuple on as one value.
+    """Passes a named tuple to functions as one value.
 
-    Numba's own model takes it apart at every call, a hundred arrays into a thousand numbers, and the function
-    that is called puts them together again: most of what there would be to compile.
+    Numba's own model unpacks it at every call, a hundred arrays into a thousand numbers, and the called
+    function packs it again: this would be most of the code to compile.
     """
 
     def get_argument_type(self) -> ir.Type:
@@ -245,20 +245,20 @@ class WholeTuple(models.TupleModel):
 
 @register_model(numba.types.NamedTuple)
 def _tuple_model(manager: DataModelManager, kind: numba.types.NamedTuple) -> models.TupleModel:
-    """Return the data model of this package's own tuples.
+    """Return the data model of a named tuple: `WholeTuple` for this package's own.
 
-    Those of others stay as they are, for code that others have compiled.
+    Tuples of other packages keep Numba's model, which code compiled elsewhere expects.
     """
     own = kind.instance_class.__module__.partition(".")[0] == PACKAGE
     return WholeTuple(manager, kind) if own else models.TupleModel(manager, kind)
 
 
 CHECKED = bool(numba.config.BOUNDSCHECK)
-"""True where compiled functions check indices, and `SameTypes` types."""
+"""Whether compiled functions check indices, and `SameTypes` checks argument types."""
 
 
 class Inner(type(SAMPLE)):  # type: ignore[misc]
-    """An `Inner` function is compiled for other compiled functions alone: Python cannot call it.
+    """A function that is compiled only for other compiled functions: Python cannot call it.
 
     See `_pipelines`.
     """
@@ -269,10 +269,10 @@ class Inner(type(SAMPLE)):  # type: ignore[misc]
         )
 
     def get_call_template(self, args: tuple[numba.types.Type, ...], kws: dict[str, numba.types.Type]) -> Any:
-        """Return how Numba types a call: a number that is written out counts as any number of its kind.
+        """Return Numba's typing of a call, in which a literal number has the general type of its kind.
 
-        A count that begins with 0 is the number 0 to Numba until it has seen the rest of the loop. It would
-        compile what takes the count, and all that this calls, for 0 alone, and use none of it.
+        To Numba, a counter that starts at 0 is the literal 0 until it has seen the rest of the loop. It would
+        compile what takes the counter, and all that this calls, for the literal, and never use it.
         """
         named = {name: numba.types.unliteral(kind) for name, kind in kws.items()}
         return super().get_call_template(tuple(map(numba.types.unliteral, args)), named)
@@ -283,12 +283,12 @@ COLLECTED = 20_000
 
 
 class Kept(type(SAMPLE)):  # type: ignore[misc]
-    """A compiled function that Python calls, whose code is kept."""
+    """A compiled function that Python calls, whose code is cached."""
 
     def compile(self, sig: Asked) -> Callable[..., Any]:
         """Compile the kernel for a signature.
 
-        Meanwhile Python searches for reference cycles less often: that takes a twentieth of the time.
+        Meanwhile Python searches less often for reference cycles, which would take a twentieth of the time.
         """
         usual = gc.get_threshold()
         gc.set_threshold(COLLECTED, *usual[1:])
@@ -296,7 +296,7 @@ class Kept(type(SAMPLE)):  # type: ignore[misc]
             return super().compile(sig)
         finally:
             gc.set_threshold(*usual)
-            if isinstance(self._cache, DigestKeyedCache):  # one that was unpickled has none
+            if isinstance(self._cache, DigestKeyedCache):  # an unpickled one has none
                 self._cache.stop_waiting()
 
 
@@ -309,16 +309,16 @@ NEEDLESS = (
     "RewriteDynamicRaises",
     "WithLifting",
 )
-"""Names of the passes of Numba's compiler that are left out. They handle what compiled functions cannot have,
-such as expressions of whole arrays (these would be allocated) or messages made as they are raised."""
+"""Names of the passes of Numba's compiler that are left out. They handle what compiled functions here cannot
+contain, such as array expressions (which allocate) or exceptions with messages made at run time."""
 
 
 def _pipelines() -> tuple[dict[str, object], dict[str, object]]:
     """Return the options of functions that are only ever inlined, and those of kernels.
 
-    No code is made by which Python would call inner functions: that is half of what compiling costs. If this
-    version of Numba lets us, no optimised code is made of them either, which nobody would run; they are
-    linked once, into their kernel, and keep less on the stack; and kernels are optimised once.
+    Inner functions get no wrappers for calls from Python, which are half of the cost of compiling. If this
+    version of Numba allows it, they get no optimised code of their own either, which nothing would run; they
+    are linked once, into their kernel, and keep less on the stack; and kernels are optimised once.
     """
     inner: dict[str, object] = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     try:
@@ -334,18 +334,18 @@ def _pipelines() -> tuple[dict[str, object], dict[str, object]]:
         return inner, {}
 
     class InnerLibrary(JITCodeLibrary):
-        """An `InnerLibrary` holds LLVM's code of a function, not optimised, for kernels to link."""
+        """Library of a function's LLVM code, not optimised, which kernels link."""
 
         def _optimize_functions(self, ll_module: binding.ModuleRef) -> None:
             """Set the module's data layout, and optimise nothing: the kernel's library does that."""
             ll_module.data_layout = self._codegen._data_layout
 
         def finalize(self) -> None:
-            """End without machine code, and without the code of what the function calls."""
+            """Finish without making machine code, and without linking the functions that this one calls."""
             self._finalized = True
 
         def _get_module_for_linking(self) -> binding.ModuleRef:
-            """Return the code of the function and of all that it calls, directly or through others."""
+            """Return the code of the function and of all functions that it calls, directly or indirectly."""
             whole = self._alone().clone()
             for one in self._called():
                 inner = isinstance(one, InnerLibrary)
@@ -353,7 +353,7 @@ def _pipelines() -> tuple[dict[str, object], dict[str, object]]:
             return whole
 
         def _alone(self) -> binding.ModuleRef:
-            """Return the code of the function, of which several libraries may have a copy."""
+            """Return the code of the function, linked so that several libraries may contain it."""
             for function in self._final_module.functions:
                 if function.linkage == binding.Linkage.external and not function.is_declaration:
                     function.linkage = binding.Linkage.linkonce_odr
@@ -372,9 +372,9 @@ def _pipelines() -> tuple[dict[str, object], dict[str, object]]:
             return found
 
     class KernelLibrary(JITCodeLibrary):
-        """A `KernelLibrary` holds the code of a kernel, and optimises it once.
+        """Library of a kernel's code, which is optimised once.
 
-        Numba does so twice, the first time to find references that need not be counted: kernels count none.
+        Numba optimises twice, the first time to remove reference counts, which kernels do not have.
         """
 
         def _optimize_functions(self, ll_module: binding.ModuleRef) -> None:
@@ -387,7 +387,7 @@ def _pipelines() -> tuple[dict[str, object], dict[str, object]]:
             manager.run(self._final_module, builder)
 
     class ValueLower(Lower):
-        """Keeps what is assigned once as a value; Numba writes it to the stack if another block reads it."""
+        """Keeps variables assigned once as LLVM values; Numba uses the stack if another block reads them."""
 
         def _find_singly_assigned_variable(self) -> None:
             super()._find_singly_assigned_variable()
@@ -405,11 +405,11 @@ def _pipelines() -> tuple[dict[str, object], dict[str, object]]:
             self._singly_assigned_vars |= once - strays - must_use_alloca(blocks)
 
         def delvar(self, name: str) -> None:
-            """Nothing is counted, so that nothing has to be let go."""
+            """Do nothing: without reference counts, nothing has to be released."""
 
     @register_pass(mutates_CFG=True, analysis_only=False)
     class InnerLowering(NativeLowering):
-        """This compiler pass lowers a function to LLVM's code, and makes no machine code of it."""
+        """Compiler pass that lowers a function to LLVM code without making machine code."""
 
         _name = "inner_lowering"
         lowering_class = ValueLower
@@ -420,7 +420,7 @@ def _pipelines() -> tuple[dict[str, object], dict[str, object]]:
             state.flags.no_compile = True
             super().run_pass(state)
             lowered = state.cr
-            # Numba tells functions apart by what Python would call: one of this name, which nobody calls.
+            # Numba identifies functions by their Python entry points: make one, which is never called.
             name = (lowered.fndesc.lookup_module(), function.func_name, "", 0, lowered.env)
             entry = make_function(*name, (state.library,))
             context.insert_user_function(entry, lowered.fndesc, [state.library])
@@ -429,7 +429,7 @@ def _pipelines() -> tuple[dict[str, object], dict[str, object]]:
 
     @register_pass(mutates_CFG=True, analysis_only=False)
     class KernelLowering(NativeLowering):
-        """This compiler pass lowers a kernel to LLVM's code, in a `KernelLibrary`."""
+        """Compiler pass that lowers a kernel to LLVM code in a `KernelLibrary`."""
 
         _name = "kernel_lowering"
 
@@ -439,7 +439,7 @@ def _pipelines() -> tuple[dict[str, object], dict[str, object]]:
             return super().run_pass(state)
 
     class KernelCompiler(Compiler):
-        """Numba's compiler, which ends with another pass than `NativeLowering`."""
+        """Numba's compiler with ``lowering`` for `NativeLowering`, and without the passes `NEEDLESS`."""
 
         lowering = KernelLowering
 
@@ -464,9 +464,9 @@ INNER, OUTER = _pipelines()
 
 
 def compiled(function: Callable[..., Any]) -> Any:
-    """Compile a function that only kernels call, into each place it is called from; it returns numbers, not
-    arrays. Handing a scene's sixty arrays on by value costs one copy up to a third of its step, and compiling
-    such functions one by one as much as inlining them.
+    """Compile a function that only kernels call, inlined at each call; it returns numbers, not arrays.
+    Passing a scene's sixty arrays by value costs a single copy up to a third of its step, and compiling such
+    functions separately takes as long as inlining them.
     """
     dispatcher = numba.njit(**OPTIONS, **INNER)(function)
     dispatcher.__class__ = Inner
@@ -495,7 +495,7 @@ are in its key: while they live, no other type has these ids."""
 def type_of(value: object) -> numba.types.Type:
     """Return Numba's type of a value.
 
-    Types of arrays and tuples are kept: to find those of all arrays of a simulator takes longer than to make
+    Types of arrays and tuples are cached: finding those of all arrays of a simulator takes longer than making
     the arrays.
     """
     parts: list[numba.types.Type] = []
@@ -516,11 +516,11 @@ def type_of(value: object) -> numba.types.Type:
 class SameTypes:
     """A function that is always called with arguments of the types of the first call.
 
-    If it is a kernel, it asks for the types once. Numba does at every call, which for a simulator's sixty
-    arrays takes five times as long as the call itself. Nobody checks afterwards: arguments of other types
-    are read as if they were of the first. So callers make all arrays themselves, and convert what they were
-    given to one type: an int to int, a flag to bool. Where Numba checks bounds (``NUMBA_BOUNDSCHECK=1``),
-    the types of every call are compared, and others are an error.
+    The types of a kernel's arguments are determined once. Numba determines them at every call, which for a
+    simulator's sixty arrays takes five times as long as the call itself. Later calls are not checked:
+    arguments of other types are read as if they had the first types. So callers make all arrays themselves,
+    and convert other arguments, such as counts to int and flags to bool. If Numba checks bounds
+    (``NUMBA_BOUNDSCHECK=1``), the types of every call are compared, and a difference raises a TypeError.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
@@ -543,10 +543,10 @@ class SameTypes:
 
 
 def cache_directory() -> Path | None:
-    """Folder of compiled code: ``$SPRINGGYM_CACHE_DIR``, else the user's cache folder; None if homeless.
+    """Return the folder of compiled code: ``$SPRINGGYM_CACHE_DIR``, else the user's cache folder, or None.
 
-    What the system's variables say counts if it is an absolute path: entries are run, and those of whatever
-    folder Python is started from are not one's own.
+    Variables of the system count only if they hold an absolute path: entries are executed, so they are not
+    read from wherever Python was started. None: the user has no home folder.
     """
     if chosen := os.environ.get("SPRINGGYM_CACHE_DIR"):
         return Path(chosen).absolute()
@@ -566,8 +566,8 @@ def cache_directory() -> Path | None:
 
 
 def _asked(found: CompileResult, sig: Asked) -> CompileResult:
-    """Return what the cache gave, under the types that were asked for. Types of a script's own classes are
-    new in each process."""
+    """Return a cached result with the requested argument types. Types of classes that a script defines differ
+    from process to process."""
     args, _ = sigutils.normalize_signature(sig)
     if found.signature.args == tuple(args):
         return found
@@ -575,10 +575,10 @@ def _asked(found: CompileResult, sig: Asked) -> CompileResult:
 
 
 def _machine_code(parts: tuple[Any, ...]) -> tuple[object, ...]:
-    """Return the data that Numba keeps of a function, without bitcode: most of it, and needed only to inline.
+    """Return the data that Numba saves for a function, without the bitcode (large, and only for inlining).
 
-    Compiled functions that call it find its machine code by its name. Numba's listing of the types of its
-    variables, the one text among the data, is left out, too: nobody reads it, and it names the file.
+    Compiled callers find the machine code by its name. Numba's listing of the types of variables, the one
+    string among the data, is left out, too: nothing reads it, and it contains the file's path.
     """
     (name, kind, (machine_code, _)), *others = parts
     kept = (name, kind, (machine_code, binding.parse_assembly("").as_bitcode()))
@@ -600,7 +600,7 @@ MADE = "made.json"
 
 
 def made_here() -> dict[str, str]:
-    """Return the versions that the code of `KERNELS` must be made for, to be used by this process."""
+    """Return the versions that the code of `KERNELS` must have been made for to run in this process."""
     return {PACKAGE: __version__, **VERSIONS}
 
 
@@ -608,14 +608,14 @@ def made_here() -> dict[str, str]:
 def shipped() -> tuple[Path, str] | None:
     """Return the folder of `KERNELS` and the level whose code is for this process.
 
-    None if it is not installed, if ``SPRINGGYM_CPU`` or Numba's settings say what to compile for, or if it
-    does not fit: then a warning is logged that says why.
+    None if the package is not installed, if ``SPRINGGYM_CPU`` or Numba's settings set the target, or if the
+    package does not fit (then a warning gives the reason).
     """
     if os.environ.get("SPRINGGYM_CPU") or numba.config.CPU_NAME or numba.config.CPU_FEATURES is not None:
         return None
     try:
         spec = importlib.util.find_spec(KERNELS)
-    except ValueError:  # somebody put a module of this name together
+    except ValueError:  # a module of this name has no spec
         spec = None
     if spec is None or not spec.submodule_search_locations:
         return None
@@ -641,20 +641,20 @@ def shipped() -> tuple[Path, str] | None:
 
 
 PATIENCE = 2.0
-"""A user who waits for code to be compiled is told so after this long [s]."""
+"""Compilation that takes longer than this is reported to the user [s]."""
 
 _TOLD = threading.Lock()
-"""Held once somebody was told."""
+"""Held once compilation was reported."""
 
 _KERNELS = itertools.count(1)
 """Counts the kernels that this process compiles."""
 
 
 def _report_compiling(over: threading.Event, kernel: int) -> None:
-    """Say that a kernel is being compiled, until it is ``over``.
+    """Report that a kernel is being compiled, until it is ``over``.
 
     On a terminal, a line counts the seconds, and is then erased. Elsewhere, or if logging is configured, a
-    line is logged once a process.
+    line is logged once per process.
     """
     logs = LOGGER.hasHandlers() or not LOGGER.isEnabledFor(logging.WARNING)
     if logs or sys.stderr is None or not sys.stderr.isatty():
@@ -673,7 +673,7 @@ def _report_compiling(over: threading.Event, kernel: int) -> None:
 
 
 class DigestKeyedCache:
-    """Numba's cache interface over one file an entry, named by a hash of all it depends on."""
+    """Numba's cache interface with one file per entry, named by a hash of all that it depends on."""
 
     cache_path = None
     """for Numba's statistics"""
@@ -683,7 +683,7 @@ class DigestKeyedCache:
         self._waiting: threading.Timer | None = None
 
     def flush(self) -> None:
-        """Nothing is ever out of date."""
+        """Do nothing: no entry is ever out of date."""
 
     def load_overload(self, sig: Asked, target_context: CPUContext) -> CompileResult | None:
         """Return the compiled function of a signature, if there is an entry of it."""
@@ -697,11 +697,11 @@ class DigestKeyedCache:
         return found
 
     def stop_waiting(self) -> None:
-        """Note that nothing is compiled any more."""
+        """Stop reporting that a kernel is being compiled."""
         waiting, self._waiting = self._waiting, None
         if waiting is not None:
             waiting.cancel()
-            waiting.join()  # who forks next should be alone
+            waiting.join()  # so that no thread runs if the process forks next
 
     def _load(self, sig: Asked, target_context: CPUContext) -> CompileResult | None:
         try:
@@ -709,7 +709,7 @@ class DigestKeyedCache:
             for path in self._places(sig, target_context.codegen()):
                 if (found := self._read(path, sig, target_context)) is not None:
                     return found
-        except Exception:  # Numba's inside is another than it was
+        except Exception:  # Numba's internals have changed
             pass
         return None
 
@@ -723,7 +723,7 @@ class DigestKeyedCache:
             parts = pickle.loads(payload)
             _name_symbols(target_context.codegen(), parts[1])
             return _asked(REBUILD(target_context, *parts), sig)
-        except Exception:  # it is compiled anew, and replaced
+        except Exception:  # the function is compiled again, and the entry replaced
             return None
 
     def save_overload(self, sig: Asked, data: CompileResult) -> None:
@@ -734,16 +734,16 @@ class DigestKeyedCache:
                 return
             path = folder / self._name(code, data.codegen.magic_tuple())
             payload = DUMPS(_machine_code(REDUCE(data)))
-        except (AttributeError, TypeError, ValueError) as error:  # Numba's inside is another than it was
+        except (AttributeError, TypeError, ValueError) as error:  # Numba's internals have changed
             _warn_uncached(f"cannot be asked for its compiled code ({error})")
             return
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             temporary = path.with_suffix(f".{uuid4().hex}.tmp")
             try:
-                with temporary.open("xb") as file:  # who may read it, the umask says
+                with temporary.open("xb") as file:  # permissions follow the umask
                     file.write(_checksum(path, payload) + payload)
-                os.replace(temporary, path)  # readers see a whole entry or none
+                os.replace(temporary, path)  # readers see a complete entry or none
             except BaseException:
                 temporary.unlink(missing_ok=True)
                 raise
@@ -751,7 +751,7 @@ class DigestKeyedCache:
             pass  # a read-only or full disk costs a compilation, not the program
 
     def _places(self, sig: Asked, codegen: JITCPUCodegen) -> Iterator[Path]:
-        """Yield the files in which the code may be: one's own entry, then what is shipped."""
+        """Yield the files that may hold the code: in the cache folder, then in `KERNELS`."""
         code = self._digest(sig)
         if code is None:
             return
@@ -772,7 +772,7 @@ class DigestKeyedCache:
             return None
 
     def _name(self, code: bytes, target: tuple[str, str, str]) -> str:
-        """Return the name of the entry: ``target`` is for what code is made, as Numba tells it."""
+        """Return the file name of an entry; ``target`` is the processor of its code, in Numba's form."""
         settings = [str(getattr(numba.config, name, None)) for name in SETTINGS]
         key = hashlib.sha256(repr((VERSIONS, target, settings)).encode() + code).hexdigest()
         return f"{self._function.__module__}.{self._function.__name__}-{key}.nbc"
@@ -783,5 +783,5 @@ DIGEST = hashlib.sha256().digest_size
 
 
 def _checksum(path: Path, payload: bytes) -> bytes:
-    """Hash of what an entry holds and of its name: one that was renamed is another's."""
+    """Return a hash of an entry's content and name, so that a renamed entry is not accepted."""
     return hashlib.sha256(path.name.encode() + payload).digest()

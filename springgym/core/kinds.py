@@ -1,7 +1,7 @@
-"""Names for what compiled functions take, for the reader: Numba finds the types itself, call by call.
+"""Type aliases for annotations of compiled functions; Numba infers the actual types at each call.
 
-One source serves one copy and a block of them (`springgym.core.lanes`): a number is a float, or one of each
-copy.
+The same source serves one copy and a block of copies (`springgym.core.lanes`): a number is a float, or one
+float per copy.
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 Number: TypeAlias = Any
-"""A number, or one of each copy of a block."""
+"""A number, or one number per copy of a block."""
 
 Mask: TypeAlias = Any
-"""True or false, or one of it for each copy of a block."""
+"""A truth value, or one per copy of a block."""
 
 Vector: TypeAlias = Any
 """A `springgym.core.vec.Vec` of three numbers; or a tuple of w, x, y, z, a quaternion."""
@@ -26,13 +26,13 @@ Numbers: TypeAlias = Any
 """An array of numbers: `load` and `store` take one."""
 
 Rows: TypeAlias = Any
-"""An array (N, 3) of numbers, a row a particle or spring: `row` and `set_row` take a `Vector`."""
+"""An array (N, 3) of numbers, one row per particle or spring: `row` and `set_row` take a `Vector`."""
 
 Ledger: TypeAlias = Any
 """The `Numbers` of `springgym.forces.ledger`, or None."""
 
 Nested: TypeAlias = Any
-"""Nested tuples of arrays and numbers: a `Ragged` or `Each` in place of one that each body has its own of."""
+"""Nested tuples of arrays and numbers: with a `Ragged` or `Each` for a value that differs between bodies."""
 
 
 class Ragged(NamedTuple):
@@ -45,7 +45,7 @@ class Ragged(NamedTuple):
 
 
 class Each(NamedTuple):
-    """A number of each body."""
+    """One number per body."""
 
     numbers: np.ndarray
     """(bodies,)"""

@@ -1,18 +1,18 @@
-"""Lanes: one value of every copy in a block, computed on together.
+"""Lanes: one value for each copy of a block, computed together.
 
-State and per-copy parameters live in arrays whose *element* is a record of ``width`` numbers, one a
-copy (`block_dtype`). Inside compiled functions `load` takes such an element out as a `Lanes` value,
-on which ``+ - * /``, comparisons, `sqrt` and `select` act for all copies at once; `store` puts it back.
-An array of plain numbers is a parameter shared by all copies: `load` gives its number, and mixing the
-two broadcasts. So one source serves a single environment (width 1: a plain scalar) and a batch.
+State and per-copy parameters live in arrays whose *element* is a record of ``width`` numbers, one per copy
+(`block_dtype`). Inside compiled functions `load` returns such an element as a `Lanes` value, on which ``+ - *
+/``, comparisons, `sqrt` and `select` act for all copies at once; `store` puts it back. An array of plain
+numbers is a parameter shared by all copies: `load` gives its number, and mixing the two broadcasts. So the
+same source serves a single environment (width 1: a plain scalar) and a batch.
 
-A `Lanes` value is an LLVM vector, hence explicit SIMD: no auto-vectoriser has to be talked into it,
-small batches are as fast as large ones, and since the operations are IEEE and element by element,
-every width gives the same bits. `multiply_add` is IEEE's fused operation: processors since 2013 have it.
+A `Lanes` value is an LLVM vector, hence explicit SIMD: nothing depends on an auto-vectoriser, small batches
+are as fast as large ones, and since the operations are IEEE and element by element, results are bit-identical
+for every width. `multiply_add` is IEEE's fused operation: processors since 2013 have it.
 
-What springgym tells Numba's compiler of values is here: its types, its intrinsics, the address of a block;
-how functions are compiled is in `springgym.core.compiling`. It needs more of Numba than its public interface,
-and nothing could stand in for it: hence the upper bound on Numba in ``pyproject.toml``.
+This module has springgym's Numba types, its intrinsics and the addressing of blocks;
+`springgym.core.compiling` has the compilation of functions. Both need more than Numba's public interface, and
+there is no replacement for it here: hence the upper bound on Numba in ``pyproject.toml``.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def block_dtype(dtype: DTypeLike, width: int) -> np.dtype[Any]:
 
 
 class Lanes(types.Type):
-    """Numba type of ``width`` floats, one a copy."""
+    """Numba type of ``width`` floats, one per copy."""
 
     def __init__(self, dtype: types.Float, width: int) -> None:
         self.dtype, self.width = dtype, width
@@ -50,7 +50,7 @@ class Lanes(types.Type):
 
 
 class Mask(types.Type):
-    """Numba type of ``width`` truth values, one a copy: what comparing `Lanes` gives."""
+    """Numba type of ``width`` truth values, one per copy: the result of comparing `Lanes`."""
 
     def __init__(self, width: int) -> None:
         self.width = width
@@ -78,7 +78,7 @@ class _MaskModel(models.PrimitiveModel):
 
 
 def _in_all(builder, value, of: ir.Type):
-    """Put a number into every lane of a vector of some type, or leave it as it is."""
+    """Broadcast a number to a vector of type ``of``; return it unchanged if that is not a vector type."""
     if not isinstance(of, ir.VectorType):
         return value
     zeros = ir.Constant(ir.VectorType(ir.IntType(32), of.count), [0] * of.count)
@@ -87,7 +87,7 @@ def _in_all(builder, value, of: ir.Type):
 
 
 def as_lanes(context, builder, value, given: types.Type, of: types.Type):
-    """Return ``value`` itself if it is `Lanes`, else a number of some type, repeated if that is `Lanes`."""
+    """Return ``value`` if it is `Lanes`, else cast to the type ``of``, and broadcast if that is `Lanes`."""
     if isinstance(given, Lanes):
         return value
     if not isinstance(of, Lanes):
@@ -172,30 +172,30 @@ def sqrt(typingctx, value):
 
 @cache
 def _as_intels() -> bool:
-    """Return whether to compile for AVX-512 as Intel has it, with estimates of 1/√d and gathers.
+    """Return whether to compile for Intel's AVX-512, with estimates of 1/√d and gathers.
 
-    On AMD's Zen, square roots are fast too, and gathers are slow. It follows from what Numba compiles for,
-    which is in the name of what is kept: so kernels that ask have the same digest on all processors.
+    On AMD's Zen, square roots are fast too, and gathers are slow. The result follows from Numba's target,
+    which is in a cache entry's name: kernels have the same digest on all processors.
     """
-    if config.CPU_NAME or config.CPU_FEATURES:  # Numba is told to compile for another
+    if config.CPU_NAME or config.CPU_FEATURES:  # Numba compiles for another processor
         return bool(config.CPU_NAME == INTELS and not config.CPU_FEATURES)
     has = binding.get_host_cpu_features()
     return bool(has.get("avx512f") and not binding.get_host_cpu_name().startswith("znver"))
 
 
 ESTIMATED = 8
-"""How many numbers in double precision are estimated at once."""
+"""Number of double-precision values that are estimated at once."""
 
 BELOW = 0.75 * 2.0**-53
-"""By this share the estimate is lowered, lest the root of the number before a power of 4, which lies just
-below the middle of two numbers, is rounded up."""
+"""Fraction by which the estimate is lowered. Else the root of the number before a power of 4, which lies just
+below the midpoint of two floating-point numbers, would be rounded up."""
 
 
 def _rounded_inverse_sqrt(builder, d):
-    """1/√d of vectors of `ESTIMATED` numbers, root and inverse rounded correctly without either operation.
+    """Return 1/√d for a vector of `ESTIMATED` numbers, with correctly rounded root and inverse.
 
-    The estimate is good for 14 bits, and for all but the last after a step of fourth order. A step each for
-    root and inverse then rounds them (Markstein 1990, doi:10.1147/rd.341.0111): of 10⁹ numbers, all.
+    The estimate has 14 correct bits, and all but the last after a fourth-order step. One step each for root
+    and inverse then rounds them (Markstein 1990, doi:10.1147/rd.341.0111), correctly for all of 10⁹ numbers.
     """
     of = d.type
 
@@ -220,10 +220,10 @@ def _rounded_inverse_sqrt(builder, d):
 
 @intrinsic
 def inverse_sqrt(typingctx, value):
-    """1/√d in each lane, d being a normal number: root and inverse rounded as IEEE 754 says.
+    """1/√d in each lane, for normal numbers d: root and inverse are rounded as in IEEE 754.
 
-    Some processors are busy with a square root and a division for twice as long as with the products and sums
-    that make the same of an estimate.
+    Some processors take twice as long for a square root and a division as for the products and sums that
+    refine an estimate to the same result.
     """
 
     def codegen(context, builder, sig, args):
@@ -241,7 +241,7 @@ def inverse_sqrt(typingctx, value):
             _rounded_inverse_sqrt(builder, builder.shuffle_vector(d, d, numbers(n, n + ESTIMATED)))
             for n in range(0, count, ESTIMATED)
         ]
-        while len(found) > 1:  # two and two make one
+        while len(found) > 1:  # join neighbours
             together = numbers(0, 2 * found[0].type.count)
             found = [
                 builder.shuffle_vector(a, b, together) for a, b in zip(found[::2], found[1::2], strict=True)
@@ -253,7 +253,7 @@ def inverse_sqrt(typingctx, value):
 
 @intrinsic
 def nearest(typingctx, value):
-    """Round to the nearest whole number in each lane."""
+    """Round to the nearest integer in each lane."""
 
     def codegen(context, builder, sig, args):
         return _call(builder, "rint", args[0])
@@ -314,7 +314,7 @@ def lane_of(typingctx, value, lane):
 def filled(typingctx, mask, value):
     """``value`` where the mask holds; in the other lanes, that of the first lane in which it does.
 
-    Rows of an array that differ in no lane that matters are the same in all: `load_each` has it easier.
+    If the lanes of the mask have the same row index, all lanes then have it, which makes `load_each` faster.
     """
 
     def codegen(context, builder, sig, args):
@@ -383,7 +383,7 @@ def _packed(context, builder, array_type, array: _Array):
 
 
 def _element(array: types.Array) -> types.Type:
-    """Return the type that `load` gives for an array: `Lanes` for one of blocks, else its number."""
+    """Return the type that `load` returns for an array: `Lanes` for one of blocks, else its element type."""
     if isinstance(array.dtype, types.Record):
         lanes = array.dtype.typeof("lanes")
         return Lanes(lanes.dtype, lanes.shape[0])
@@ -391,14 +391,14 @@ def _element(array: types.Array) -> types.Type:
 
 
 def check_index(context, builder, index, extent, axis: int = 0) -> None:
-    """Raise unless 0 ≤ index < extent, if Numba is told to check bounds: it checks its own accesses only."""
+    """Raise unless 0 ≤ index < extent, if bounds are checked; Numba checks only its own accesses."""
     if context.enable_boundscheck:
         # as an unsigned number, a negative one is too large
         _refuse(context, builder, ">=", index, extent, f"index %lld on axis {axis} of length %lld")
 
 
 def _refuse(context, builder, when: str, left, right, text: str) -> None:
-    """Print both numbers and raise where ``left`` ``when`` ``right``; an exception holds constants only."""
+    """Print both numbers and raise where ``left when right``; a message holds constants only."""
     name, lengths = builder.function.name.removeprefix("_ZN"), re.compile(r"\d+")
     parts = []  # of a mangled name, each after its length
     while length := lengths.match(name):
@@ -415,7 +415,7 @@ def _refuse(context, builder, when: str, left, right, text: str) -> None:
 
 
 def _indices(context, builder, index, given: types.Type) -> list[Any]:
-    """Unpack an index that all lanes share into whole numbers, one an axis."""
+    """Unpack an index that all lanes share into integers, one per axis."""
     several = isinstance(given, types.BaseTuple)
     parts = cgutils.unpack_tuple(builder, index) if several else [index]
     kinds = given if several else (given,)
@@ -485,7 +485,7 @@ def _own_numbers(context, builder, sig, args, gathers: bool):
 
     Returns
     -------
-    the data, and the offsets in it: as one vector if something ``gathers`` them, else as a list
+    the data, and the offsets in it: as one vector if it ``gathers``, else as a list
     """
     array_type, index_type = sig.args[:2]
     element = _element(array_type)
@@ -498,7 +498,7 @@ def _own_numbers(context, builder, sig, args, gathers: bool):
     extents, whole = array.shape, ir.IntType(32)
     long = extents[0].type
     rows = builder.fptosi(index, whole if lanes.width == 1 else ir.VectorType(whole, lanes.width))
-    if context.enable_boundscheck:  # of the largest: one check is a hundredth of the code
+    if context.enable_boundscheck:  # only the largest: that takes a hundredth of the code
         most, *others = (builder.sext(row, long) for row in _each(builder, rows))
         for row in others:
             most = builder.select(builder.icmp_unsigned(">", row, most), row, most)
@@ -524,7 +524,7 @@ def _own_numbers(context, builder, sig, args, gathers: bool):
 
 
 def _gathered(builder, data, offset, number: types.Float):
-    """Numbers of all lanes, which the processor collects."""
+    """Return the numbers of all lanes, loaded by a gather instruction."""
     width = offset.type.count
     of, size = _llvm(number, width), number.bitwidth // 8
     places = ir.VectorType(_llvm(number, 1).as_pointer(), width)
@@ -540,7 +540,7 @@ def _gathered(builder, data, offset, number: types.Float):
 
 
 def _rows_of(array, index):
-    """Return the `Lanes` type of an index that differs by copy; None if it is none."""
+    """Return the `Lanes` type of an index that differs by copy; None for any other index."""
     lanes = index[0] if isinstance(index, types.BaseTuple) else index
     fits = isinstance(lanes, Lanes) and array.ndim == (2 if lanes is not index else 1)
     element = _element(array)
@@ -548,7 +548,7 @@ def _rows_of(array, index):
 
 
 def _same_row(context, builder, sig, args, lanes: Lanes) -> tuple[Any, Any]:
-    """Return whether all lanes ask for the same row of an array, and the address of that row."""
+    """Return whether all lanes index the same row of an array, and the address of that row."""
     index, axes = args[1], []
     if isinstance(sig.args[1], types.BaseTuple):
         index, axis = cgutils.unpack_tuple(builder, index)
@@ -567,10 +567,10 @@ def _is_of_blocks(array: types.Type, lanes: Lanes) -> bool:
 
 @intrinsic
 def load_each(typingctx, array, index):
-    """``array[index]`` where each copy has an index of its own: a whole number in each lane.
+    """``array[index]`` where each copy has its own index: an integral number in each lane.
 
-    ``array`` is as `load` takes it; of one of plain numbers, which all copies share, each copy gets its own
-    choice. Where all lanes ask for the same row of an array of blocks, it is loaded as by `load`.
+    ``array`` is as in `load`. From an array of plain numbers, which all copies share, each copy reads its own
+    element. If all lanes index the same row of an array of blocks, the row is loaded as by `load`.
     """
     lanes = _rows_of(array, index)
 
@@ -611,7 +611,7 @@ def load_each(typingctx, array, index):
 
 @intrinsic
 def store_each(typingctx, array, index, value):
-    """``array[index] = value`` where each copy has an index of its own, in an array of blocks."""
+    """``array[index] = value`` where each copy has its own index, in an array of blocks."""
     lanes = _rows_of(array, index)
 
     def each(context, builder, sig, args, values) -> None:
@@ -729,7 +729,7 @@ def _of_body(context, builder, term: types.Type, value, body):
 
 @intrinsic
 def of_body(typingctx, term, body):
-    """Return a term with the values of one body: `Ragged` and `Each` are chosen from, all else is shared."""
+    """Return a term with the values of one body, taken from each `Ragged` and `Each`; all else is shared."""
     return _of_body_type(term)(term, body), _chosen_by(_of_body)
 
 
@@ -764,11 +764,11 @@ def all_rows(typingctx, term):
 
 @compiled
 def maximum(a: Number, b: Number):
-    """Return the larger one of two in each lane."""
+    """Return the larger of two numbers in each lane."""
     return select(a > b, a, b)
 
 
 @compiled
 def minimum(a: Number, b: Number):
-    """Return the smaller one of two in each lane."""
+    """Return the smaller of two numbers in each lane."""
     return select(a < b, a, b)

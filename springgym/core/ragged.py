@@ -1,8 +1,8 @@
-"""Values of several bodies in one array: how they are put together, and each body's view of them.
+"""Values of several bodies in one array: how they are stacked, and views of each body's part.
 
-What bodies have is stored one body after another: `Ragged` arrays of rows, `Each` numbers. Compiled code
-sees one body's share of nested tuples of them, as if there were no other, see `springgym.core.lanes.of_body`.
-In a scene of one body nothing is `Ragged` or `Each`.
+Values are stored one body after another: `Ragged` arrays of rows, `Each` numbers. Compiled code gets the part
+of one body from nested tuples of them, as if it were the only one, by `springgym.core.lanes.of_body`. In a
+scene of one body nothing is `Ragged` or `Each`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ def stacked(terms: Sequence[Nested], blocks: bool = True) -> Nested:
     Parameters
     ----------
     terms
-        Tuples of arrays and numbers. What is the same object in all is shared.
+        Tuples of arrays and numbers. An object that is the same in all is shared.
     blocks
         Whether arrays of blocks have an axis of blocks before that of the rows.
     """
@@ -43,7 +43,7 @@ def stacked(terms: Sequence[Nested], blocks: bool = True) -> Nested:
 
 
 def share(term: Nested, body: int) -> Nested:
-    """Return the part of a body in nested tuples that `stacked` made: views that can be written to."""
+    """Return the part of a body in nested tuples that `stacked` made: arrays are writable views."""
     if isinstance(term, Ragged):
         own = slice(term.start[body], term.start[body + 1])
         return term.values[:, own] if term.values.dtype.names else term.values[own]

@@ -12,7 +12,7 @@ from springgym.core.vec import vec as vec
 
 TINY = 1e-30  # added to a squared length: keeps 1/length finite at zero, and changes no other length
 
-ROUND_OFF = 1e-13 / 2.0**-52  # a share lost by rounding, or less, in units of `epsilon`
+ROUND_OFF = 1e-13 / 2.0**-52  # bound of a relative rounding error, in units of `epsilon`
 
 
 @compiled
@@ -31,13 +31,13 @@ def set_row(array: Numbers, i: int, u: Vector) -> None:
 
 @compiled
 def row_each(array: Numbers, i: Number) -> Vector:
-    """Return ``array[i]`` of an array (rows, 3) where each copy has a row of its own."""
+    """Return ``array[i]`` of an array (rows, 3) where each copy has its own index."""
     return vec(load_each(array, (i, 0)), load_each(array, (i, 1)), load_each(array, (i, 2)))
 
 
 @compiled
 def set_row_each(array: Numbers, i: Number, u: Vector) -> None:
-    """Set ``array[i] = u`` where each copy has a row of its own."""
+    """Set ``array[i] = u`` where each copy has its own index."""
     store_each(array, (i, 0), u[0])
     store_each(array, (i, 1), u[1])
     store_each(array, (i, 2), u[2])
@@ -94,8 +94,8 @@ def unit(u: Vector) -> Vector:
 def triad(x: Rows, markers: np.ndarray) -> tuple[Vector, Vector, Vector]:
     """Return right-handed unit vectors (e1, e2, e3) that turn with the body.
 
-    ``markers`` names three particles: e3 points from the first to the second, e1 from the first towards
-    the third as far as that is perpendicular to e3.
+    ``markers`` names three particles: e3 points from the first to the second, e1 from the first towards the
+    third, made perpendicular to e3.
     """
     origin = row(x, markers[0])
     e3 = unit(row(x, markers[1]) - origin)
@@ -154,8 +154,8 @@ def cofactors(tensor: Tensor) -> tuple[Vector, Vector, Vector, Number]:
 def solve_symmetric(tensor: Tensor, b: Vector) -> Vector:
     """Return the solution of A u = b for the inertia A (xx, yy, zz, xy, xz, yz) of particles, by cofactors.
 
-    Of particles on a line n, A = λ (1 − n nᵀ) is singular: the smallest solution, b/λ without its part along
-    n; in a point, zero.
+    For particles on a line along n, A = λ (1 − n nᵀ) is singular: the result is the smallest solution, b/λ
+    without its part along n. For particles in one point, it is zero.
     """
     xx, yy, zz, _, _, _ = tensor
     first, second, third, determinant = cofactors(tensor)

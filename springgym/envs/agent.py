@@ -1,4 +1,4 @@
-"""A trained agent as a file of plain numbers, ``agent.npz``: NumPy alone reads it, and nothing is unpickled.
+"""A trained agent as a file of plain arrays, ``agent.npz``, which NumPy reads without unpickling.
 
 The agent consists of fully connected layers, as the algorithms of Stable-Baselines3 train them, or of one
 layer, which is linear control. The file holds their arrays by their names in PyTorch and, if observations are
@@ -29,22 +29,22 @@ LARGEST = 1_000_000_000
 """Largest size of all arrays of an agent [bytes]."""
 
 MOST = 1e38
-"""Largest number in the layers, whatever is observed: those of float32 end at 3.4e38."""
+"""Largest number in the layers for any observation: float32 ends at 3.4e38."""
 
 SEEN = 1e6
-"""Largest observation that is reckoned with where the space has no bounds."""
+"""Largest observation that is assumed where the space has no bounds."""
 
 STATISTICS = ("observations.mean", "observations.variance", "observations.limits")
 """Arrays by which observations are normalised. The limits are ε, added to the variance, and the largest
-value that comes out."""
+normalised value."""
 
 CLIPPED, SQUASHED = ("mlp_extractor.policy_net", "action_net"), ("actor.latent_pi", "actor.mu")
 LAYERS: dict[str, tuple[str, str]] = {
     **dict.fromkeys(("ppo", "linear"), CLIPPED),
     **dict.fromkeys(("sac", "tqc", "her", "iql"), SQUASHED),
 }
-"""Names in PyTorch of the layers that act, by algorithm. First the hidden ones, then the last. What comes out
-of those of the first kind is clipped to the action space, of those of the second squashed into it."""
+"""Names in PyTorch of the layers that act, by algorithm. First the hidden ones, then the last. Outputs of the
+first kind are clipped to the action space, those of the second squashed into it."""
 
 ACTIVATIONS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "tanh": np.tanh,
@@ -61,7 +61,7 @@ class Network:
     """widths of the hidden layers"""
     activation: Literal["tanh", "relu"] = "tanh"
     normalize: bool = False
-    """whether their input is normalised observations"""
+    """whether their inputs are normalised observations"""
 
 
 def acts(algo: str, name: str) -> bool:
@@ -77,7 +77,7 @@ def load_policy(
     Parameters
     ----------
     path
-        The file. It may come from somebody else, as nothing in it is run.
+        The file. Files from others are safe, as nothing in them is executed.
     network
         The configuration of the network.
     observation_space, action_space
@@ -150,14 +150,14 @@ def joined(space: spaces.Dict) -> spaces.Box:
 
 
 def alone(observation: Any) -> Any:
-    """Return an observation, or each entry of one, as a batch of one."""
+    """Return an observation, or each entry of a dict of them, as a batch of one."""
     if isinstance(observation, dict):
         return {name: alone(own) for name, own in observation.items()}
     return observation[None]
 
 
 def _of_parts(act: Policy, space: spaces.Dict) -> Policy:
-    """Turn a policy of numbers in a row into one of observations with several entries."""
+    """Return a policy for observations with several entries, from one for their concatenated numbers."""
 
     def of_parts(observations: Any) -> np.ndarray:
         return act(np.concatenate([observations[name] for name in space], axis=-1, dtype=np.float32))
@@ -166,7 +166,7 @@ def _of_parts(act: Policy, space: spaces.Dict) -> Policy:
 
 
 def _reach_of_statistics(path: Path, mean: np.ndarray, variance: np.ndarray, limits: np.ndarray) -> float:
-    """Return the largest number that comes out of the normalisation."""
+    """Return the largest normalised number."""
     epsilon, largest = limits.tolist()
     if not (variance >= 0).all() or not epsilon > 0 or not 0 < largest < MOST:
         raise ValueError(
@@ -180,7 +180,7 @@ def _reach_of_statistics(path: Path, mean: np.ndarray, variance: np.ndarray, lim
 def _check_reach(
     path: Path, weights: list[tuple[np.ndarray, np.ndarray]], network: Network, reach: float
 ) -> None:
-    """Refuse layers whose sums may overflow, for inputs of a size up to ``reach``."""
+    """Raise ValueError if sums of layers may overflow for inputs up to ``reach`` in size."""
     for weight, bias in weights:
         with np.errstate(over="ignore"):
             sums = np.abs(weight, dtype=float).sum(axis=1) * reach + np.abs(bias, dtype=float)
@@ -198,7 +198,7 @@ def _layers(
 ) -> list[tuple[str, str, tuple[int, ...]]]:
     """Return names of weight and bias of each layer, and the shape of the weight."""
     hidden, last = LAYERS[network.algo]
-    names = [f"{hidden}.{2 * n}" for n in range(len(network.net_arch))]  # activations stand between
+    names = [f"{hidden}.{2 * n}" for n in range(len(network.net_arch))]  # activations are in between
     sizes = [int(np.prod(observation_space.shape)), *network.net_arch, int(np.prod(action_space.shape))]
     return [
         (f"{name}.weight", f"{name}.bias", (after, before))
@@ -207,7 +207,7 @@ def _layers(
 
 
 def _read(path: Path) -> dict[str, np.ndarray]:
-    """Read the arrays of a file, which may be anything."""
+    """Read the arrays of a file, which may be of any kind."""
     try:
         if why := unreadable(path, LARGEST):
             raise ValueError(why)
@@ -220,6 +220,6 @@ def _read(path: Path) -> dict[str, np.ndarray]:
         if not all(isinstance(array, np.ndarray) for array in arrays.values()):
             raise ValueError("it holds other files")
         return arrays
-    except Exception as error:  # it may be any file, and be wrong in any way
+    except Exception as error:  # any file may be given
         why = " ".join(str(error).split()) or type(error).__name__
         raise ValueError(f"{path}: the file does not hold the arrays of an agent: {why}") from error

@@ -1,4 +1,4 @@
-"""Show the action in pictures: red arrows, straight for forces and impulses, around an axis for torques."""
+"""Red arrows that show actions in pictures: straight for forces and impulses, around an axis for torques."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from springgym.rendering import Arrow
 from springgym.rendering.look import RED, Point
 
 ARC = 3.0
-"""Angle that the arrow of a torque of 1 runs over [rad]."""
+"""Angle of the arrow of a torque of 1 [rad]."""
 
 
 def torque_arrow(about: Point, torque: np.ndarray, radius: float) -> Arrow:
-    """Make an arrow around a point for a torque (3,), a share of the largest one; its radius is in m."""
+    """Return an arrow of a radius [m] around a point for a torque (3,), relative to the largest one."""
     return Arrow(about, ARC * radius * torque, RED, radius)
 
 
 def across(vector: np.ndarray, axis: np.ndarray) -> np.ndarray:
-    """Return the part of a vector (3,) that is across a unit vector (3,)."""
+    """Return the part of a vector (3,) perpendicular to a unit vector (3,)."""
     return vector - (vector @ axis) * axis

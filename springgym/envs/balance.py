@@ -1,4 +1,4 @@
-"""SpringBalance: a plate on a stick keeps a ball at a place that moves."""
+"""SpringBalance: keep a ball at a moving place on a plate that stands on a stick."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ PLATE, BALL = 0, 1
 """Indices of the bodies in the scene."""
 
 CROWN = 6
-"""Number of the plate's particle in the middle of its upper side, behind those of the ring."""
+"""Index of the plate's particle in the middle of its upper side, after those of the ring."""
 
 PERIOD = 0.02  # [s]
 RADIUS, HEIGHT = 0.5, 0.25  # of the plate, and of its upper side above the pinned tip [m]
 PLATE_MASS, BALL_MASS = 1.0, 0.2  # [kg]
 BALL_RADIUS = 0.06  # [m]
-TORQUE, WEAK_TORQUE = 3.0, 1.5  # and what hard=True leaves of it [N·m]
+TORQUE, WEAK_TORQUE = 3.0, 1.5  # the latter with hard=True [N·m]
 FRICTION = 0.5  # between both
 REACH, STRENGTH = 5e-3, 1e-4  # of the contact: Δ [m], c [N·m²]
 ORBIT = (0.05, 0.2)  # radius of the circle that the place moves on [m]
@@ -47,7 +47,7 @@ FAR = 0.25  # where the ball starts, at most, from the axis [m]
 TOUCHING = 0.02  # a ball higher above the plate has left it [m]
 HIGH = 0.3  # where an episode ends [m]
 TIPPED = 0.7  # tilt of the plate [rad]
-WAY_UNIT, SPEED_UNIT = 0.2, 0.5  # what the compact observation shows as 1: of ways [m], of speeds [m/s]
+WAY_UNIT, SPEED_UNIT = 0.2, 0.5  # units of the compact observation: distances [m], speeds [m/s]
 TILT_UNIT, TURNING_UNIT = 0.2, 1.0  # of the axis [1], of the plate's angular velocity [rad/s]
 
 

@@ -1,4 +1,4 @@
-"""The Gymnasium classes: a single environment, and a native batch."""
+"""The Gymnasium classes: single environments and native batches."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Stateful:
 
     @property
     def _unready(self) -> str:
-        """Reason why it cannot be stepped: no episode has begun, or a call broke off; empty if it can."""
+        """Reason why it cannot be stepped: no episode, or an interrupted call; empty if it can."""
         raise NotImplementedError
 
     def get_state(self) -> dict[str, Any]:
@@ -45,18 +45,18 @@ class Stateful:
 
 
 class _Common(Stateful):
-    """What the single and the batch environment have in common. One thread at a time, see `Guard`."""
+    """Common part of single and batch environments. Use by one thread at a time, see `Guard`."""
 
     _guard: Guard
     task_type: ClassVar[type[Task]]
     episodes: Episodes
     render_mode: str | None
     _canvases: Sequence[Renderer] = ()
-    """the pictures of all copies, once they are drawn"""
+    """the renderers of all copies, once they are drawn"""
     _film: Sequence[np.ndarray] = ()
     """pictures since the last call of ``render``, if it returns a list"""
     chosen: Choice | None = None
-    """what a tolerance made of the method and the steps; None if none was given"""
+    """the method and the steps chosen for a tolerance; None if none was given"""
     _spec: EnvSpec | None = None
     compute_reward: Callable[[object, object, object], Any]
     """see `springgym.envs.goals.Goals.compute_reward`; only with ``goals=True``"""
@@ -93,7 +93,7 @@ class _Common(Stateful):
 
     @property
     def spec(self) -> EnvSpec | None:
-        """Return the data, which JSON can hold, from which `gymnasium.make` makes this environment again."""
+        """Return the spec, writable as JSON, from which `gymnasium.make` makes this environment again."""
         return self._spec
 
     @spec.setter
@@ -112,9 +112,9 @@ class _Common(Stateful):
         Raises
         ------
         ValueError
-            If it has another shape, or holds what is not a number.
+            If it has another shape, or does not hold numbers.
         gymnasium.error.ResetNeeded
-            If no episode has begun, or the last call broke off.
+            If no episode has begun, or the last call was interrupted.
         """
         self._check_ready("step")
         try:
@@ -159,7 +159,7 @@ class _Common(Stateful):
         self._show()
 
     def _show(self) -> None:
-        """Show the state in the window, or add a picture of it to the film, if there is one."""
+        """Show the state in the window, or add a picture of it to the film, depending on the render mode."""
         if self.render_mode == "human":
             self._draw()
         elif self.render_mode == "rgb_array_list":
@@ -172,14 +172,14 @@ class _Common(Stateful):
 
     @guarded
     def __getstate__(self) -> dict[str, Any]:
-        return {**vars(self), "_canvases": []}  # pictures do not travel
+        return {**vars(self), "_canvases": []}  # renderers are not copied
 
 
 class SingleEnv(_Common):
-    """An environment of one copy, of one agent or several: its state, its generator, and how it is drawn."""
+    """An environment of one copy, for one agent or several: its state, random generator and pictures."""
 
     also_stored: ClassVar[tuple[str, ...]] = ()
-    """names of lists that are part of the state, too"""
+    """names of further lists in the state"""
     _np_random: np.random.Generator | None = None
     _np_random_seed: int | None = None
 
@@ -266,8 +266,8 @@ class SingleEnv(_Common):
 class SpringEnv(SingleEnv, gym.Env[np.ndarray, np.ndarray]):
     """A single environment.
 
-    A concrete class is one of a task, ``class OwnEnv(SpringEnv, gym.Env, task=Own)``. It has `gymnasium.Env`
-    among its own bases, because some libraries look for it there.
+    A concrete class belongs to a task, ``class OwnEnv(SpringEnv, gym.Env, task=Own)``. It has `gymnasium.Env`
+    among its direct bases, because some libraries require it there.
 
     Parameters
     ----------
@@ -284,15 +284,15 @@ class SpringEnv(SingleEnv, gym.Env[np.ndarray, np.ndarray]):
         Whether to report ``info["step_error"]``: the difference of each control period from the same one with
         finer steps, see `springgym.envs.error`. A step then costs three times as much.
     tolerance
-        Largest error of a control period, as a share of the body's size. It chooses the step and, unless you
-        give one, the integrator, see `springgym.envs.tolerance`. The environment tries them when it is
-        made, which takes seconds. ``info["error_bound"]`` is the bound that was found.
+        Largest error of a control period, relative to the body's size. It chooses the step and, unless you
+        give one, the integrator, see `springgym.envs.tolerance`. The environment tries them when it is made,
+        which takes seconds. ``info["error_bound"]`` is the bound that was found.
     sparse
-        Whether the reward of a step is 1 if the aim is met and 0 otherwise, instead of the shaped reward.
+        Whether the reward is 1 in steps where the aim is met and 0 otherwise, instead of the shaped reward.
         ``info`` still contains the terms of the shaped reward.
     goals
-        Whether observations hold the goal apart, as Gymnasium-Robotics' ``GoalEnv`` does: a dict of
-        ``observation``, the particles without the goal, ``achieved_goal`` and ``desired_goal``. The
+        Whether observations hold the goal as separate entries, like Gymnasium-Robotics' ``GoalEnv``: a dict
+        of ``observation``, the particles without the goal, ``achieved_goal`` and ``desired_goal``. The
         environment then has ``compute_reward(achieved_goal, desired_goal, info)``, see
         `springgym.envs.goals.Goals`. Needs ``sparse=True``, and a task with `Task.aims`.
     max_episode_steps
@@ -354,7 +354,7 @@ class SpringEnv(SingleEnv, gym.Env[np.ndarray, np.ndarray]):
 
 
 class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
-    """A batch of copies that one call steps. The results equal those of single environments to the bit.
+    """A batch of copies, stepped in one call; results are bit-identical to those of single environments.
 
     A concrete class has `gymnasium.vector.VectorEnv` among its own bases, see `SpringEnv`.
 
@@ -363,7 +363,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
     num_envs
         Number of copies.
     autoreset_mode
-        How a copy starts again when its episode has ended, see `gymnasium.vector.AutoresetMode`.
+        How a copy is reset when its episode has ended, see `gymnasium.vector.AutoresetMode`.
     max_episode_steps
         Time limit; `gymnasium.make_vec` passes the registered one.
     threads
@@ -494,7 +494,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         return [_seed(f"seed[{n}]", given) for n, given in enumerate(seed)]
 
     def _mask(self, options: Mapping[str, Any] | None) -> tuple[np.ndarray, Mapping[str, Any] | None]:
-        """Return a mask of the copies to reset, and the other options."""
+        """Return a mask (num_envs,) of the copies to reset, and the other options."""
         if not isinstance(options, Mapping) or "reset_mask" not in options:
             return np.ones(self.num_envs, bool), options
         mask = options["reset_mask"]
@@ -564,7 +564,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
 
     @guarded
     def set_state(self, state: Mapping[str, Any], copies: ArrayLike | None = None) -> None:
-        """Set a state in all copies or in some, to the bit. The same actions then have the same results.
+        """Restore a state exactly in all copies or in some: the same actions then give bit-identical results.
 
         Parameters
         ----------
@@ -616,7 +616,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         return own
 
     def _check_begun(self, ready: bool, own: np.ndarray) -> None:
-        """Refuse to set copies where no episode has begun, there or in those here that are left."""
+        """Raise ValueError if no episode has begun in the state, or in copies here that are not set."""
         if not ready:
             raise ValueError("state['ready'] is False; to be set into copies, its episode must have begun")
         if self.episodes.unready and len(own) < self.num_envs:
@@ -680,7 +680,7 @@ def set_state(env: Any, state: Mapping[str, Any], copies: ArrayLike | None = Non
     own = _own(env)
     unready, where = own._unready, _named(own, copies)
     own.set_state(state, *where)
-    if env is not own and unready:  # wrappers, too, want a first reset
+    if env is not own and unready:  # wrappers need a first reset, too
         env.reset()
         own.set_state(state, *where)
     while isinstance(env, gym.Wrapper):
@@ -690,9 +690,9 @@ def set_state(env: Any, state: Mapping[str, Any], copies: ArrayLike | None = Non
 
 
 def _own(env: object) -> Any:
-    """Return the object with the state from inside of its wrappers."""
+    """Return the springgym object inside the wrappers, which holds the state."""
     own = getattr(env, "unwrapped", env)
-    if not isinstance(own, _Common):  # Stable-Baselines3's have a monitor around them, which counts
+    if not isinstance(own, _Common):  # those of Stable-Baselines3 have a monitor, whose counts are state
         own = env
         while not isinstance(own, Stateful) and hasattr(own, "venv"):
             own = own.venv
@@ -702,7 +702,7 @@ def _own(env: object) -> Any:
 
 
 def _named(own: object, copies: ArrayLike | None) -> tuple[ArrayLike, ...]:
-    """Return the argument that names copies of a native batch; None if none are named."""
+    """Return the argument that selects copies of a native batch, as a tuple; empty if none are selected."""
     if copies is not None and not isinstance(own, SpringVectorEnv):
         raise TypeError(
             f"copies is {shown(copies)}; leave it out: only a native batch of gymnasium.make_vec has "
@@ -726,7 +726,7 @@ OF_ONE = ("episodes", "rng", "seed", "ready", "checksums")
 
 
 def _restored(state: Mapping[str, Any]) -> np.random.Generator:
-    """Make a random generator and put it into a state."""
+    """Return a random generator with a given state."""
     bits = getattr(np.random, state["bit_generator"])(0)
     bits.state = state
     return np.random.Generator(bits)
@@ -742,7 +742,7 @@ def frame_rate(task: Task | type[Task]) -> float:
 
 
 def _seed(name: str, seed: object) -> int | None:
-    """Return a seed as an int, however long it is: seeds that Gymnasium draws have 128 bits."""
+    """Return a seed as an int of any length: seeds that Gymnasium draws have 128 bits."""
     return None if seed is None else whole(name, seed, high=np.inf)
 
 
@@ -752,7 +752,7 @@ def _of_copy(seen: Any, copy: Any) -> Any:
 
 
 def _add(infos: dict[str, Any], values: Mapping[str, Any], mask: np.ndarray) -> None:
-    """Add arrays to ``infos`` as Gymnasium does: zero where the mask is not, with the mask beside them."""
+    """Add arrays to ``infos`` in Gymnasium's form: zero outside the mask, with the mask as ``_NAME``."""
     every = np.count_nonzero(mask) == len(mask)
     masks = np.empty((len(values), len(mask)), bool)
     masks[:] = mask
@@ -766,5 +766,5 @@ def _add(infos: dict[str, Any], values: Mapping[str, Any], mask: np.ndarray) -> 
 
 
 def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the same of a single copy, as plain Python numbers."""
+    """Return the values of a single copy as plain Python numbers."""
     return {k: v.item() if v.__class__ is np.ndarray else _plain(v) for k, v in values.items()}

@@ -1,4 +1,4 @@
-"""SpringBilliards: one stroke, by which a ball sends another one into a pocket: an episode of one step."""
+"""SpringBilliards: pocket a ball by striking another one, in an episode of one step."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ from springgym.theory.contact import rest_height
 CUE, OBJECT = 0, 1
 """Indices of the bodies in the scene."""
 
-PERIOD, PERIODS = 0.02, 100  # from one look at the balls to the next [s]; how often, until the episode ends
+PERIOD, PERIODS = 0.02, 100  # control period [s], and number of periods in an episode
 RADIUS, MASS = 0.03, 0.17  # of a ball [m], [kg]
 FORCE = 20.0  # of a stroke along each axis, for a period: it gives a ball 2.3 m/s [N]
 FRICTION, RESTITUTION = 0.05, 0.95
 REACH, STRENGTH = 4e-3, 8e-5  # of all contacts: Δ [m], c [N·m²]
-POCKET = 0.06  # a ball with its centre so near to that of the pocket falls into it [m]
+POCKET = 0.06  # largest distance of the centres at which a ball falls in [m]
 APART, WAY = (0.5, 0.8), (0.4, 0.7)  # from ball to ball, and from the second one to the pocket [m]
 CUT = 0.7  # the largest angle between the two ways [rad]
-ARENA = 7.0  # radius of the table that is drawn, from which no stroke drives a ball [m]
-SOFT, SLOWING = 200.0, 25.0  # of the net in the pocket: a force by way and speed [1/s²], [1/s]
+ARENA = 7.0  # radius of the drawn table, larger than the range of any stroke [m]
+SOFT, SLOWING = 200.0, 25.0  # of the net in the pocket: stiffness and damping per mass [1/s²], [1/s]
 FELT, CUSHION, WOOD = (146, 182, 196), (104, 144, 162), (158, 116, 80)  # colours of the table
 WAY_UNIT = 0.5  # of the observation [m]
 

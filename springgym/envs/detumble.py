@@ -26,13 +26,13 @@ from springgym.scene import Scene, ThrustActuator, WrenchActuator
 
 TORQUE = 0.35  # [N·m]
 IMPULSE = 0.012  # of a thruster in a control period [N·s]
-TURNING_UNIT = 4.0  # angular velocity that the compact observation shows as 1 [rad/s]
+TURNING_UNIT = 4.0  # unit of angular velocities in the compact observation [rad/s]
 SIDES = (1.0, 0.7, 0.4)  # [m]
 MASSES = (0.2, 0.1, 0.1, 0.15, 0.1, 0.1, 0.15, 0.1)  # [kg]
 THRUSTERS = ((1, (0, 0, 1)), (2, (0, 0, 1)), (4, (0, 1, 0)), (6, (0, 1, 0)))
-"""Corners with a thruster, and its direction along the sides of the box: none of the torques, that all
-directions of rotation need, is weak."""
-FASTEST = 12.0  # angular velocity an episode can be asked to start with [rad/s]
+"""Corners with a thruster, and its direction along the sides of the box; torques are strong in all
+directions."""
+FASTEST = 12.0  # largest initial angular velocity as a reset option [rad/s]
 
 
 @compiled

@@ -1,4 +1,4 @@
-"""SpringDuel: two tops in a bowl, of which one is to stay."""
+"""SpringDuel: knock another top over, or out of the ring, in a bowl."""
 
 from __future__ import annotations
 
@@ -33,22 +33,22 @@ FIRST, SECOND = 0, 1
 
 RING, RADIUS, HEIGHT, MASS, STIFFNESS = 12, 0.5, 0.5, 10.0, 2e5  # of each top
 BOWL = 4.0  # radius of the bowl [m]
-RIM = 1.1  # a top is out from this distance of its centre of mass from the middle [m]
+RIM = 1.1  # distance of the centre of mass from the middle at which a top is out [m]
 FALLEN = 0.7  # tilt [rad]; at 0.79 it lies on its side
-STEEPEST = 0.35  # at the start; from 0.37 on, two that lean to each other touch [rad]
-APART = 0.65  # how far each starts from the middle [m]
-LARGEST = 1.6  # scale of tops that randomisation makes: it moves them apart, too
+STEEPEST = 0.35  # largest tilt at the start; from 0.37 on, tops that lean to each other touch [rad]
+APART = 0.65  # initial distance of each top from the middle [m]
+LARGEST = 1.6  # largest scale by randomisation, which also moves tops apart
 SPINS = (22.0, 30.0)  # [rad/s], of either sign
 FORCE = 40.0  # on the crown [N]
 GRIP, REBOUND = 0.02, 0.2  # friction and restitution between both
 REACH, STRENGTH = 0.02, 0.08  # of all contacts: Δ [m], c [N·m²]
 WAY_UNIT, TILT_UNIT, SPIN_UNIT, MOMENTUM_UNIT = 0.5, 0.2, 25.0, 6.0
 """Units of the compact observation: distances [m], axis [1], spins [rad/s], momenta [kg·m²/s]."""
-SEEN = 11  # numbers that are observed of each top
-SHAPED = 2e-3  # the largest reward of a step in which nothing is decided
+SEEN = 11  # number of observed values of each top
+SHAPED = 2e-3  # largest reward of a step that does not decide the duel
 
 Opponent = Callable[[np.ndarray], np.ndarray]
-"""Maps what the second top observes, in the compact way (n, D), to its actions (n, 2)."""
+"""Maps compact observations (n, D) of the second top to its actions (n, 2)."""
 
 
 @compiled
@@ -83,7 +83,7 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
 
 @kernel
 def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
-    """Observe in axes that are turned by half a turn for the second player: both see the same duel."""
+    """Write observations; axes are turned by half a turn for the second player, who sees the same duel."""
     own = int(s.parameters[0])
     sign = 1.0 - 2.0 * own
     for c in range(observation.shape[0]):
@@ -121,24 +121,24 @@ ENTRIES = tuple(
 
 @dataclass(frozen=True)
 class Script:
-    """A top that goes for the other one, and back to the middle.
+    """Scripted control of a top that attacks the other one and returns to the middle.
 
     Parameters
     ----------
     attack
         Force towards the other top [N].
     roll
-        Force across the way to it, to the right of a top that spins anticlockwise, so that it rolls off the
-        other one [N].
+        Force perpendicular to the attack, to the right of a top that spins anticlockwise, so that it rolls
+        off the other one [N].
     lead
-        Along the other top's velocity, less that of one's own top [kg/s].
+        Force along the other top's velocity relative to the own top, per speed [kg/s].
     guard
-        Force towards the middle a metre away from it [N/m].
+        Force towards the middle, per distance from it [N/m].
     damping
-        Against its own velocity [kg/s].
+        Force against the own velocity, per speed [kg/s].
     upright
-        Force across the tilt, at a spin of 25 rad/s and a tilt of 1 rad [N]: the crown goes at a right angle
-        to a push, and so back up.
+        Force perpendicular to the tilt, at a spin of 25 rad/s and a tilt of 1 rad [N]: the crown moves
+        perpendicular to a push, and so back up.
     """
 
     attack: float = 0.0
@@ -283,7 +283,7 @@ class SpringDuel(Task, kernels=(evaluate, compact)):
             raise ValueError(
                 f"the opponent gave {shown(given)}; it must give finite actions of shape {(len(seen), 2)}"
             )
-        push = -FORCE * np.clip(action, -1.0, 1.0)  # its axes are turned by half a turn
+        push = -FORCE * np.clip(action, -1.0, 1.0)  # in axes turned by half a turn
         return {"second.thrust": level(push)[:, None]}
 
     def look(self) -> Look:

@@ -1,4 +1,4 @@
-"""Episodes of the copies of a task, which are stepped together."""
+"""Episodes of a batch of copies of a task, stepped together."""
 
 from __future__ import annotations
 
@@ -34,16 +34,16 @@ from springgym.simulator import STRAIN_LIMIT, Simulator, copies_in
 from springgym.stability import steps_in
 
 SPARSE = -1
-"""Stands in place of the number of a reward's terms: the reward is 1 if the aim is met."""
+"""Value for the number of the reward's terms, with which the reward is 1 if the aim is met."""
 
 NOT_BEGUN, BROKEN_OFF = "no episode has begun", "the last step or reset broke off in the middle"
 """Reasons why copies must be reset before a step."""
 
 LONGEST = 0.9
-"""Largest share of the stability limit that a step may have if bodies meet nothing."""
+"""Largest step, relative to the stability limit, if bodies touch nothing."""
 
 MOST_STEPS = 100_000
-"""Most steps in a control period, which take up to about 0.1 s of computing."""
+"""Largest number of steps in a control period, which take up to about 0.1 s of computing."""
 
 
 class Step(NamedTuple):
@@ -60,11 +60,11 @@ class StartedEpisodes(NamedTuple):
     copies: np.ndarray
     """(k,) their indices"""
     parts: list[Part]
-    """what functions see of these copies and maybe of others"""
+    """parts of the batch that hold these copies, and maybe others"""
 
 
 class Part(NamedTuple):
-    """Some copies in a row: what functions see of them, and where their outcome is written, as views."""
+    """Consecutive copies: views of the arguments of a task's functions, and of their outcome."""
 
     measures: Measures
     situation: Situation
@@ -78,7 +78,7 @@ class Part(NamedTuple):
     unresolved: np.ndarray
     """`springgym.simulator.Simulator.unresolved`"""
     copies: slice
-    """which they are"""
+    """the range of the copies"""
 
 
 STATE = ("goal", "memory", "time", "factors", "elapsed", "held", "balance", "action", "out", "diverged")
@@ -119,7 +119,7 @@ class Episodes:
         self.copies = copies
         self.parameters = task.parameters
         self.unready = NOT_BEGUN
-        """why the copies must be reset before they are stepped; empty if they need not"""
+        """the reason why copies must be reset before a step; empty if they need not"""
         self.each_period: Callable[[], None] | None = None
         """a function to call after each control period"""
         self.max_episode_steps = _checked_limit(settings.max_episode_steps)
@@ -129,7 +129,7 @@ class Episodes:
                 "sparse is True, and there is no aim to meet; give succeeded, or achieved and aims"
             )
         self.goals = _goals_of(task, sparse) if checks.flag("goals", settings.goals) else None
-        """of observations that tell goals apart; None of others"""
+        """the goals, if observations have them as separate entries; else None"""
         kind = DYNAMICS[chosen("dynamics", settings.dynamics, DYNAMICS)]
         self.ranges = randomisation.checked_ranges(settings.randomize, settings.dynamics)
         scene = task.scene
@@ -153,7 +153,7 @@ class Episodes:
         self.factors = np.ones((copies, len(self.ranges)))
         self.elapsed = np.zeros(copies, np.int64)
         self.time = np.zeros(copies)
-        """since the episode began [s]; ``elapsed`` counts for the time limit, and may begin later"""
+        """time since the episode began [s]; ``elapsed`` counts for the time limit, and may start above 0"""
         self.held = np.zeros(copies, np.int64)
         self.balance = np.zeros(copies)
         """energy balance at the start of the episode [J]"""
@@ -168,7 +168,7 @@ class Episodes:
             task.prepare(*self._seen_in(slice(None)))
         self.rewarded = SPARSE if sparse else len(task.terms)
         self.out = np.zeros((copies, len(task.outcome)))
-        """what `Task.evaluate` set last, a column for each name in `Task.outcome`"""
+        """the last results of `Task.evaluate`, a column for each name in `Task.outcome`"""
         self.diverged = np.zeros(copies, bool)
         self._succeeded, self._drift = np.zeros(copies, bool), np.zeros(copies)
         self._bound_of_error = None if error_bound is None else np.full(copies, error_bound)
@@ -184,15 +184,15 @@ class Episodes:
             "goals": self.goals is not None,
             "randomize": {name: list(reach) for name, reach in self.ranges.items()},
         }
-        """what a state belongs to, beside what the simulator was made of"""
+        """the identity of a state, besides that of the simulator"""
         self._use_kernels()
 
     def _step_settings(
         self, scene: Scene, kind: Dynamics, settings: Settings, wanted: float | None
     ) -> tuple[float, int]:
-        """Return the step, and after how many dampers act: given, automatic, or about as long as ``wanted``.
+        """Return the step [s] and the steps of a damper cycle: given, automatic, or about as ``wanted``.
 
-        The step is that of the stiffest and lightest body of the randomisation, and cycles suit all bodies.
+        The step suits the stiffest and lightest body of the randomisation, and cycles suit all bodies.
 
         Raises
         ------
@@ -204,7 +204,7 @@ class Episodes:
             instance("integrator", integrator, str)
         period = self.task.period
         factor = dict.fromkeys(RANDOMIZABLE, (1.0, 1.0))
-        for name, (low, high) in self.ranges.items():  # the simulator is made with the body as it is, too
+        for name, (low, high) in self.ranges.items():  # the simulator also has the nominal body
             factor[name] = min(low, 1.0), max(high, 1.0)
 
         def fastest(body: Body) -> Body:
@@ -250,8 +250,8 @@ class Episodes:
                 f"{MOST_STEPS:,} to a control period of {period:g} s: {_fastest(scene, kind)}"
             )
         steps = math.ceil(period / automatic - 1e-9)
-        # Among surfaces sweeps of dampers take turns in direction: after an even number, copies that began in
-        # different periods agree on it, and a block needs one sweep for all.
+        # With surfaces, sweeps of dampers alternate in direction. After an even number, copies that began in
+        # different periods have the same direction, and a block needs one sweep for all.
         if scene.surfaces and not kind.rigid:
             steps += steps % 2
         if every is None and vibrations:
@@ -318,7 +318,7 @@ class Episodes:
         try:
             self._vary(copies, drawn)
             self.simulator.place(positions, velocities, copies, check=check, read=True)
-        except (TypeError, ValueError):  # it is refused
+        except (TypeError, ValueError):  # an option is refused
             self._vary(copies, before)
             self.unready = was
             raise
@@ -336,7 +336,7 @@ class Episodes:
             fresh = np.zeros(self.out.shape)
             for part in parts:
                 self._evaluate(*part[:2], self._named(fresh[part.copies]))
-            metrics = slice(len(self.task.terms), len(self.task.reported))  # nothing has been earned yet
+            metrics = slice(len(self.task.terms), len(self.task.reported))  # no reward yet
             self.out[copies, metrics] = fresh[copies, metrics]
         return StartedEpisodes(copies, parts)
 
@@ -349,7 +349,7 @@ class Episodes:
         self.balance[copies] = self.measures.balance[copies]
 
     def _check_strain(self, positions: np.ndarray, drawn: Sequence[Mapping[str, float]]) -> None:
-        """Refuse starts (k, N, 3) in a shape that has diverged already."""
+        """Raise ValueError for starts (k, N, 3) whose strains exceed the limit of divergence."""
         if self.simulator.dynamics == "rigid":
             return
         scene = self.simulator.scene
@@ -418,7 +418,7 @@ class Episodes:
     def driven_by(self, actions: np.ndarray) -> dict[str, np.ndarray]:
         """Return actuator values by name for the next control period, from actions (n, A) in [−1, 1].
 
-        The actions are scaled by `strength` already. Those of opponents are added, and scaled here.
+        ``actions`` are already scaled by `strength`. Values of `Task.respond` are added, and scaled here.
         """
         acting = self.task.actuate(actions)
         for name, values in self.task.respond(*self._whole[:2]).items():
@@ -474,7 +474,7 @@ class Episodes:
         return self._info
 
     def _info_views(self) -> dict[str, Any]:
-        """Return the arrays of `info_arrays`, as views but for those of pairs."""
+        """Return the arrays of `info_arrays`, as views except for those of pairs."""
         views: dict[str, Any] = {"is_success": self._succeeded} if self.task.has_aim else {}
         views |= {
             "diverged": self.diverged,
@@ -494,7 +494,7 @@ class Episodes:
 
     @property
     def observation_space(self) -> spaces.Box | spaces.Dict:
-        """The space of what one copy observes."""
+        """The space of one copy's observations."""
         box = spaces.Box(-observation.BOUND, observation.BOUND, (self._seen_size,), np.float32)
         return box if self.goals is None else self.goals.space(box)
 
@@ -529,8 +529,8 @@ class Episodes:
     def _parts_with(self, copies: np.ndarray) -> list[Part]:
         """Return parts that together hold some copies (k,): the blocks that they are in, or all copies.
 
-        A user's own functions are given all copies. A row by itself would be of another type than many, see
-        `SameTypes`: a last block of one copy goes with the block before it.
+        User-defined functions get all copies. An array of one row has another type than larger ones, see
+        `SameTypes`: a last block of one copy is joined with the block before it.
         """
         width = self.simulator.width
         last = max(self.copies - 2, 0) // width
@@ -566,7 +566,7 @@ class Episodes:
             values[copies] for values in (self.action, self.goal, self.time, self.memory)
         )
         situation = Situation(x, v, action, goal, time, memory, self.parameters)
-        if not self._trusts:  # a user's own functions see, and change nothing
+        if not self._trusts:  # user-defined functions get read-only views
             return Measures(*map(_locked, m)), Situation(*map(_locked, situation))
         return m, situation
 
@@ -577,7 +577,7 @@ class Episodes:
         return {**NOMINAL, **dict(zip(self.ranges, self.factors[copy], strict=True))}
 
     def _vary(self, copies: np.ndarray, drawn: Sequence[Mapping[str, float]]) -> None:
-        """Give some copies (k,) their factors."""
+        """Set the parameters of some copies (k,) by their factors."""
         if not (self.ranges and len(copies)):
             return
         if values := self._parameters(drawn):
@@ -605,14 +605,14 @@ class Episodes:
         return sealed({"of": dict(self._of), **arrays, "simulator": self.simulator.state(copies)})
 
     def restore(self, state: Mapping[str, Any], copies: np.ndarray | None = None) -> None:
-        """Set a state that `state` returned, to the bit. The copies are `unready` afterwards, as by `begin`.
+        """Restore a state that `state` returned, exactly. The copies are `unready` afterwards, as by `begin`.
 
         Parameters
         ----------
         state
             A state of as many copies as there are here, unless ``copies`` is given.
         copies
-            (k,) copies to set, if not all: the state has k copies or one, see `Simulator.restore`.
+            (k,) copies to set; all if None. The state has k copies or one, see `Simulator.restore`.
 
         Raises
         ------
@@ -624,7 +624,7 @@ class Episodes:
         was, self.unready = self.unready, BROKEN_OFF
         try:
             self.simulator.restore(state["simulator"], copies)
-        except (TypeError, ValueError):  # it is refused
+        except (TypeError, ValueError):  # an option is refused
             self.unready = was
             raise
         copies = np.arange(self.copies) if copies is None else copies
@@ -724,7 +724,7 @@ def _locked(array: np.ndarray) -> np.ndarray:
 
 
 def _fastest(scene: Scene, kind: Dynamics) -> str:
-    """Return in words what limits the step most."""
+    """Return a description of what limits the step most."""
     if kind.rigid:
         return "it starts to turn too fast"
     found = []
@@ -745,7 +745,7 @@ def _fastest(scene: Scene, kind: Dynamics) -> str:
 
 
 def _goals_of(task: Task, sparse: bool) -> Goals:
-    """Return the goals of a task, after checking that its observation can tell them apart."""
+    """Return the goals of a task, after checking that observations can have them as separate entries."""
     name = type(task).__name__
     if not task.aims:
         raise ValueError(f"goals is True; it must be False: {name} has no goal that observations tell apart")
@@ -806,11 +806,11 @@ def finish_step(
     unresolved: np.ndarray,
     result: Step,
 ) -> None:
-    """Sum rewards, count steps, end episodes; a copy that has diverged ends with reward 0, and so does one
-    where bodies met in a way that a step cannot resolve, which counts as diverged.
+    """Sum rewards, count steps, end episodes. A copy that has diverged ends with reward 0, as does one with
+    contacts that a step cannot resolve, which counts as diverged.
 
-    The terms of the reward are the first ``terms`` columns; if `SPARSE`, it is whether the aim is met. Who
-    fails has not met it, unless the episode ``wins`` by its end.
+    The terms of the reward are the first ``terms`` columns; if `SPARSE`, the reward is whether the aim is
+    met. After a failure it is not, unless the episode ``wins`` by its end.
     """
     met, failed = out.shape[1] + MET, out.shape[1] + FAILED
     for c in range(out.shape[0]):

@@ -1,8 +1,9 @@
-"""The error of a control period, estimated while it runs.
+"""Estimates of the error of each control period by step doubling.
 
 A method of order p has an error C hᵖ. Steps of h/2 have 2⁻ᵖ of it, so the two results differ by 1 − 2⁻ᵖ of
 the error of the longer steps (Richardson). A second simulator repeats each control period from the same
-state, in steps of h/2. It serves the estimate only: the episode continues from the result of the first one.
+state, in steps of h/2. Its result is used only for the estimate: the episode continues from that of the first
+one.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ class StepError:
     simulator
         The simulator of the copies.
     made
-        Its arguments other than scene, method and steps.
+        The arguments with which it was made, other than scene, method and steps.
 
     Raises
     ------
@@ -45,12 +46,11 @@ class StepError:
         self.finer = Simulator(simulator.scene, step=simulator.step / FINER, damping_every=every, **made)
         self._share = 1 / (1 - FINER**-method.order)
         self.last = np.zeros(simulator.copies)
-        """largest distance of a particle after a control period of the last step, as a share of its body's
+        """largest distance of a particle after a control period of the last step, relative to its body's
         size"""
 
     def estimate(self, simulator: Simulator, steps: int) -> None:
-        """Estimate the error of the ``steps`` that the simulator took since the finer one took over its
-        state."""
+        """Estimate the error of the last ``steps`` of the simulator, since the finer one copied its state."""
         self.finer.advance(FINER * steps, check=False, read=True)
         own, finer = simulator.readout.positions, self.finer.readout.positions
         apart = largest_distances(own, finer, simulator.scene.sizes)

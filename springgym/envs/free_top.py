@@ -29,12 +29,12 @@ from springgym.surfaces import Bowl, Contact, floor, scales
 from springgym.theory.contact import rest_height
 
 WANTED = 8.0  # spin [rad/s]
-BAND = 4.5  # how far the spin may be off [rad/s]
+BAND = 4.5  # largest deviation of the spin [rad/s]
 FORCE = 40.0  # on the crown [N]
 RING_ACCELERATION = 8.0  # angular acceleration of the ring about the axis [rad/s²]
 FALLEN = 0.7  # tilt [rad]
-SPIN_UNIT = 4.0  # what the compact observation shows as 1, from `WANTED` [rad/s]
-WAY_UNIT = 0.5  # the same of ways and speeds [m], [m/s]
+SPIN_UNIT = 4.0  # unit of the compact observation, from `WANTED` [rad/s]
+WAY_UNIT = 0.5  # the same for distances [m] and speeds [m/s]
 ARENA = 1.0  # largest distance from the middle [m]
 INSIDE = 0.15  # radius of the circle to stay in [m]
 BOWL = 4.0  # radius of the bowl [m]
@@ -146,11 +146,11 @@ class SpringFreeTop(Task, kernels=(evaluate, compact)):
             across = positions[:, self._others, :2]
             ground = BOWL - np.sqrt((BOWL - height) ** 2 - (across**2).sum(axis=2))
         sunk = (ground - positions[:, self._others, 2]).max(axis=1, keepdims=True)
-        positions[:, :, 2] += np.maximum(sunk, 0.0)  # tops whose rings are in the surface lie on them
+        positions[:, :, 2] += np.maximum(sunk, 0.0)  # raises tops whose rings would be in the surface
         return Start(positions, velocities)
 
     def _foot(self, away: float, bearing: float, height: float) -> tuple[float, float, float]:
-        """Find where a tip stands that is ``height`` above the surface [m]."""
+        """Return the position of a tip that is ``height`` above the surface [m]."""
         if self.surface == "bowl":
             away, height = above_bowl(BOWL, away, height)
         return away * math.cos(bearing), away * math.sin(bearing), height

@@ -1,7 +1,7 @@
 """Goals as separate entries of the observation, in the form of Gymnasium-Robotics' ``GoalEnv``.
 
-An agent can then learn from goals that it reached by chance (Andrychowicz et al. 2017, *Hindsight experience
-replay*, arXiv:1707.01495): whether what it achieved is what another goal asks for is computed afterwards.
+This allows hindsight experience replay (Andrychowicz et al. 2017, arXiv:1707.01495): the reward is recomputed
+afterwards, with achieved goals in place of the desired ones.
 """
 
 from __future__ import annotations
@@ -17,21 +17,21 @@ from springgym.checks import array
 from springgym.core.compiling import kernel
 
 FARTHEST = 100.0
-"""Bound to which goals are clipped, in SI units. What is achieved there, or beyond, reaches no goal."""
+"""Bound to which goals are clipped, in SI units. An achieved goal at or beyond it reaches no goal."""
 
 
 class Aim(NamedTuple):
-    """Some numbers of a goal, which are reached together."""
+    """Some of the numbers of a goal, with a common tolerance."""
 
     name: str
     size: int
-    """how many numbers"""
+    """number of values"""
     within: float
     """the goal is reached if their distance from those that are desired is smaller than this, in SI units"""
 
 
 class Goals:
-    """The goals of a task: the K numbers of all its `Aim`, one after another. Instances are immutable."""
+    """The goals of a task: the K numbers of all its aims, one after another. Instances are immutable."""
 
     def __init__(self, aims: Sequence[Aim]) -> None:
         self.size = sum(aim.size for aim in aims)
@@ -39,17 +39,17 @@ class Goals:
         self.within = np.array([aim.within for aim in aims])
 
     def space(self, observation: spaces.Box) -> spaces.Dict:
-        """Return the space of observations with goals, given the space of what else is observed."""
+        """Return the space of observations with goals, given that of the other observations."""
         goal = spaces.Box(-FARTHEST, FARTHEST, (self.size,), np.float64)
         return spaces.Dict({"observation": observation, "achieved_goal": goal, "desired_goal": goal})
 
     def compute_reward(self, achieved_goal: object, desired_goal: object, info: object) -> Any:
-        """Return the reward of a step that ends with ``achieved_goal`` where ``desired_goal`` is wanted.
+        """Return the sparse reward of a step from its achieved and desired goal.
 
         Parameters
         ----------
         achieved_goal, desired_goal : (K,) or (n, K)
-            Goals as observations show them.
+            Goals as in observations.
         info
             Not used.
 
@@ -61,7 +61,7 @@ class Goals:
         Raises
         ------
         TypeError, ValueError
-            If goals have other shapes than these, or than each other, or hold what is not a finite number.
+            If goals have other shapes, different shapes, or values that are not finite.
         """
         shapes = (self.size,), (None, self.size)
         achieved = array("achieved_goal", achieved_goal, *shapes)
@@ -97,7 +97,7 @@ def reach(
 
 @kernel
 def bound(goals: np.ndarray, diverged: np.ndarray) -> None:
-    """Clip goals to ±`FARTHEST`; those of diverged copies are there."""
+    """Clip goals to ±`FARTHEST`, and set those of diverged copies to `FARTHEST`."""
     for c in range(goals.shape[0]):
         for k in range(goals.shape[1]):
             goals[c, k] = FARTHEST if diverged[c] else min(max(goals[c, k], -FARTHEST), FARTHEST)

@@ -29,10 +29,10 @@ from springgym.scenes import film
 
 TORQUE = 20.0  # [N·m]
 IMPULSE = 0.8  # largest component a control period [N·s]: 20 N·m at the arm of the head
-CLOSE, CALM = 0.1, 0.3  # to its target, and turning across itself, for success [rad], [rad/s]
+CLOSE, CALM = 0.1, 0.3  # for success: angle to the target [rad], angular velocity across the axis [rad/s]
 USUAL = 35.0  # spin [rad/s]
 SPIN = Entry("spin", 1, 20.0, about=USUAL)  # [rad/s]
-FASTEST = 100.0  # spin an episode can be asked to start with [rad/s]
+FASTEST = 100.0  # largest initial spin as a reset option [rad/s]
 
 
 @kernel
@@ -79,7 +79,7 @@ class SpringGyroscope(Task, kernels=(evaluate, compact, achieve)):
     def __init__(self, hard: bool = False, body: BodyOptions = None, **modes: Unpack[Modes]) -> None:
         super().__init__(**modes)
         self.hard = flag("hard", hard)
-        spin = Entry("spin", 1, USUAL) if self.hard else SPIN  # of either sign, or about the usual one
+        spin = Entry("spin", 1, USUAL) if self.hard else SPIN  # of either sign, or relative to `USUAL`
         self.entries = tuple(spin if entry is SPIN else entry for entry in self.entries)
         self.parameters = np.array([spin.about, spin.unit])
         self.body = made(gyroscope, body)

@@ -1,4 +1,4 @@
-"""SpringJuggle: a paddle in the air keeps a ball, or two, bouncing to a height that is asked for."""
+"""SpringJuggle: keep a ball, or two, bouncing on a paddle to a given height."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ PADDLE, BALL = 0, 1
 """Indices of the bodies in the scene; a second ball follows the first."""
 
 CROWN = 6
-"""Number of the paddle's particle in the middle of its upper side, behind those of the ring."""
+"""Index of the paddle's particle in the middle of its upper side, after those of the ring."""
 
 FALL = -GRAVITY[2]  # [m/s²]
 RADIUS, HEIGHT = 0.3, 0.25  # of the paddle, and of its upper side above its tip [m]
@@ -39,14 +39,14 @@ BALL_RADIUS = 0.05  # [m]
 FORCE, TORQUE = 30.0, 1.5  # beside the force that carries the paddle [N], [N·m]
 FRICTION = 0.3  # between paddle and ball, and between balls
 REACH, STRENGTH = 0.01, 1e-3  # of the contact: Δ [m], c [N·m²]
-STRUCK = 0.9 * REACH  # closer to the paddle, a ball is being hit: it rests at 0.985 Δ [m]
-WANTED, HARD_WANTED = (0.4, 0.7), (0.4, 1.0)  # what height is asked for [m]
-DROPPED = (0.3, 0.7)  # the height that the ball has at first [m]
-HOME = 0.25  # how far the paddle may go, up or down and sideways [m]
+STRUCK = 0.9 * REACH  # gap below which a ball is being hit; it rests at 0.985 Δ [m]
+WANTED, HARD_WANTED = (0.4, 0.7), (0.4, 1.0)  # wanted heights [m]
+DROPPED = (0.3, 0.7)  # initial height of the ball [m]
+HOME = 0.25  # largest distance of the paddle from home, vertical and horizontal [m]
 TIPPED = 0.8  # and its tilt [rad]
-COLUMN = 0.12  # where two balls bounce, to the left and to the right of home [m]
-ASIDE = 0.5  # how far a ball may stray from its vertical [m]
-WAY_UNIT, SPEED_UNIT = 0.1, 1.0  # what the compact observation shows as 1 of the paddle: [m], [m/s]
+COLUMN = 0.12  # distance of the verticals of two balls from home [m]
+ASIDE = 0.5  # largest distance of a ball from its vertical [m]
+WAY_UNIT, SPEED_UNIT = 0.1, 1.0  # units of the compact observation: paddle [m], [m/s]
 BALL_WAY_UNIT, BALL_SPEED_UNIT, SPIN_UNIT = 0.25, 2.0, 10.0  # of the ball [m], [m/s], [rad/s]
 TILT_UNIT, TURNING_UNIT = 0.2, 3.0  # of the axis [1], of the paddle's angular velocity [rad/s]
 
@@ -55,8 +55,8 @@ TILT_UNIT, TURNING_UNIT = 0.2, 3.0  # of the axis [1], of the paddle's angular v
 def apex_of(height: float, rising: float) -> float:
     """Return the highest position that a ball's lowest point would reach in free flight [m].
 
-    ``height`` is that of its centre [m], ``rising`` its velocity [m/s]; heights count from the place where
-    the paddle begins.
+    ``height`` is that of its centre [m], ``rising`` its velocity [m/s]; heights are relative to the paddle's
+    initial position.
     """
     return height - BALL_RADIUS + rising**2 / (2.0 * FALL)
 
@@ -154,7 +154,7 @@ class SpringJuggle(Task, kernels=(evaluate, compact)):
         super().__init__(**modes)
         self.balls = whole("balls", balls, 1, 2)
         self.columns = [column_of.py_func(self.balls, BALL + n) for n in range(self.balls)]
-        """where each ball is to bounce: x of its vertical [m]"""
+        """x of the vertical on which each ball should bounce [m]"""
         if balls == 2:
             self.entries = (*type(self).entries, *ball_entries("other_"))
         self.contact = Contact(friction=FRICTION, restitution=restitution, strength=STRENGTH, reach=REACH)
@@ -191,7 +191,7 @@ class SpringJuggle(Task, kernels=(evaluate, compact)):
         away = number(options, "away", away, 0.0, 0.2)
         dropped = (self.columns[0] + away * math.cos(bearing), away * math.sin(bearing), height + BALL_RADIUS)
         states = [*dropped, east, north, 0.0]
-        if self.balls == 2:  # the other has just left the paddle, and comes to the height that is asked for
+        if self.balls == 2:  # the other has just left the paddle, and rises to the wanted height
             speed = math.sqrt(2.0 * FALL * max(wanted - BALL_RADIUS, 0.0))
             states += (self.columns[1], 0.0, 2 * BALL_RADIUS, 0.0, 0.0, speed)
         return wanted, factors["scale"], *states

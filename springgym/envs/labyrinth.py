@@ -1,4 +1,4 @@
-"""SpringLabyrinth: tilt a board, and roll a ball along a way past holes."""
+"""SpringLabyrinth: roll a ball along a path past holes by tilting its board."""
 
 from __future__ import annotations
 
@@ -37,21 +37,21 @@ TILT = 0.15  # the largest angle of the board [rad]
 RATE, SLOW_RATE = 0.4, 0.24  # how fast it changes, also with hard=True [rad/s]
 CELLS, LEGS = 4, 12  # cells along a side of the board; legs of the way from the middle of one to the next
 MIDDLES = (0.5 / CELLS - 0.5) * 2 * HALF + 2 * HALF / CELLS * np.array([*product(range(CELLS), repeat=2)])
-"""Middles of the cells (CELLS², 2), before they are shifted [m]."""
-SHIFT = 0.015  # how far the middle of a cell is shifted, along x and y [m]
-LATEST = 0.6  # the largest share of the first leg that is left out
+"""Centres of the cells (CELLS², 2), before they are shifted [m]."""
+SHIFT = 0.015  # largest shift of a cell's centre along x and y [m]
+LATEST = 0.6  # largest fraction of the first leg that is left out
 HOLES = 18
-CLOSE = 0.05  # how near to a point of the way the ball must come [m]
-SEEN, NEAR = 4, 4  # points of the way, from the last one that is passed, and nearest holes that are observed
+CLOSE = 0.05  # distance at which a point of the path counts as passed [m]
+SEEN, NEAR = 4, 4  # numbers of observed points, from the last one passed, and of nearest holes
 WAY_UNIT, SPEED_UNIT, TURNING_UNIT, TILT_UNIT, HOLE_UNIT, LEFT_UNIT = 0.2, 0.3, 12.0, 0.1, 0.1, 1.0
-"""Units of the compact observation: way [m], speed [m/s], turning [rad/s], tilt [rad], ways to holes [m], the
-length of way that is left [m]."""
+"""Units of the compact observation: distance [m], speed [m/s], angular velocity [rad/s], tilt [rad], distance
+of holes [m], remaining path length [m]."""
 
 FIRST_HOLE = 2 * (LEGS + 1)
 LEANING = FIRST_HOLE + 2 * HOLES
 PASSED = LEANING + 2
-"""Where the goal has the holes, the board's angles and the number of legs that are done. The points of the
-way stand before them, and the ball starts at the first."""
+"""Columns of the goal with the holes, the board's angles and the number of completed legs. The points of the
+path come before them; the ball starts at the first."""
 
 WOOD: Color = (226, 202, 160)
 LINE: Color = (160, 124, 78)
@@ -66,20 +66,20 @@ def angle_after(s: Situation, c: int, axis: int, seconds: float) -> float:
 
 @compiled
 def leg(s: Situation, c: int, n: int) -> float:
-    """Return the length of leg n of the way [m]."""
+    """Return the length of leg n of the path [m]."""
     g = s.goal[c]
     return math.hypot(g[2 * n + 2] - g[2 * n], g[2 * n + 3] - g[2 * n + 1])
 
 
 @compiled
 def way_to(m: Measures, s: Situation, c: int, first: int) -> float:
-    """Return the distance of the ball from a point that the goal has from a column on [m]."""
+    """Return the distance of the ball from the point at column ``first`` of the goal [m]."""
     return math.hypot(m.centre[c, 0] - s.goal[c, first], m.centre[c, 1] - s.goal[c, first + 1])
 
 
 @compiled
 def way_left(m: Measures, s: Situation, c: int) -> float:
-    """Return the length of the way from the ball through all points that are ahead [m]."""
+    """Return the length of the path from the ball through all points ahead [m]."""
     done = int(s.goal[c, PASSED])
     left = way_to(m, s, c, 2 * done + 2)
     for n in range(done + 1, LEGS):
@@ -89,7 +89,7 @@ def way_left(m: Measures, s: Situation, c: int) -> float:
 
 @kernel
 def move(m: Measures, s: Situation, goal: np.ndarray) -> None:
-    """Tilt the board, and count a point of the way as passed when the ball comes close to it."""
+    """Tilt the board, and count a point of the path as passed when the ball comes close to it."""
     for c in range(goal.shape[0]):
         for axis in range(2):
             goal[c, LEANING + axis] = angle_after(s, c, axis, PERIOD)
@@ -149,7 +149,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
 
 @cache
 def ways() -> np.ndarray:
-    """Return all ways of `LEGS` steps from cell to cell that meet no cell twice, (ways, LEGS + 1, 2)."""
+    """Return all paths of `LEGS` steps between cells that visit no cell twice, (paths, LEGS + 1, 2)."""
 
     def longer(way: list[tuple[int, int]]) -> Iterator[list[tuple[int, int]]]:
         if len(way) > LEGS:
@@ -164,10 +164,10 @@ def ways() -> np.ndarray:
 
 
 def beside(middles: np.ndarray, way: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Return the holes (k, HOLES, 2) of boards: of all places half-way between cells, the nearest to the way.
+    """Return the holes (k, HOLES, 2) of boards [m]: places between cells that are nearest to the path.
 
-    Places are half-way between two neighbours that the way does not join, or between four. Half-way between
-    cells whose middles are shifted by `SHIFT`, they are at least 6 cm from the way.
+    Places are half-way between two neighbours that the path does not join, or between four. For cells shifted
+    by up to `SHIFT`, they are at least 6 cm from the path.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ def beside(middles: np.ndarray, way: np.ndarray, points: np.ndarray) -> np.ndarr
     way : (k, LEGS + 1, 2)
         The cells of the way.
     points : (k, LEGS + 1, 2)
-        Their middles [m].
+        Their centres [m].
     """
     boards, (corners, counts, number) = np.arange(len(way))[:, None], _between()
     halves = way[:, 1:] + way[:, :-1]
@@ -270,7 +270,7 @@ class SpringLabyrinth(Task, kernels=(evaluate, compact, move)):
     def respond(self, m: Measures, s: Situation) -> dict[str, np.ndarray]:
         """Return the weight along the board, which leans as in the middle of the period.
 
-        The scene's gravity acts across the board. The weight is the potential energy by the height.
+        The scene's gravity acts across the board. The weight is the potential energy over the height.
         """
         angles = s.goal[:, LEANING : LEANING + 2] + 0.5 * PERIOD * self.rate * s.action
         (a, b), (p, q) = (f(np.clip(angles, -TILT, TILT)).T for f in (np.cos, np.sin))
@@ -282,7 +282,7 @@ class SpringLabyrinth(Task, kernels=(evaluate, compact, move)):
         return together([film.look(self.scene), _board_look()], [len(self.ball.masses), len(board)])
 
     def points(self, s: Situation) -> np.ndarray:
-        """Return ball and board as they are seen from the room, where the board is tilted."""
+        """Return the points of ball and board in the frame of the room, where the board is tilted."""
         turn = turned(s.goal[LEANING : LEANING + 2])
         return np.asarray(np.vstack([s.x, _board(s.goal, self.hole)]) @ turn.T)
 
@@ -307,13 +307,13 @@ class SpringLabyrinth(Task, kernels=(evaluate, compact, move)):
 
 # --- The board, as it is drawn --------------------------------------------------------------------------
 
-THICK, LIFT, BROAD = 0.02, 5e-4, 0.004  # of the board; of what is drawn on it; half of the line [m]
+THICK, LIFT, BROAD = 0.02, 5e-4, 0.004  # of the board; of drawings on it; half-width of the line [m]
 CORNERS = 24  # of a hole
-HANDLE = (0.47, 0.0, 0.0)  # where the action is shown, beside the board [m]
+HANDLE = (0.47, 0.0, 0.0)  # position of the arrow of the action, beside the board [m]
 
 
 def _board(goal: np.ndarray, hole: float) -> np.ndarray:
-    """Return the points of the board, of the line along the way, and of holes of a radius [m]."""
+    """Return the points of the board, of the line along the path, and of holes of radius ``hole`` [m]."""
     slab = np.array(list(product((-HALF, HALF), (-HALF, HALF), (-THICK, 0.0))))
     way = goal[:FIRST_HOLE].reshape(-1, 2)
     along = np.diff(way, axis=0)

@@ -1,4 +1,4 @@
-"""Observations: positions and velocities of particles, or a few numbers with names and units.
+"""Observations: positions and velocities of particles, or a few named quantities with units.
 
 Both are scaled to order one. `ObservedParticles` describes the first one. The second, compact one comes from
 the task's own function ``compact``, and `Entry` describes its numbers.
@@ -26,7 +26,7 @@ ABOUT_CENTRE, ABOUT_GOAL = 1, 2
 
 
 class Situation(NamedTuple):
-    """The state and the action that a task's functions see besides the measures.
+    """The arguments of a task's functions besides the measures: state, action, goal and memory.
 
     All arrays but the last have a row for each copy.
     """
@@ -52,7 +52,7 @@ class Entry(NamedTuple):
 
     name: str
     size: int
-    """how many numbers"""
+    """number of values"""
     unit: float = 1.0
     """the value that is observed as 1, in SI units"""
     about: float = 0.0
@@ -68,7 +68,7 @@ def values(entries: Sequence[Entry], observations: np.ndarray) -> dict[str, np.n
 
 @cache
 def _scales(entries: tuple[Entry, ...]) -> tuple[np.ndarray, np.ndarray, dict[str, slice]]:
-    """Return units and zeros of all numbers of an observation (D,), and where each entry is."""
+    """Return units and zeros of all numbers of an observation (D,), and the slice of each entry."""
     ends = np.cumsum([0, *(entry.size for entry in entries)]).tolist()
     sizes = [entry.size for entry in entries]
     unit, about = (np.repeat([entry[n] for entry in entries], sizes).astype(float) for n in (2, 3))
@@ -83,7 +83,7 @@ class ObservedParticles:
     """
 
     observed: tuple[int, ...]
-    """particles in it; pinned ones never change, and are left out"""
+    """observed particles; pinned ones never change, and are left out"""
     position_scale: float | np.ndarray
     """of all particles, or (N,) of each [m]"""
     velocity_scale: float | np.ndarray
@@ -110,7 +110,7 @@ class ObservedParticles:
         return replace(self, about=about, pointed=None, goalless=True)
 
     def size(self, goal_size: int) -> int:
-        """Return how many numbers are observed, if a goal has ``goal_size``."""
+        """Return the number of observed values, for goals of ``goal_size`` numbers."""
         goal = goal_size - (3 if self.about == "goal" else 0) + (0 if self.pointed is None else 2)
         appended = sum(measures.FIELDS[name] for name in self.appended)
         return 2 * (3 * len(self.observed) - len(self.skipped)) + (0 if self.goalless else goal) + appended
@@ -119,7 +119,7 @@ class ObservedParticles:
 class Columns(NamedTuple):
     """`ObservedParticles` for compiled functions: a column of the observation for each entry.
 
-    What is None is not compiled.
+    Code for fields that are None is not compiled.
     """
 
     entries: np.ndarray

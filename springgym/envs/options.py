@@ -1,4 +1,4 @@
-"""Named arguments of environments: declared for type checkers, checked, and reported if they are wrong."""
+"""Keyword arguments of environments: types, checks and error messages."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ BodyOptions = Mapping[str, Any] | None
 
 
 class Modes(TypedDict, total=False):
-    """What an environment observes, and what its actions are: names out of those that its task has."""
+    """The observation and action modes of an environment, among those of its task."""
 
     observation: str
     action: str
 
 
 class Settings(NamedTuple):
-    """How episodes are simulated, rewarded and ended, see `springgym.envs.base.SpringEnv`."""
+    """Settings of simulation, rewards and time limit of episodes, see `springgym.envs.base.SpringEnv`."""
 
     integrator: str | None = None
     step: float | None = None
@@ -83,7 +83,7 @@ def mapping(name: str, value: object) -> Mapping[str, Any]:
 
 
 def number(options: dict[str, Any], name: str, otherwise: float, low: float, high: float) -> float:
-    """Remove a number from ``low`` to ``high`` from reset options and return it, if it is there."""
+    """Return a number from ``low`` to ``high``, removed from reset options; ``otherwise`` without one."""
     if name not in options:
         return otherwise
     return checks.number(f"reset option {name!r}", options.pop(name), low, high)
@@ -97,12 +97,12 @@ def arguments(maker: Callable[..., Any], given: Mapping[str, Any]) -> dict[str, 
 
 
 def refuse_unknown(what: str, given: Mapping[str, Any], *takers: Callable[..., Any]) -> None:
-    """Refuse arguments that are not in the signature of the first function, which is to take them.
+    """Raise TypeError for arguments that are not in the signature of the first function.
 
     Raises
     ------
     TypeError
-        If there is one; the message names it, and a similar argument of any of the functions, or all of them.
+        The message names the argument, and a similar one of any of the functions, or all of them.
     """
     each = [inspect.signature(taker).parameters.values() for taker in takers]
     named = (inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
@@ -114,9 +114,9 @@ def refuse_unknown(what: str, given: Mapping[str, Any], *takers: Callable[..., A
 
 
 def plain(value: object, names: bool = False) -> Any:
-    """Write an argument in the words and numbers of JSON.
+    """Return an argument as data that JSON can hold.
 
-    What JSON has no word for is left as it is or, with ``names``, becomes the name of the function or type.
+    Other objects are left as they are or, with ``names``, replaced by the name of the function or type.
     """
     if isinstance(value, Mapping):
         return {str(key): plain(item, names) for key, item in value.items()}

@@ -26,7 +26,7 @@ from springgym.scene import Scene, ThrustActuator, WrenchActuator
 
 TORQUE = 4.25  # [N·m], half of the weight's largest moment
 IMPULSE = 0.1  # largest component a control period [N·s]: 4.3 N·m at the arm of the far corner
-TURNING_UNIT = 4.0  # angular velocity that the compact observation shows as 1 [rad/s]
+TURNING_UNIT = 4.0  # unit of angular velocities in the compact observation [rad/s]
 FAR = 6  # the corner opposite to the pin
 TOO_FAST = 8.0  # angular velocity that ends an episode [rad/s]
 

@@ -21,7 +21,7 @@ try:
 except ImportError as error:
     raise ImportError(missing("springgym.envs.parallel", "PettingZoo", "pettingzoo")) from error
 
-register()  # with PettingZoo, which is there by now
+register()  # again, now that PettingZoo is imported
 
 AGENTS = ("first", "second")
 OPTIONS = ("tilt", "spin", "other_tilt", "other_spin", "randomize")
@@ -29,7 +29,7 @@ OPTIONS = ("tilt", "spin", "other_tilt", "other_spin", "randomize")
 
 
 class PlayerOptions(SimulationOptions, total=False):
-    """`ParallelDuel` takes these options beside its own arguments."""
+    """`ParallelDuel` takes these options besides its own arguments."""
 
     observation: Observation
     action: Literal["push"]
@@ -104,7 +104,7 @@ class ParallelDuel(SingleEnv, ParallelEnv):
         return self.action_spaces[agent]
 
     def _answer(self, observations: np.ndarray) -> np.ndarray:
-        """Answer `SpringDuel`, which asks its opponent, with what the second agent does."""
+        """Return the second agent's action as that of the opponent, which `SpringDuel` calls."""
         return self._answered
 
     @guarded
@@ -175,7 +175,7 @@ class ParallelDuel(SingleEnv, ParallelEnv):
         return {"first": self.episodes.observe()[0], "second": second[0]}
 
     def _outcomes(self) -> np.ndarray:
-        """Outcomes of both agents by `Task.evaluate`, (2, columns)."""
+        """Return the outcomes of both agents by `Task.evaluate`, (2, columns)."""
         episodes, task = self.episodes, self.task
         out = np.zeros((2, len(task.outcome)))
         out[FIRST] = episodes.out[0]
@@ -185,7 +185,7 @@ class ParallelDuel(SingleEnv, ParallelEnv):
             as_second = situation._replace(action=self._answered, parameters=task.others)
             task.evaluate(m, as_second, episodes._named(second))
             if not episodes.elapsed[0]:
-                second[:, : len(task.terms)] = 0.0  # nothing has been earned yet
+                second[:, : len(task.terms)] = 0.0  # no reward yet
         return out
 
     def _infos(self, out: np.ndarray) -> dict[str, dict[str, Any]]:
@@ -199,7 +199,7 @@ class ParallelDuel(SingleEnv, ParallelEnv):
 
 
 def registered(*, max_cycles: int | None = None, **options: Any) -> ParallelDuel:
-    """Make a `ParallelDuel` for `pettingzoo.make`, which calls the time limit ``max_cycles``."""
+    """Make a `ParallelDuel` for `pettingzoo.make`, whose name for the time limit is ``max_cycles``."""
     if max_cycles is not None:
         options["max_episode_steps"] = max_cycles
     return ParallelDuel(**options)

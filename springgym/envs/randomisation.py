@@ -15,7 +15,7 @@ from springgym.scene import GRAVITY, Scene
 from springgym.surfaces import Contact
 
 RANDOMIZABLE = ("masses", "stiffness", "damping", "scale", "gravity", "friction", "restitution", "actuator")
-"""Names for which `randomize` accepts a range of factors, if the scene has them."""
+"""Parameters for which `randomize` accepts a range of factors, if the scene has them."""
 
 NOMINAL: Mapping[str, float] = dict.fromkeys(RANDOMIZABLE, 1.0)
 """The factors of an episode without randomisation: 1 for each parameter."""
@@ -28,7 +28,7 @@ Ranges = dict[str, tuple[float, float]]
 
 
 def checked_ranges(randomize: Mapping[str, Sequence[float]] | None, dynamics: str) -> Ranges:
-    """Return the ranges that a user gave, checked.
+    """Return the ranges given by a user, after checking them.
 
     Raises
     ------
@@ -101,9 +101,9 @@ def weight_of(mass: Any, factors: Mapping[str, float]) -> Any:
 
 
 def stretched(scene: Scene, scale: float | np.ndarray) -> np.ndarray:
-    """Factors of the lengths of all springs (…, S), for factors () or (…, 1) of the scale.
+    """Return the factors of the lengths of all springs (…, S), for factors () or (…, 1) of the scale.
 
-    That is ``scale``, but 1 in bodies whose round features other bodies meet: their radii do not vary.
+    They are ``scale``, but 1 in bodies whose round features touch other bodies, as radii do not vary.
     """
     met = {n for of in (scene.meetings.first, scene.meetings.second) for n in of.tolist()}
     spheres = [n in met and shape.skin for n, shape in enumerate(scene.shapes)]
@@ -112,7 +112,7 @@ def stretched(scene: Scene, scale: float | np.ndarray) -> np.ndarray:
 
 
 def parameters(scene: Scene, ranges: Ranges, factors: Mapping[str, float]) -> dict[str, np.ndarray]:
-    """Return the parameters of one copy for `Simulator.vary`, by the factors."""
+    """Return the parameters of one copy for `Simulator.vary`, from its factors."""
     values = {name: scene.of_bodies(name) * factors[name] for name in ("masses", "stiffness", "damping")}
     values["lengths"] = scene.of_bodies("lengths") * stretched(scene, factors["scale"])
     if scene.gravity is not None:

@@ -27,7 +27,7 @@ def long_tail(value: float, margin: float, bound: float = 0.0) -> float:
 
 @compiled
 def thrift(action: np.ndarray, c: int) -> float:
-    """Return 1 − 0.1 mean(a²) of copy c, the factor by which effort lowers the reward."""
+    """Return the effort factor 1 − 0.1 mean(a²) of copy c, which multiplies rewards."""
     total = 0.0
     for n in range(action.shape[1]):
         total += action[c, n] ** 2
@@ -36,7 +36,7 @@ def thrift(action: np.ndarray, c: int) -> float:
 
 @compiled
 def spinning(m: Measures, c: int) -> tuple[float, float]:
-    """Return the angular velocity of copy c along its third axis, and its size across it [rad/s]."""
+    """Return the angular velocity of copy c along its third axis, and its magnitude across it [rad/s]."""
     n, w = m.axis[c], m.angular_velocity[c]
     along = w[0] * n[0] + w[1] * n[1] + w[2] * n[2]
     return along, math.sqrt(max(w[0] ** 2 + w[1] ** 2 + w[2] ** 2 - along**2, 0.0))
@@ -58,13 +58,13 @@ def put_axis(m: Measures, c: int, unit: float, entries: np.ndarray) -> float:
 
 @compiled
 def angle_of(cosine: float) -> float:
-    """Return the angle of a cosine that rounding may have brought beyond ±1 [rad]."""
+    """Return the angle of a cosine that may exceed ±1 by rounding [rad]."""
     return math.acos(min(max(cosine, -1.0), 1.0))
 
 
 @compiled
 def height_above(place: Vector, point: Vector, normal: Vector) -> float:
-    """Return the height of a point (3,) above the plane through ``place`` across ``normal`` [m]."""
+    """Return the height of a point (3,) above the plane through ``place`` with the unit ``normal`` [m]."""
     height = 0.0
     for axis in range(3):
         height += (point[axis] - place[axis]) * normal[axis]
@@ -73,6 +73,6 @@ def height_above(place: Vector, point: Vector, normal: Vector) -> float:
 
 @compiled
 def angle_between(u: Vector, w: Vector) -> float:
-    """Return the angle between two vectors (3,) [rad], exact for small ones."""
+    """Return the angle between two vectors (3,) [rad], accurate also for small angles."""
     x, y, z = u[1] * w[2] - u[2] * w[1], u[2] * w[0] - u[0] * w[2], u[0] * w[1] - u[1] * w[0]
     return math.atan2(math.sqrt(x * x + y * y + z * z), u[0] * w[0] + u[1] * w[1] + u[2] * w[2])

@@ -28,9 +28,9 @@ from springgym.scene import DriveActuator, Scene
 ACCELERATION = 3.0  # of the trolley [m/s²]
 LOAD_RADIUS = 0.34  # as it is drawn [m]
 SPEED = 3.0  # of the trolley [m/s]
-FARTHEST = 10.0  # horizontal distance of the load from its target that ends an episode [m]
+FARTHEST = 10.0  # horizontal distance of the load from its target at which an episode ends [m]
 CLOSE, SLOW = 0.1, 0.1  # of the load, for success [m], [m/s]
-WAY_UNIT, SPEED_UNIT = 2.0, 2.0  # what the compact observation shows as 1 [m], [m/s]
+WAY_UNIT, SPEED_UNIT = 2.0, 2.0  # units of the compact observation [m], [m/s]
 
 
 @kernel

@@ -1,7 +1,7 @@
 """Stable-Baselines3 adapter: a natively vectorised Gymnasium environment as an SB3 ``VecEnv``.
 
-SB3's own ``DummyVecEnv`` steps single environments in a Python loop. This adapter hands the whole
-batch to the native vector environment, so Python works only for the copies whose episode ended.
+SB3's own ``DummyVecEnv`` steps single environments in a Python loop. This adapter steps the whole batch by
+the native vector environment, so that Python code runs only for copies whose episodes have ended.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ __all__ = ["Monitor", "SB3VecEnv", "StaggeredMonitor", "make_sb3"]
 
 
 class SB3VecEnv(Stateful, VecEnv):
-    """Show a Gymnasium vector environment of ``n`` copies as a Stable-Baselines3 ``VecEnv``.
+    """Wraps a Gymnasium vector environment of ``n`` copies as a Stable-Baselines3 ``VecEnv``.
 
     ``step`` returns observations ``(n, ...)``, rewards ``(n,)`` float32, dones ``(n,)`` bool and a
     list of ``n`` dicts. The caller owns all arrays. The dict of a running copy is empty. If the
@@ -81,10 +81,10 @@ class SB3VecEnv(Stateful, VecEnv):
         Parameters
         ----------
         seed
-            From one number, `springgym.envs.starts.spawned` makes a seed for every copy. Copies of different
-            numbers never share a seed. (In Stable-Baselines3's own environments, copy i gets the number plus
-            i, so runs of neighbouring numbers share starts.) A sequence holds the seed of each copy. None
-            draws the number.
+            From one number, `springgym.envs.starts.spawned` makes a seed for every copy. Copies seeded from
+            different numbers never share a seed. (In Stable-Baselines3's own environments, copy i gets the
+            number plus i, so runs of neighbouring numbers share starts.) A sequence holds the seed of each
+            copy. None draws the number.
 
         Raises
         ------
@@ -150,7 +150,7 @@ class SB3VecEnv(Stateful, VecEnv):
         self.vector_env.close()
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """Return the vector environment's attribute, once for each copy asked for."""
+        """Return the vector environment's attribute, once for each requested copy."""
         value = getattr(self.vector_env, attr_name)
         return [value for _ in self._get_indices(indices)]
 
@@ -172,7 +172,7 @@ class SB3VecEnv(Stateful, VecEnv):
     def env_method(
         self, method_name: str, *method_args: object, indices: VecEnvIndices = None, **method_kwargs: object
     ) -> list[Any]:
-        """Call the vector environment's method once; return its result for each copy asked for."""
+        """Call the vector environment's method once; return its result for each requested copy."""
         result = getattr(self.vector_env, method_name)(*method_args, **method_kwargs)
         return [result for _ in self._get_indices(indices)]
 
@@ -237,7 +237,7 @@ class StaggeredMonitor(Monitor):
         """Copies whose clock did not start at 0."""
 
     def reset(self) -> VecEnvObs:
-        """Start a new episode in every copy, and set the clocks to different shares of the time limit."""
+        """Start a new episode in every copy, and set the clocks to different fractions of the time limit."""
         observations = super().reset()
         native = self.unwrapped.vector_env  # type: ignore[attr-defined]
         if isinstance(native, SpringVectorEnv) and native.episodes.max_episode_steps > 0:
@@ -316,10 +316,10 @@ def make_sb3(
 
 
 def _has_native_copies(env_id: str | EnvSpec) -> bool:
-    """Return whether an environment has a native batch that resets copies as SB3 expects it.
+    """Return whether an environment has a native batch with the autoreset that SB3 requires.
 
-    Gymnasium's own batches, as that of CartPole, take no ``autoreset_mode``. An unknown id has one: its error
-    is that of Gymnasium.
+    Gymnasium's own batches, as that of CartPole, take no ``autoreset_mode``. For an unknown id the result is
+    True, so that Gymnasium raises its error.
     """
     spec: EnvSpec | None
     if isinstance(env_id, EnvSpec):

@@ -1,4 +1,4 @@
-"""Environments from a scene and functions of your own: reward, goals, ends of episodes, marks."""
+"""Environments from a scene and user-defined functions: reward, goals, ends of episodes, marks."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from springgym.simulator import STRAIN_LIMIT
 
 WRENCH = ("force", "torque", "body_torque")
 ArrayFunction = Callable[[MeasuresOfBodies, Situation], np.ndarray]
-"""A function of measures and situation that returns numbers or bools of all copies."""
+"""A function of measures and situation that returns an array of numbers or bools for all copies."""
 MetricsFunction = Callable[[MeasuresOfBodies, Situation], Mapping[str, np.ndarray]]
 """A function that returns arrays (n,) by name, with a number for each of n copies."""
 StartFunction = Callable[..., Start | tuple[np.ndarray, ...]]
@@ -53,7 +53,7 @@ POINTS = {
     "lines": ("start", "end"),
     "arrows": ("origin", "vector"),
 }
-"""The points and vectors (3,) of each kind of marks, which come first in a mark."""
+"""Names of the points and vectors (3,) in each kind of marks, which come first in a mark."""
 
 
 class SceneOptions(RewardedOptions, total=False):
@@ -200,11 +200,11 @@ class SceneTask(Task):
         Functions of (m, s), as the reward. They return bools (n,): whether the episode ends by failure, and
         whether the aim is met now.
     achieved, aims
-        In place of ``succeeded``, where the aim is to reach the goal. ``achieved`` is a function of (m, s)
+        Alternative to ``succeeded``, where the aim is to reach the goal. ``achieved`` is a function of (m, s)
         that returns which goals (n, G) would be reached now, in SI units. Each `springgym.envs.goals.Aim`
         names some of the G numbers, in their order: they are reached together, if their distance from those
-        of ``s.goal`` is smaller than its limit. The aim is met if all are reached. With both, ``goals=True``
-        tells goals apart in observations, see `springgym.envs.base.SpringEnv`.
+        of ``s.goal`` is smaller than its limit. The aim is met if all are reached. They allow ``goals=True``,
+        which makes goals separate entries of observations, see `springgym.envs.base.SpringEnv`.
     hold
         Number of consecutive steps in which the aim must be met for ``info["is_success"]``. Without an aim,
         ``info`` does not have this entry.
@@ -228,7 +228,7 @@ class SceneTask(Task):
         The K numbers in ``s.memory`` at the start of an episode.
     remember
         A function of (m, s) that returns the new memory (n, K). It is called at the start of an episode, and
-        after each step. Reward, ends and metrics of the step see the old memory.
+        after each step. Reward, ends and metrics of the step use the old memory.
     period
         Control period [s].
     position_scale, velocity_scale
@@ -465,7 +465,7 @@ class SceneTask(Task):
         return MeasuresOfBodies(m, [placed.name for placed in self._scene.bodies], self._scene.number)
 
     def _numbers(self, name: str, m: Measures, s: Situation, shape: tuple[int | None, ...]) -> np.ndarray:
-        """Return the numbers that a user's function gives, checked."""
+        """Return the result of a user's function, after checking it."""
         with _warning_unless_diverged(m):
             return _numbers(name, self._functions[name](self._named(m), s), shape, m)
 
@@ -492,7 +492,7 @@ class SceneTask(Task):
         return given
 
     def _acting(self, m: MeasuresOfBodies, s: Situation) -> list[Arrow]:
-        """Return arrows of what actions drive: at 1, forces are half as long as the largest body."""
+        """Return arrows for the actions: those of forces at 1 are half as long as the largest body."""
         arrows, reach = [], 0.5 * self._extent
         for name, (values,) in self.actuate(s.action[None]).items():
             n, kind = _named(self._scene, name)
@@ -520,12 +520,12 @@ def _loaded(scene: str | Path) -> Scene:
 
 
 def _function(name: str, value: object, *takes: str) -> Callable[..., Any]:
-    """Return a function after checking that it takes so many arguments."""
+    """Return a function after checking that it takes arguments ``takes``."""
     if not callable(value):
         raise TypeError(f"{name} is {checks.shown(value)}; it must be a function")
     try:
         signature = inspect.signature(value)
-    except ValueError:  # of some that are built in, nobody knows
+    except ValueError:  # some built-in functions have no signature
         return value
     try:
         signature.bind(*takes)
@@ -537,7 +537,7 @@ def _function(name: str, value: object, *takes: str) -> Callable[..., Any]:
 
 
 def _defaulted(function: Callable[..., Any]) -> tuple[str, ...]:
-    """Return names of the arguments that a function of one argument takes besides."""
+    """Return names of the further arguments of a function of one argument."""
     try:
         _, *others = inspect.signature(function).parameters.values()
     except ValueError:
@@ -576,7 +576,7 @@ def _most(name: str, given: Most) -> np.ndarray:
 def _by_name(
     function: str, given: Mapping[str, Any], m: Measures, names: tuple[str, ...]
 ) -> dict[str, np.ndarray]:
-    """Return numbers (n,) by name that a function gave; ``names`` are those that it gave first, if it has."""
+    """Return numbers (n,) by name from a function's result; ``names`` are those of its first call, if any."""
     for name in given:
         if not isinstance(name, str) or not name:
             raise TypeError(f"{function} gave an entry named {name!r}; a name must be a non-empty string")
@@ -595,8 +595,8 @@ def _by_name(
 
 
 def _not_diverged(m: Measures) -> np.ndarray:
-    """Return which copies have not diverged, (n,); what functions return for the others is not checked."""
-    sound = np.isfinite(m.energy) & (m.strain <= STRAIN_LIMIT)  # of several bodies, of each
+    """Return a mask (n,) of copies that have not diverged; results for the others are not checked."""
+    sound = np.isfinite(m.energy) & (m.strain <= STRAIN_LIMIT)  # for several bodies, of each
     return sound.reshape(len(sound), -1).all(axis=1)
 
 
@@ -662,14 +662,14 @@ def _named(scene: Scene, name: str) -> tuple[int, str]:
 
 
 def _thrusters(scene: Scene, name: str) -> int:
-    """Return how many thrusters an actuator has; anything else is one."""
+    """Return the number of thrusters of an actuator; 1 for other kinds."""
     body, kind = _named(scene, name)
     thrust = scene.bodies[body].thrust
     return len(thrust.particles) if kind == "thrust" and thrust else 1
 
 
 def _with_actuators(scene: Scene, actuators: Mapping[str, Any]) -> Scene:
-    """Return the scene with the actuators that are named; add a wrench if it needs one."""
+    """Return the scene with the named actuators, adding a wrench if needed."""
     if not actuators:
         raise ValueError("actuators is empty; actions must drive at least one actuator")
     bodies = list(scene.bodies)

@@ -1,4 +1,4 @@
-"""SpringShove: a ball pushes a box to its place and turns it there."""
+"""SpringShove: push a box to its place and heading with a ball."""
 
 from __future__ import annotations
 
@@ -32,18 +32,18 @@ PUSHER, BOX = 0, 1
 """Indices of the bodies in the scene."""
 
 CORNERS = 4
-"""Number of the first particle behind the pusher's, the first corner of the box."""
+"""Index of the first particle after the pusher's, the first corner of the box."""
 
 SIDES = (0.3, 0.3, 0.2)  # of the box [m]
 TARGET = SIDES[0] / 2 * np.array([(1, 1, 0), (-1, 1, 0), (-1, -1, 0), (1, -1, 0)])  # of its lower corners [m]
 MASS = 1.0  # of each of both [kg]
 RADIUS = 0.1  # of the pusher [m]
-FORCE = 12.0  # on the pusher; to push the box takes 5 N of it [N]
+FORCE = 12.0  # on the pusher; pushing the box takes 5 N [N]
 SLIPPERY = 0.2  # friction between both
 REACH, STRENGTH = 0.015, 0.003  # of all contacts: Δ [m], c [N·m²]
 CLOSE, ALIGNED, SLOW = 0.08, 0.2, 0.1
 """For success: distance to its place [m], angle to its heading [rad], speed and turning [m/s]."""
-TURNING_ARM = 0.2  # by which turning counts as speed [m]
+TURNING_ARM = 0.2  # factor by which angular velocity counts as speed [m]
 ARENA = 1.8  # where an episode ends [m]
 WAY_UNIT, SPEED_UNIT, NEAR_UNIT, TURNING_UNIT = 0.5, 0.5, 0.3, 2.0
 """Units of the compact observation: distances [m], speeds [m/s], distance to the box [m], turning [rad/s]."""
@@ -61,15 +61,15 @@ def heading_of(m: Measures, c: int, body: int) -> float:
 
 @compiled
 def speed_of(m: Measures, c: int) -> float:
-    """Return the speed of the box, with its turning [m/s]."""
+    """Return the speed of the box plus `TURNING_ARM` times its angular velocity [m/s]."""
     velocity = m.centre_velocity[c, BOX]
     return math.hypot(velocity[0], velocity[1]) + TURNING_ARM * abs(m.angular_velocity[c, BOX, 2])
 
 
 @compiled
 def nearness(m: Measures, c: int, effort: float, error: float, heading: float) -> tuple[float, float, float]:
-    """Return how near the ball is to a box that is ``error`` [m] and an angle ``heading`` off its place, how
-    near that is, and how well turned: at most ``effort`` in all."""
+    """Return the reward's terms for the approach of the ball, and the distance ``error`` [m] and ``heading``
+    [rad] of the box from its place: at most ``effort`` in all."""
     place = m.centre[c, BOX]
     apart = math.hypot(m.centre[c, PUSHER, 0] - place[0], m.centre[c, PUSHER, 1] - place[1])
     near = effort * (long_tail(error, 0.3, 0.03) + gaussian(error, 0.5, 0.03)) / 2
@@ -82,7 +82,7 @@ def nearness(m: Measures, c: int, effort: float, error: float, heading: float) -
 
 @compiled
 def rests(m: Measures, c: int, error: float, heading: float) -> bool:
-    """Return whether a box that is ``error`` [m] and an angle ``heading`` off its place rests there."""
+    """Return whether a box is at rest within the limits of ``error`` [m] and ``heading`` [rad]."""
     return error < CLOSE and abs(heading) < ALIGNED and speed_of(m, c) < SLOW
 
 
@@ -180,8 +180,8 @@ class SpringShove(Task, kernels=(evaluate, compact, achieve)):
         )
 
     def _placed(self, pusher: Level, place: Level, heading: float, factors: Factors) -> tuple[float, ...]:
-        """Return what `starts` takes: the places of the pusher and of the middle of the box's lower side, as
-        they lie on the floor, the box's heading, and the scale."""
+        """Return the arguments of `starts`: the positions of the pusher and of the middle of the box's lower
+        side, on the floor, the box's heading, and the scale."""
         weight = weight_of(MASS, factors)
         lying, carried = rest_height(weight / 4, STRENGTH, REACH), rest_height(weight, STRENGTH, REACH)
         return *pusher, RADIUS + carried, *place, lying, heading, factors["scale"]

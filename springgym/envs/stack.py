@@ -1,4 +1,4 @@
-"""SpringStack: a ball pushes a box from a shelf onto a block, so that it lies on it."""
+"""SpringStack: push a box with a ball from a shelf onto a block."""
 
 from __future__ import annotations
 
@@ -42,14 +42,14 @@ BLOCK, SHELF = 2, 3
 
 BLOCKS = CORNERS + 8
 SHELFS = BLOCKS + 8
-"""Numbers of the first particle of the block and of the shelf; `CORNERS` is that of the box."""
+"""Indices of the first particle of the block and of the shelf; `CORNERS` is that of the box."""
 
 SHELF_SIDES = (1.7, 1.9, 0.15)  # [m]
-SMALLEST = 0.7  # scale of bodies that randomisation makes: the ball keeps its size
+SMALLEST = 0.7  # least scale of bodies by randomisation: the ball keeps its size
 TOP = 0.22  # of the shelf; that of the block lies 5 mm lower [m]
 FRICTION = 0.4  # of all contacts
 GAPS = (0.08, 0.1)  # between shelf and block [m]
-SUNK = 0.1  # above the block's middle: the middle of what has fallen is lower [m]
+SUNK = 0.1  # height of the middle above the block's, below which box or ball has fallen [m]
 HOLD = 12  # steps for which the box must lie on the block
 BEST, HELD = 0, 1
 """Columns of the memory: the largest nearness so far, and the number of steps that the box has lain on the
@@ -160,8 +160,8 @@ class SpringStack(Task, kernels=(evaluate, compact, remember)):
     def _placed(
         self, place: Level, heading: float, pusher: Level, block: Level, factors: Factors
     ) -> tuple[float, ...]:
-        """Return what `starts` takes: the places of pusher, box and block, the height of the shelf, the box's
-        heading, and the scale. Pusher and box lie on the shelf, the block on the floor."""
+        """Return the arguments of `starts`: the places of pusher, box and block, the height of the shelf, the
+        box's heading, and the scale. Pusher and box lie on the shelf, the block on the floor."""
         scale, weight = factors["scale"], weight_of(shove.MASS, factors)
         lying, top = rest_height(weight / 4, shove.STRENGTH, shove.REACH), scale * TOP
         carried = top + shove.RADIUS + rest_height(weight, shove.STRENGTH, shove.REACH)

@@ -1,7 +1,7 @@
 """Seeds, directions and orientations for the start of episodes, the latter in closed form.
 
 A decomposition from LAPACK would not determine the signs of axes, nor the axes of equal moments. Another
-version could choose others, and every seed would then start in another way.
+version could choose others, and every seed would then give another start.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from springgym.core.compiling import compiled, kernel
 from springgym.core.lanes import multiply_add
 
 EQUAL = 1e-9
-"""Moments that differ by a smaller share count as equal, and their axes are not determined."""
+"""Relative difference below which moments count as equal, and their axes are not determined."""
 
 
 def spawned(seed: int, copies: int) -> list[int]:
-    """Return a seed of 64 bits for each copy; runs of different seeds share none.
+    """Return a seed of 64 bits for each copy; runs with different seeds share none.
 
     If copy i had the seed ``seed + i``, runs of neighbouring seeds would share their starts.
 
@@ -40,7 +40,7 @@ def spawned(seed: int, copies: int) -> list[int]:
 
 
 def uniform(rng: Generator, low: Sequence[float], high: Sequence[float]) -> list[float]:
-    """Draw a number between each pair of bounds, to the bit as NumPy does, in a fifth of the time."""
+    """Draw a number between each pair of bounds, bit-identical to NumPy's, in a fifth of the time."""
     shares = rng.random(len(low)).tolist()
     return [start + (end - start) * share for start, end, share in zip(low, high, shares, strict=True)]
 
@@ -99,7 +99,7 @@ def turn_of(s: float, sine: float, cos: float, cosine: float) -> tuple[tuple[flo
 
 
 def varied_top(factors: Mapping[str, float]) -> tuple[float, float]:
-    """Return what `standing` has to know of an episode's randomisation: scale, and masses over stiffness."""
+    """Return the factors of an episode that `standing` needs: scale, and masses over stiffness."""
     return factors["scale"], factors["masses"] / factors["stiffness"]
 
 
@@ -186,5 +186,5 @@ def _unit(vector: np.ndarray) -> np.ndarray:
 
 
 def _first_largest(sizes: np.ndarray) -> int:
-    """Return the first of the largest ones, as if rounding had not told them apart."""
+    """Return the index of the first of the largest sizes, which may differ by rounding."""
     return int(np.argmax(sizes > (1 - EQUAL) * sizes.max()))

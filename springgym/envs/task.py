@@ -69,17 +69,17 @@ def at_rest(positions: np.ndarray, goal: Sequence[Any] | np.ndarray = ()) -> Sta
 class Task:
     """The MDP of an environment. Subclasses define it, and their instances are immutable.
 
-    A subclass is given these compiled functions, as in ``class Own(Task, kernels=(evaluate, compact))``. They
-    act on rows of copies:
+    A subclass gets these compiled functions by ``class Own(Task, kernels=(evaluate, compact))``. They act on
+    consecutive copies:
 
     - ``evaluate(m, s, out)``: for every copy c, from `Measures` m and the `Situation` s, set ``out[name][c]``
       for each name in `outcome`: the reward's terms, the metrics, whether the aim is met now, and whether the
       episode has failed;
     - ``compact(m, s, observation)``: the compact observation (n, D);
     - ``move(m, s, goal)``, where there is one: sets the goals (n, G) of the next control period;
-    - ``remember(m, s, memory)``, where there is one: sets what is remembered (n, K);
-    - ``achieve(m, s, achieved, desired)``, where there are `aims`: sets what is achieved and what is desired,
-      (n, K) each, in SI units, in the order of the aims.
+    - ``remember(m, s, memory)``, where there is one: sets the memory (n, K);
+    - ``achieve(m, s, achieved, desired)``, where there are `aims`: sets achieved and desired goals, (n, K)
+      each, in SI units, in the order of the aims.
 
     After a step, ``move`` comes first, then ``evaluate``, which sees the old ``s.memory``, then ``remember``,
     and the observation last. At the start of an episode, the memory is `memory`, and ``remember`` is called
@@ -108,7 +108,7 @@ class Task:
     period: ClassVar[float] = 0.02
     """control period [s]"""
     periods: ClassVar[int] = 1
-    """number of control periods of a step of the environment: an action may decide more than one"""
+    """number of control periods in an environment step: an action may last for more than one"""
     finest: ClassVar[float] = math.inf
     """largest automatic step [s]: impacts may need shorter steps than stability"""
     damping_every: ClassVar[int] = 1
@@ -128,11 +128,11 @@ class Task:
     move: ClassVar[Callable[..., None] | None] = None
     remember: ClassVar[Callable[..., None] | None] = None
     aims: ClassVar[tuple[Aim, ...]] = ()
-    """what has to be achieved for the aim to be met, if that can be told from K numbers that are achieved and
-    K that are desired"""
+    """the parts of the goal that must be reached for the aim to be met, if that follows from K achieved and K
+    desired numbers"""
     achieve: ClassVar[Callable[..., None] | None] = None
     prepare: ClassVar[Callable[..., None] | None] = None
-    """called once, before the first episode, with the measures m and the situation s of the scene; it may set
+    """called once, before the first episode, with measures m and situation s of the scene; it may set
     `terms`, `metrics` and `entries`"""
 
     def __init_subclass__(cls, kernels: Sequence[Callable[..., None]] = ()) -> None:
@@ -140,7 +140,7 @@ class Task:
         for kernel in kernels:
             setattr(cls, kernel.__name__, staticmethod(kernel))
         own = dict(inspect.signature(cls.__init__).parameters)
-        if own.pop("modes", None) and hasattr(cls, "actions"):  # the signature names all arguments
+        if own.pop("modes", None) and hasattr(cls, "actions"):  # the signature lists all arguments
             usual = {"observation": cls.observations[0], "action": next(iter(cls.actions))}
             modes = (inspect.Parameter(name, KEYWORD, default=default) for name, default in usual.items())
             cls.__signature__ = inspect.Signature([*[*own.values()][1:], *modes])  # type: ignore[attr-defined]
@@ -182,7 +182,7 @@ class Task:
         raise NotImplementedError
 
     def observed_particles(self) -> ObservedParticles:
-        """Return what is observed of the particles; nothing where `observations` lacks "particles"."""
+        """Return the "particles" observation; nothing is observed where `observations` lacks "particles"."""
         return ObservedParticles((), 1.0, 1.0)
 
     def draw(self, rng: Generator, options: ResetOptions, factors: Factors) -> Drawn:
@@ -201,11 +201,11 @@ class Task:
         return self.starts(np.array([self.draw(*own) for own in each]))
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the values for `Simulator.actuate` that belong to clipped actions (n, A)."""
+        """Return the values for `Simulator.actuate` of clipped actions (n, A)."""
         return {}
 
     def respond(self, m: Measures, s: Situation) -> dict[str, np.ndarray]:
-        """Return further values for `Simulator.actuate`, as those of an opponent who sees the state.
+        """Return further values for `Simulator.actuate` that depend on the state, such as an opponent's.
 
         ``s.action`` is the action of the period that begins.
         """
@@ -224,7 +224,7 @@ class Task:
         return self.points(s)
 
     def camera(self) -> Camera:
-        """Return the closest camera; it moves away, and aside, to see the points of `framed`."""
+        """Return the closest camera; it is moved away, and aside, to show the points of `framed`."""
         raise NotImplementedError
 
     def scenery(self) -> Scenery:

@@ -1,10 +1,10 @@
 """The choice of method and step for a given error.
 
-A trial plays `EPISODES` episodes of the task for `PERIODS` control periods with random actions. The episodes
+A trial runs `EPISODES` episodes of the task for `PERIODS` control periods with random actions. The episodes
 have seeds of their own, and factors of randomisation at the ends of their ranges. The result of a trial is
 the largest error, as `springgym.envs.error` estimates it. A method of order p has an error C hᵖ, which
-suggests the number of steps for the next trial. The choice is one that was tried, and whose largest error
-times `SAFETY` is below the given error.
+suggests the number of steps for the next trial. The chosen method and step were tried, with a largest error
+that times `SAFETY` is below the given one.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from springgym.envs.task import Task
 EPISODES, PERIODS = 16, 50
 
 SAFETY = 1.5
-"""Factor between the tolerance and the largest error that was seen: estimates during impacts are up to a
+"""Safety factor between the tolerance and the largest observed error: estimates during impacts are up to a
 third too low, and later episodes may be harder than those tried."""
 
 FINEST = 32
-"""At most this many times as many steps as by default are tried."""
+"""Largest number of steps that is tried, in units of the default number."""
 
 ROUNDS = 8
-"""At most this many numbers of steps are tried for a method."""
+"""Largest number of trials for a method."""
 
 CLOSE = 1.1
 """The search ends if a sufficient number of steps is at most this factor above an insufficient one."""
@@ -43,13 +43,13 @@ PAYS = 2
 
 
 class Choice(NamedTuple):
-    """A method and its steps, and the largest error that was seen with them."""
+    """A method, its steps, and the largest error observed with them."""
 
     integrator: str
     steps: int
-    """in a control period"""
+    """number of steps in a control period"""
     error: float
-    """as a share of the body's size"""
+    """largest error, relative to the body's size"""
     cost: int
     """force evaluations in a control period"""
 
@@ -62,9 +62,9 @@ def chosen_for(task: Task, copies: int, tolerance: object, settings: Settings) -
     task, copies
         The task, and the number of copies. Trials use the same number, so that code is compiled once.
     tolerance
-        The largest error of a control period, as a share of the body's size.
+        The largest error of a control period, relative to the body's size.
     settings
-        Those of the episodes. If they name no method, the default one and those of `HIGHER` are tried.
+        The settings of the episodes. If they name no method, the default one and those of `HIGHER` are tried.
 
     Raises
     ------
@@ -89,7 +89,7 @@ def chosen_for(task: Task, copies: int, tolerance: object, settings: Settings) -
         for name in HIGHER:
             try:
                 first = trial(name)
-            except ValueError:  # it does not suit the scene
+            except ValueError:  # the method does not suit the scene
                 continue
             found.append(fewest_steps(wanted, first, trial))
     enough = [choice for choice in found if choice.error * SAFETY <= wanted]
@@ -120,7 +120,7 @@ def fewest_steps(wanted: float, usual: Episodes, trial: Callable[[str, int], Epi
             few = max(few, tried.steps)
         elif enough is None or tried.steps < enough.steps:
             enough = tried
-        else:  # as few as that are not stable
+        else:  # so few steps are unstable
             break
         top = most if enough is None else enough.steps - 1
         if top <= few * CLOSE:

@@ -1,4 +1,4 @@
-"""SpringTop: erect a spinning top and keep it spinning."""
+"""SpringTop: bring a spinning top upright and keep it spinning."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ from springgym.scenes import film
 WANTED = 50.0  # spin [rad/s]
 TORQUE, WEAK_TORQUE = 15.0, 10.0  # largest component, and that of hard=True [N·m]
 IMPULSE = 0.3  # largest component a control period [N·s]
-ACROSS_UNIT, SPIN_UNIT = 2.0, 20.0  # angular velocities that the compact observation shows as 1 [rad/s]
+ACROSS_UNIT, SPIN_UNIT = 2.0, 20.0  # units of angular velocities in the compact observation [rad/s]
 FALLEN = 1.2  # tilt [rad]
 PAPER_MOMENT = 9.0  # mass times height of the centre of mass of the paper's top, 1 m high [kg·m]
 SOLID = {"radius": 0.61, "height": 1.0}  # of a solid top that stands upright from the same spin on [m]
-FASTEST = 100.0  # spin an episode can be asked to start with [rad/s]
+FASTEST = 100.0  # largest initial spin as a reset option [rad/s]
 
 
 @compiled

@@ -1,4 +1,4 @@
-"""SpringTower: a crane sets blocks on one another, and they must stay there."""
+"""SpringTower: build a tower of blocks with a crane."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ from springgym.theory.contact import rest_height
 SIDES, MASS = (0.16, 0.16, 0.24), 1.0  # of a block [m], [kg]
 CORNERS = 8
 UPPER = (0, 1, 2, 3)  # the corners by which a block hangs
-FORCE = 6.0  # of the crane along each axis, beside what it carries always [N]
-CARRIED = 0.9  # share of a block's weight that it carries always
+FORCE = 6.0  # of the crane along each axis, besides `CARRIED` [N]
+CARRIED = 0.9  # fraction of a block's weight that the crane always carries
 LET_GO = 0.5  # the action above which it lets go
 FRICTION = 0.6
 REACH, STRENGTH = 0.015, 0.003  # of all contacts: Δ [m], c [N·m²]
-AROUND = (0.45, 0.7)  # how far from the lowest block the others stand [m]
-ARENA = 2.0  # how far a block may go from the middle, and up [m]
-SUNK = 0.05  # a block that is lower than its place by so much has fallen [m]
-UPRIGHT = 0.8  # the least cosine of the tilt of a block that has not
-HELD = 0.25  # what a block in its place is worth while it is held, as a share of what it is then
-CLOSE, CALM = 0.06, 0.1  # for success: how near above the one below [m], how slow [m/s]
+AROUND = (0.45, 0.7)  # initial distance of the other blocks from the lowest [m]
+ARENA = 2.0  # largest distance of a block from the middle, and height [m]
+SUNK = 0.05  # depth below its place at which a block has fallen [m]
+UPRIGHT = 0.8  # least cosine of the tilt of a block that has not fallen
+HELD = 0.25  # reward of a held block relative to that after it was let go
+CLOSE, CALM = 0.06, 0.1  # for success: horizontal distance from the block below [m], speed [m/s]
 WAY_UNIT, SPEED_UNIT, TILT_UNIT, TURNING_UNIT, TOWER_UNIT = 0.3, 0.5, 0.2, 2.0, 0.5
 """Units of the compact observation: way [m], speed [m/s], tilt [1], turning [rad/s], tower's places [m]."""
 
@@ -62,14 +62,14 @@ def off(m: Measures, s: Situation, c: int, k: int, axis: int) -> float:
 
 @compiled
 def fell(m: Measures, s: Situation, c: int, k: int) -> bool:
-    """Return whether block k, which has been let go, lies lower than in the tower, or leans."""
+    """Return whether block k, which has been let go, is lower than its place in the tower, or leans."""
     wanted = (k + 0.5) * height_of(s.x, c)
     return m.centre[c, k, 2] < wanted - SUNK or m.axis[c, k, 2] < UPRIGHT
 
 
 @kernel
 def move(m: Measures, s: Situation, goal: np.ndarray) -> None:
-    """The crane drops the block that it holds and takes the next."""
+    """Drop the block that the crane holds and take the next, if the action says so."""
     for c in range(goal.shape[0]):
         if goal[c, 0] < m.centre.shape[1] and s.action[c, 3] > LET_GO:
             goal[c, 0] += 1.0
@@ -178,8 +178,8 @@ class SpringTower(Task, kernels=(evaluate, compact, move)):
     def _placed(
         self, places: list[tuple[float, float]], headings: list[float], factors: Factors
     ) -> list[float]:
-        """Return what `starts` takes for blocks that stand on the floor: the scale, and place and heading of
-        each."""
+        """Return the arguments of `starts` for blocks that stand on the floor: the scale, and place and
+        heading of each."""
         height = factors["scale"] * SIDES[2] / 2 + rest_height(weight_of(MASS, factors) / 4, STRENGTH, REACH)
         poses = zip(places, headings, strict=True)
         return [factors["scale"], *(n for place, heading in poses for n in (*place, height, heading))]

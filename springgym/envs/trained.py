@@ -19,7 +19,7 @@ from springgym.scripts import AGENTS
 from springgym.strict_yaml import YamlError, build, read_yaml
 
 PUBLISHED = AGENTS / "trained"
-"""A folder for each published agent, named as its environment; ``agents/studies/publish.py`` writes it."""
+"""Folder of published agents, one folder per environment, written by ``agents/studies/publish.py``."""
 
 
 class Agent(NamedTuple):
@@ -103,7 +103,7 @@ def published(env_id: str, within: Path = PUBLISHED) -> Path:
     cards = {path.parent.name: path for path in sorted(within.glob("*/card.json"))}
     if env_id not in cards:
         if nearest_id(env_id):
-            spec_of(env_id)  # which says what is meant if there is no such id
+            spec_of(env_id)  # whose error suggests ids if there is no such id
         raise YamlError(
             f"{shown(env_id)} is neither a run folder nor a published agent; published "
             f"agents are {', '.join(cards) or 'none'}"

@@ -1,4 +1,4 @@
-"""SpringTumble: roll an irregular body to its place, onto the face that is asked for."""
+"""SpringTumble: roll an irregular body to a place, onto a given face."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ MASSES = (1.2, 1.0, 1.1, 1.3)  # [kg]
 CENTRE_MASS = 2.4  # [kg]
 DAMPING = 150.0  # [kg/s]: a sixth to half of what is critical, so that no corner rings for long
 REACH = 0.012  # Δ of the floor [m]: the fastest corners fly through it in five steps
-FORCE, WEAK_FORCE = 35.0, 28.0  # half of the weight, and what hard=True leaves of it [N]
+FORCE, WEAK_FORCE = 35.0, 28.0  # half of the weight, and with hard=True [N]
 TORQUE, WEAK_TORQUE = 9.0, 7.5  # [N·m]
 CLOSE, FLAT, SLOW = 0.1, 0.97, 0.15
 """For success: distance to the target [m], cosine of face and straight down, speed of a particle [m/s]."""
-TURNING_UNIT = 4.0  # angular velocity that the compact observation shows as 1 [rad/s]
+TURNING_UNIT = 4.0  # unit of angular velocities in the compact observation [rad/s]
 ARENA = 4.0  # where an episode ends [m]
 FACES = ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))
 """The face opposite to each corner; its corners in the order that points the normal outwards."""
@@ -55,8 +55,8 @@ def facing(x: np.ndarray, c: int, corner: int) -> tuple[float, float, float]:
 
 
 def _normals() -> tuple[tuple[float, ...], ...]:
-    """Outward unit normals of the faces, along the axes of the body: the third points from the centre to
-    corner 0, and the first is across it, towards corner 1."""
+    """Return outward unit normals of the faces in the axes of the body: the third points from the centre to
+    corner 0, and the first is perpendicular to it, towards corner 1."""
     corners = np.array(CORNERS)
     arms = corners - corners.mean(axis=0)
     third = arms[0] / np.linalg.norm(arms[0])

@@ -1,6 +1,6 @@
-"""Everything that acts on the particles, by the `springgym.terms.Terms` of a scene.
+"""All forces on the particles, from the `springgym.terms.Terms` of a scene.
 
-A force of one's own needs no edit here, see `springgym.own_forces`.
+User-defined forces need no change here, see `springgym.own_forces`.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from springgym.terms import Dampers, Particles, Terms
 
 @compiled
 def accelerate(x: Rows, a: Rows, direction: Rows, terms: Terms) -> None:
-    """Set ``a`` (N, 3) to the accelerations that follow from the positions, actuators apart.
+    """Set ``a`` (N, 3) to the accelerations by all position-dependent forces except actuators.
 
     ``direction`` (springs, 3) receives the springs' unit vectors if there are dampers.
     """
@@ -38,9 +38,9 @@ def accelerate(x: Rows, a: Rows, direction: Rows, terms: Terms) -> None:
 
 @compiled
 def set_forces(x: Rows, force: Rows, direction: Rows, directs: bool, terms: Terms) -> None:
-    """Set ``force`` (N, 3) to the forces [N] of which `accelerate` finds the accelerations.
+    """Set ``force`` (N, 3) to the forces [N] from which `accelerate` gets the accelerations.
 
-    Only if it ``directs``, ``direction`` is set.
+    ``direction`` is set only if ``directs``.
     """
     set_weights(force, terms.particles, terms.gravity)
     add_spring_forces(x, None, force, direction, directs, terms.springs, terms.dampers, None, 0.0)
@@ -49,7 +49,7 @@ def set_forces(x: Rows, force: Rows, direction: Rows, directs: bool, terms: Term
 
 @compiled
 def accelerate_and_damp(x: Rows, v: Rows, a: Rows, weight: Number, ledger: Ledger, terms: Terms) -> None:
-    """`accelerate` with the dampers; ``weight`` [s] times their power goes to the ledger."""
+    """`accelerate` with dampers; ``weight`` [s] times their power goes to the ledger."""
     set_weights(a, terms.particles, terms.gravity)
     add_spring_forces(x, v, a, None, False, terms.springs, terms.dampers, ledger, weight)
     divide_by_mass(a, terms.particles)
@@ -57,10 +57,9 @@ def accelerate_and_damp(x: Rows, v: Rows, a: Rows, weight: Number, ledger: Ledge
 
 @compiled
 def derivative(x: Rows, v: Rows, a: Rows, b: Rows, weight: Number, ledger: Ledger, terms: Terms) -> None:
-    """Set ``a`` (N, 3) to the accelerations by everything, for methods that split nothing.
+    """Set ``a`` (N, 3) to the accelerations by all forces, for methods without splitting.
 
-    ``weight`` [s] times the power of what is not conservative is added to the ledger; ``b`` is
-    workspace.
+    ``weight`` [s] times the power of non-conservative forces is added to the ledger; ``b`` is workspace.
     """
     particles = terms.particles
     set_weights(a, particles, terms.gravity)
@@ -76,7 +75,7 @@ def derivative(x: Rows, v: Rows, a: Rows, b: Rows, weight: Number, ledger: Ledge
 
 @compiled
 def set_weights(force: Rows, particles: Particles, gravity: Numbers) -> None:
-    """Set ``force`` (N, 3) to the weights [N] of the free particles, and else to 0."""
+    """Set ``force`` (N, 3) to the weights [N] of free particles, and to 0 for pinned ones."""
     for i in range(particles.mass.size):
         if gravity is not None and particles.free[i]:
             set_row(force, i, load(particles.mass, i) * vector(gravity))
@@ -86,7 +85,7 @@ def set_weights(force: Rows, particles: Particles, gravity: Numbers) -> None:
 
 @compiled
 def divide_by_mass(force: Rows, particles: Particles) -> None:
-    """Turn forces (N, 3) into accelerations."""
+    """Convert forces (N, 3) [N] to accelerations [m/s²], in place."""
     for i in range(particles.mass.size):
         set_row(force, i, load(particles.inverse_mass, i) * row(force, i))
 
@@ -95,7 +94,7 @@ def divide_by_mass(force: Rows, particles: Particles) -> None:
 def divide_and_kick(force: Rows, v: Rows, kicked: Rows, tau: Number, particles: Particles) -> None:
     """`divide_by_mass`, and set ``kicked`` to ``v`` after these accelerations have acted for ``tau`` seconds.
 
-    Both at once, as what is in a register need not be read again.
+    Both at once, as values in registers need not be read again.
     """
     for i in range(v.shape[0]):
         acceleration = load(particles.inverse_mass, i) * row(force, i)
@@ -114,7 +113,7 @@ def kick_and_drift(x: Rows, v: Rows, a: Rows, h: Number) -> None:
 
 @compiled
 def kick_through(x: Rows, v: Rows, force: Rows, before: Number, h: Number, particles: Particles) -> None:
-    """`divide_and_kick` for ``before`` seconds and `kick_and_drift` at once, to the bit."""
+    """`divide_and_kick` for ``before`` seconds and `kick_and_drift` at once, with bit-identical results."""
     for i in range(x.shape[0]):
         acceleration = load(particles.inverse_mass, i) * row(force, i)
         halfway = plus_scaled(row(v, i), before, acceleration)
@@ -141,20 +140,20 @@ def kick(v: Rows, a: Rows, tau: Number) -> None:
 
 @compiled
 def act(v: Rows, b: Rows, tau: Number, ledger: Ledger, terms: Terms) -> None:
-    """The actuators, with their accelerations ``b`` [m/s²], act for ``tau`` seconds."""
+    """Apply the actuators, with their accelerations ``b`` [m/s²], for ``tau`` seconds."""
     push(v, b, tau, terms.particles, terms.wrench, terms.thrust, ledger)
     move_drive(v, b, tau, terms.drive, ledger)
 
 
 @compiled
 def relax(v: Rows, direction: Rows, backward: bool, whole: bool, ledger: Ledger, terms: Terms) -> None:
-    """The dampers act for a ``whole`` step, or for half of one."""
+    """Apply the dampers for a ``whole`` step, or for half of one."""
     damp(v, direction, terms.springs, terms.dampers, terms.drive, ledger, backward, whole)
 
 
 @compiled
 def paired(dampers: Dampers | None) -> bool:
-    """Return whether the dampers, if there are any, take two sweeps a step."""
+    """Return whether there are dampers that take two sweeps per step."""
     if dampers is None:
         return True
     return dampers.paired
@@ -162,14 +161,14 @@ def paired(dampers: Dampers | None) -> bool:
 
 @compiled
 def drift(x: Rows, v: Rows, tau: Number) -> None:
-    """Move the particles for ``tau`` seconds at their velocities; there is no contact."""
+    """Move the particles at their velocities for ``tau`` seconds, without contact."""
     for i in range(x.shape[0]):
         add_row(x, i, tau * row(v, i))
 
 
 @compiled
 def settle(x: Rows, v: Rows, terms: Terms) -> None:
-    """Apply the paper's clamp after a step, for methods that split nothing."""
+    """Apply the paper's clamp after a step, for methods without splitting."""
     clamp(x, v, terms.particles, terms.surfaces, terms.paper_law)
 
 

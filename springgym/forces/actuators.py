@@ -1,8 +1,8 @@
-"""Actuators: forces and torques held over a control period.
+"""Actuators: forces and torques that are constant over a control period.
 
-Each adds accelerations to an array (N, 3); what they do to the velocities, and the work of it, is then
-the same for all (`push`). Values per copy are arrays of blocks; what is fixed in the world stays so
-during the hold, what turns with the body is given in the `triad` of three of its particles.
+Each adds accelerations to an array (N, 3); `push` applies them to the velocities and computes their work.
+Values per copy are arrays of blocks. World-fixed values keep their direction during the period; body-fixed
+ones are in the `triad` of three particles.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def set_wrench(x: Rows, acceleration: Rows, particles: Particles, wrench: Wrench
     for i in range(mass.size):
         if particles.free[i]:
             change = linear
-            if mass.size > 1:  # else r is the round-off of the centre of mass
+            if mass.size > 1:  # else r is only round-off of the centre of mass
                 change = linear + cross(angular, row(x, i) - about)
             set_row(acceleration, i, change)
         else:
@@ -123,7 +123,7 @@ def push(
     thrust: Thrust | None,
     ledger: Ledger,
 ) -> None:
-    """Wrench and thrust act for ``tau`` seconds; their exact work goes to the ledger."""
+    """Apply wrench and thrust for ``tau`` seconds; their exact work goes to the ledger."""
     if wrench is not None or thrust is not None:
         work = 0.0 * load(v, (0, 0))
         for i in range(particles.mass.size):
@@ -138,7 +138,7 @@ def push(
 
 @compiled
 def record_holding(v: Rows, force: Rows, drive: Drive | None, ledger: Ledger, weight: Number) -> None:
-    """Record the power of the drive, ``weight`` [s] times: it holds its particle against ``force`` (N, 3)."""
+    """Record ``weight`` [s] times the power of the drive that holds its particle against ``force`` [N]."""
     if drive is not None and drive.particle >= 0:
         record(ledger, WORK, -weight * dot(row(force, drive.particle), row(v, drive.particle)))
 
@@ -162,7 +162,7 @@ def limited(velocity: Number, acceleration: Number, speed: Number) -> Number:
 def move_drive(v: Numbers, force: Numbers, tau: Number, drive: Drive | None, ledger: Ledger) -> None:
     """Accelerate the driven particle for ``tau`` seconds, up to its largest speed.
 
-    Its row of ``force`` (N, 3) [N] is what the drive holds it with; the work of that goes to the ledger.
+    Its row of ``force`` (N, 3) [N] is the force of the drive, whose work goes to the ledger.
     """
     if drive is not None:
         drive_by(v, force, vector(drive.acceleration), tau, drive, ledger)
@@ -172,7 +172,7 @@ def move_drive(v: Numbers, force: Numbers, tau: Number, drive: Drive | None, led
 def drive_by(
     v: Numbers, force: Numbers, acceleration: Vector, tau: Number, drive: Drive | None, ledger: Ledger
 ) -> None:
-    """`move_drive` by another acceleration than is asked for now."""
+    """`move_drive` with a given acceleration instead of the drive's present one."""
     if drive is not None and drive.particle >= 0:
         for axis in range(3):
             before = load(v, (drive.particle, axis))

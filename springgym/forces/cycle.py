@@ -1,13 +1,13 @@
-"""Dampers and the wrench act less often than at every step.
+"""Cycles of steps, in which dampers and the wrench act less often than at every step.
 
 A cycle is an even number of steps of velocity Verlet. The wrench acts by Simpson's rule: for a sixth of a
-cycle at each of its ends, and for the rest in its middle. Once a cycle dampers act for all of its time, after
-the first step of one cycle and before the last of the next, so that no vibration is met at the same moment of
-its swing each time; so they do at nodes, which are amid steps. Two cycles are their own mirror image, and so
+cycle at each of its ends, and for the rest in its middle. Dampers act once per cycle for all of its time,
+after the first step of one cycle and before the last of the next, so that no vibration is always damped at
+the same phase; likewise at nodes, which are in the middle of steps. Two cycles are symmetric in time, and so
 of second order.
 
-A call takes whole cycles: the state is read, and actions change, where a cycle ends. Which of two cycles
-comes next is a copy's own, as copies that are placed begin with the first.
+A call takes whole cycles: the state is read, and actions change, at the end of a cycle. Which of two cycles
+comes next may differ between copies, as copies that are placed begin with the first.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from springgym.forces.springs import damp
 from springgym.terms import Cycle, Terms
 
 FIRST = 1
-"""Steps after which dampers act in the first of two cycles."""
+"""Number of steps after which dampers act in the first of two cycles."""
 
 END, MIDDLE = 1 / 6, 2 / 3
-"""Simpson's rule: for which share of a cycle the wrench acts at each of its ends, and in its middle."""
+"""Simpson's rule: fractions of a cycle for which the wrench acts at each end, and in the middle."""
 
 
 def cycle(every: int, nodes: bool, blocks: Callable[..., np.ndarray]) -> Cycle:
-    """Return the `Cycle` of copies that begin one; dampers act at ``nodes``, or between steps."""
+    """Return the `Cycle` of copies at the beginning of one; dampers act at ``nodes``, or between steps."""
     return Cycle(every, 2 * every - FIRST - nodes, blocks(1))
 
 
@@ -45,14 +45,14 @@ def count_step(cycle: Cycle | None) -> None:
 
 @compiled
 def damps_now(backward: bool, cycle: Cycle) -> Mask:
-    """Return in which copies dampers act now: ``backward`` after a first step, there before a last one."""
+    """Return the mask of copies in which dampers act now: ``backward`` after a first step, else forward."""
     off = load(cycle.marks, 0) - (FIRST if backward else cycle.second)
     return off * off < 0.25
 
 
 @compiled
 def damps_somewhere(cycle: Cycle | None) -> bool:
-    """Return whether dampers act before the next step in some copy; without cycles they do in all."""
+    """Return whether dampers act before the next step in any copy; True without cycles."""
     if cycle is None:
         return True
     return any_lane(damps_now(True, cycle)) or any_lane(damps_now(False, cycle))
@@ -60,7 +60,7 @@ def damps_somewhere(cycle: Cycle | None) -> bool:
 
 @compiled
 def relax_in_turn(v: Rows, direction: Rows, backward: bool, ledger: Ledger, terms: Terms) -> None:
-    """Dampers act on the copies whose turn it is."""
+    """Apply the dampers to the copies in which they act now."""
     among = damps_now(backward, terms.cycle)
     if any_lane(among):
         damp(v, direction, terms.springs, terms.dampers, None, ledger, backward, True, among)
@@ -70,7 +70,7 @@ def relax_in_turn(v: Rows, direction: Rows, backward: bool, ledger: Ledger, term
 def apply_wrench(
     x: Rows, v: Rows, b: Rows, n: int, steps: int, h: Number, ledger: Ledger, terms: Terms
 ) -> None:
-    """The wrench acts after ``n`` of ``steps``: where a cycle ends, where the next begins, or amid it."""
+    """Apply the wrench after ``n`` of ``steps``: at the end or beginning of a cycle, or in its middle."""
     if terms.wrench is not None:
         every = terms.cycle.every
         ends = n % every == 0

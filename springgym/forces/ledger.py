@@ -1,4 +1,4 @@
-"""The energy ledger: what went in and out of a copy, entry by entry.
+"""The energy ledger: the work done on a copy and its losses, by kind.
 
 Kinetic + potential energy − work + damping + contact + friction stays constant, to the integrator's order.
 A ledger of None records nothing and costs nothing.
@@ -16,6 +16,6 @@ ENTRIES = 4
 
 @compiled
 def record(ledger: Ledger, entry: int, energy: Number) -> None:
-    """Add an energy [J] to an entry: `WORK` done by actuators, or lost to the other three."""
+    """Add an energy [J] to an entry: `WORK` of actuators, or one of the three losses."""
     if ledger is not None:
         store(ledger, entry, load(ledger, entry) + energy)

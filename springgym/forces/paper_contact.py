@@ -1,11 +1,11 @@
-"""Contact as the paper has it (section 6), to compare with: a force that is sampled, and a clamp.
+"""The paper's contact (section 6), for comparison: a sampled force, and a clamp.
 
 Equation 8, F = max(c/h² − c/Δ², 0), on particles within Δ of a surface; less c_N v_N while F acts, but
 never pulling; friction μ F against the tangential velocity (equation 9, whose printed sign is along it),
-at most m |v_t|/2τ; and after each step, what is nearer than Δ/10 is put there, its normal velocity 0.
+at most m |v_t|/2τ; after each step, a particle nearer than Δ/10 is moved to Δ/10, with normal velocity 0.
 
-The clamp creates energy: up to U(Δ/10) = 8.1 c/Δ each time. The friction never holds: on a slope of
-angle α it lets a particle creep at about 2 τ g sin α.
+The clamp creates energy: up to U(Δ/10) = 8.1 c/Δ each time. Friction never holds completely: on a slope of
+angle α a particle creeps at about 2 τ g sin α.
 """
 
 from __future__ import annotations
@@ -22,28 +22,28 @@ from springgym.forces.ledger import CONTACT, FRICTION, record
 from springgym.terms import PaperLaw, Particles
 
 CLAMP = 0.1
-"""Particles are kept above this share of Δ."""
+"""Least height of particles, in units of Δ."""
 
 
 class Sampled(NamedTuple):
-    """Where and when forces are sampled, and what receives them."""
+    """The state at which forces are sampled, and the array that receives them."""
 
     x: Rows
     """(N, 3) positions [m]"""
     v: Rows
     """(N, 3) velocities [m/s]"""
     force: Rows
-    """(N, 3) forces [N], to which some are added"""
+    """(N, 3) forces [N], to which those of surfaces are added"""
     ledger: Ledger
     weight: Number
-    """[s], by which the power that is lost is multiplied in the ledger"""
+    """factor [s] of the lost power in the ledger"""
 
 
 @compiled
 def add_paper_forces(
     at: Sampled, particles: Particles, surfaces: Surfaces | None, friction: Numbers, law: PaperLaw | None
 ) -> None:
-    """Add the forces of surfaces on particles; the power that they lose goes to the ledger."""
+    """Add the forces of surfaces on particles [N]; the power that they dissipate goes to the ledger."""
     if law is not None and surfaces is not None:
         for i in range(particles.mass.size):
             if particles.free[i]:
@@ -81,7 +81,7 @@ def add_paper_force(
 
 @compiled
 def clamp(x: Rows, v: Rows, particles: Particles, surfaces: Surfaces | None, law: PaperLaw) -> None:
-    """Put particles that are too near a surface back to the least height, and stop them along its normal."""
+    """Move particles too near to a surface back to the least height, and stop them along its normal."""
     if law is not None and surfaces is not None:
         for i in range(particles.mass.size):
             if particles.free[i]:

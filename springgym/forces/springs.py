@@ -1,10 +1,9 @@
 """Linear springs (equation 3 of the paper) and their dampers.
 
-A spring pulls its ends together along the unit vector û between them with k(L − L₀) + c dL/dt: read so
-that the damper opposes the change of length. `add_spring_forces` is that, for integrators that take one
-derivative of everything; or the dampers are left out there and split off, as the exact decay of the relative
-speed along û (`damp`): dissipative for every c and step, and momentum and angular momentum are kept to
-round-off.
+A spring pulls its ends together along the unit vector û between them with k(L − L₀) + c dL/dt, the sign for
+which the damper opposes the change of length. `add_spring_forces` computes this, for integrators that take
+one derivative of all forces. Others split the dampers off, as the exact decay of the relative speed along û
+(`damp`), which is dissipative for every c and step, and conserves momentum and angular momentum to round-off.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from springgym.terms import Dampers, Decay, Drive, Springs
 def decay(
     damping: np.ndarray, inverse_first: np.ndarray | float, inverse_second: np.ndarray | float, time: float
 ) -> Decay:
-    """Return the decays of dampers in a time [s].
+    """Return the decays by dampers during a time [s].
 
     With w = 1/m₁ + 1/m₂, the impulse is g = (1 − exp(−c w time)) / w and the loss g (1 − g w/2).
     """
@@ -34,7 +33,7 @@ def decay(
 
 
 def interleaved(springs: np.ndarray, particles: int) -> np.ndarray:
-    """Order springs (S, 2) so that neighbours share no particle, as far as possible.
+    """Return an order (S,) of springs (S, 2) in which neighbours share no particle, as far as possible.
 
     A spring waits for the springs before it that act on the same particles: dampers one after another take
     up to a third longer. Particles with many springs have theirs spread over the whole order.
@@ -71,8 +70,8 @@ def add_spring_forces(
 ) -> None:
     """Add the springs' forces [N] to ``force`` (N, 3).
 
-    Given ``v`` (N, 3), those of the dampers too; ``weight`` [s] times their power goes to the ledger. If it
-    ``directs``, ``direction`` (springs, 3) receives û: the dampers' share of the square root where they are
+    If ``v`` (N, 3) is given, those of the dampers are added, too; ``weight`` [s] times their power goes to
+    the ledger. If ``directs``, ``direction`` (springs, 3) is set to û, which dampers need where they are
     split off.
     """
     if springs is not None:
@@ -118,7 +117,7 @@ def damped_pull(pull: Number, c: Number, rate: Number, inverse_length: Number) -
 
 @compiled
 def spring_energy(x: Rows, springs: Springs) -> tuple[Number, Number]:
-    """Σ k (L − L₀)²/2 [J] and the largest |L/L₀ − 1|² [1]."""
+    """Return Σ k (L − L₀)²/2 [J] and the largest |L/L₀ − 1|² [1]."""
     energy = 0.0 * load(x, (0, 0))
     largest = energy
     if springs is not None:
@@ -147,11 +146,11 @@ def longest_spring(x: Numbers, springs: Springs) -> Number:
 def pull_jacobian(
     x: Rows, v: Rows, s: int, in_x: Number, in_v: Number, springs: Springs, dampers: Dampers | None
 ) -> tuple[Vector, Vector, Vector]:
-    """``in_x`` ∂f/∂d + ``in_v`` ∂f/∂w of the pull f of spring ``s``: three rows.
+    """Return ``in_x`` ∂f/∂d + ``in_v`` ∂f/∂w of the pull f of spring ``s``, as three rows.
 
     With d = x_j − x_i, w = v_j − v_i, û = d/L and ḋ = û·w,
     ∂f/∂d = k (1 − L₀/L) 1 + k (L₀/L) û ûᵀ + (c/L) [ḋ 1 + û wᵀ − 2 ḋ û ûᵀ] and ∂f/∂w = c û ûᵀ:
-    the stiffness along the spring, the geometric one across it, and the turning of the damper.
+    the stiffness along the spring, the geometric one across it, and the effect of the damper's rotation.
     """
     i, j = springs.first[s], springs.second[s]
     apart = row(x, j) - row(x, i)
@@ -204,11 +203,11 @@ def damp(
 ) -> None:
     """Damp the relative speed along each spring, one after the other, for a ``whole`` step or for half.
 
-    Only ``among`` some copies, if that is given.
+    ``among`` restricts it to some copies.
 
-    A sweep ``backward`` takes the springs in reverse order: it is the adjoint of the forward one, so that
-    a pair around a step, or steps of alternating direction, are of second order. In bodies that hold their
-    shape the order makes no difference beyond round-off of what is seen; in ropes it is their accuracy.
+    A ``backward`` sweep takes the springs in reverse order: it is the adjoint of the forward one, so that a
+    pair around a step, or steps of alternating direction, are of second order. In bodies that hold their
+    shape the order has no visible effect; in ropes it determines the accuracy.
     """
     if dampers is not None:
         decay = dampers.whole if whole else dampers.half
@@ -228,7 +227,7 @@ def damp(
                     record(ledger, WORK, -1.0 * impulse * dot(along, row(v, i)))
                 if j == drive.particle:
                     record(ledger, WORK, impulse * dot(along, row(v, j)))
-            # what needs the speed comes last: each spring waits for the velocities of the one before
+            # operations on the speed come last: each spring waits for the velocities of the one before
             add_scaled(v, i, speed, load(decay.first, s) * along)
             add_scaled(v, j, -speed, load(decay.second, s) * along)
         record(ledger, DAMPING, energy)

@@ -34,7 +34,7 @@ METHODS = (
 
 
 TAKEN = ("x", "v", "ledger", "workspace", "h", "steps", "terms")
-"""Arguments of the function of a method."""
+"""Names of the arguments of a method's function."""
 
 
 def integrator(name: str) -> Integrator:
@@ -89,7 +89,7 @@ _OWN: dict[str, tuple[Integrator, Callable[..., None]]] = {}
 
 
 def _method(name: str, special: str = "") -> tuple[Integrator, Callable[..., None]]:
-    """Record and function of a method; the ``special`` one for some scenes, if it has one of that name."""
+    """Return record and function of a method: its function named ``special``, if it has one."""
     if name in _OWN:
         return _OWN[name]
     if name not in METHODS:
@@ -104,9 +104,9 @@ def advance_kernel(
     """Return the compiled function that advances blocks of copies by a method.
 
     Scenes with ``surfaces`` or of bodies that collide, and ``cycles`` of several steps, have their own
-    function, so that other scenes need not wait for this code to compile. Bodies that collide take each step
-    ``together``, or only find their contacts at the `START`; so do those that roll. Other bodies take all
-    steps one after another.
+    function, so that other scenes need not wait for this code to compile. Bodies that collide or roll take
+    each step ``together``, or only find their contacts if the number of steps is `START`. Other bodies take
+    all steps one after another.
 
     If the kernel is called with ``reads``, it also measures the copies by ``read``, a compiled function like
     `springgym.measures.read`, with ``reading``, a `springgym.measures.Reading`. Only kernels of rigid bodies

@@ -1,9 +1,9 @@
 """Blanes and Moan's sixth-order Runge–Kutta–Nyström splitting: the most accurate, for undamped scenes.
 
-On the stability interval of the oscillator lie two needles, ω h within 0.0005 of 3.1419 and 0.0008 of
-6.3486, where it grows by 7e-4 a step at most; an oscillator of varying frequency does not stay in one.
-The sixth order is that of forces of the positions alone; the actuators' work, whose power is not, is
-recorded to the fourth.
+Within the stability interval of the oscillator are two narrow resonances, ω h within 0.0005 of 3.1419 and
+0.0008 of 6.3486, where it grows by at most 7e-4 per step; an oscillator of varying frequency does not stay in
+one. The order is six for forces that depend on positions only; the actuators' work, whose power depends on
+velocities, too, is recorded to fourth order.
 """
 
 from __future__ import annotations

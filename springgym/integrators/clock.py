@@ -1,7 +1,7 @@
-"""The clock of the copies, kept by the compiled call that moves them.
+"""The clock of the copies, set by the compiled call that advances them.
 
-Python serves Ctrl-C when a compiled call returns, before its next line. A clock that is set there would miss
-the steps of that call.
+Python handles Ctrl-C when a compiled call returns, before the next line. A clock set in that line would miss
+the steps of the call.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ class Clock(NamedTuple):
     step: float
     """h [s]"""
     width: int
-    """copies in a block"""
+    """number of copies in a block"""
 
 
 @compiled
 def tick(clock: Clock, block: int, steps: int) -> None:
-    """Count the steps that a block has taken."""
+    """Add the time of ``steps`` steps to the clock of a block."""
     for copy in range(block * clock.width, min((block + 1) * clock.width, clock.time.size)):
         clock.time[copy] += steps * clock.step

@@ -41,28 +41,28 @@ A = np.array(
         [35 / 384, 0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84],
     ]
 )
-"""The last row holds the weights of the fifth-order solution: the last stage is the next step's first."""
+"""The last row has the weights of the fifth-order solution: the last stage is the next step's first."""
 
 ERROR = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
 """Weights of the difference between the two solutions."""
 
 SMALLEST = 1e-10
-"""Share of h: a copy whose steps become shorter has found none."""
+"""Least step as a fraction of h: a copy that needs shorter steps has failed."""
 
 
 @compiled
 def integrate(
     x: Rows, v: Rows, ledger: Ledger, workspace: np.ndarray, h: Control, steps: int, terms: Terms
 ) -> None:
-    """Go ``steps`` × h ahead in steps of at most h, each copy of the block in its own.
+    """Advance by ``steps`` × h in steps of at most h, with step sizes of each copy's own.
 
-    Powers are integrated for the ledger by the same weights. `springgym.integrators.step_control` chooses the
-    steps. A copy that finds no step is set to NaN.
+    Powers are integrated for the ledger with the same weights. `springgym.integrators.step_control` chooses
+    the steps. The positions of a copy whose steps fall below `SMALLEST` h are set to NaN.
     """
     if ledger is None:
         advance(x, v, None, None, workspace, h, steps, terms)
     else:
-        # behind the stages: room for the powers of all of them, as one row of numbers
+        # behind the stages: the powers of all stages, as one row of numbers
         accounts = workspace[17:]
         power = accounts.reshape(accounts.shape[0] * accounts.shape[1] * 3)
         advance(x, v, ledger, power, workspace, h, steps, terms)
@@ -101,7 +101,7 @@ def advance(
             evaluate(xs, vs, stage, workspace, b, power, terms)
         error = error_norm(v, vs, tau, length, workspace, control)
         active = remaining > 0.0
-        # a copy that has arrived has no error to accept: it stays as it is, to the bit
+        # a copy that has arrived accepts no step, and stays bit-identical
         accepted = select(active, error, 2.0) <= 1.0
         finish(accepted, x, v, tau, workspace, ledger, power)
         taken = select(accepted, 1.0 + nothing, nothing)
@@ -141,7 +141,7 @@ def evaluate(
 def error_norm(
     v: Rows, vs: Rows, tau: Number, length: Number, workspace: np.ndarray, control: Control
 ) -> Number:
-    """Root mean square errors of positions and velocities, in tolerances, added."""
+    """Return the sum of the root mean square errors of positions and velocities, in tolerances."""
     squares = 0.0 * tau
     speed, in_x, in_v = squares, squares, squares
     for i in range(v.shape[0]):
@@ -162,7 +162,7 @@ def error_norm(
 def finish(
     accepted: Mask, x: Rows, v: Rows, tau: Number, workspace: np.ndarray, ledger: Ledger, power: Numbers
 ) -> None:
-    """Take the step in the copies that accept it; its last stage is the next step's first."""
+    """Take the step in the copies that accept it; its last stage is the first of the next step."""
     xs, vs = workspace[14], workspace[15]
     for i in range(x.shape[0]):
         set_row(x, i, choose(accepted, row(xs, i), row(x, i)))

@@ -1,9 +1,9 @@
-"""Block matrices within an envelope: what the linear systems of implicit methods look like.
+"""Block matrices within an envelope, for the linear systems of implicit methods.
 
 Row i of the matrix has 3×3 blocks from column ``first[i]``, the lowest particle that a spring joins to
 particle i, up to the diagonal; columns mirror it. Elimination without pivoting fills nothing outside,
-so a rope numbered along its length costs what its block-tridiagonal matrix costs, and a body in which
-everything is joined what a dense one does.
+so a rope numbered along its length costs as much as a block-tridiagonal matrix, and a body in which all
+particles are joined as much as a dense one.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Envelope(NamedTuple):
 
 
 def envelope(count: int, springs: np.ndarray, dtype: DTypeLike) -> Envelope:
-    """Room for the matrix of ``count`` particles joined by ``springs`` (S, 2)."""
+    """Return an empty matrix for ``count`` particles joined by ``springs`` (S, 2)."""
     first = np.arange(count)
     np.minimum.at(first, springs.max(axis=1), springs.min(axis=1))
     ends = np.cumsum(np.arange(count) + 1 - first)

@@ -1,6 +1,6 @@
-"""Implicit Euler: stable for any step, and a brake on every rotation.
+"""Implicit Euler: stable for any step, but it damps every rotation.
 
-v₁ = v₀ + h a(x₁, v₁), x₁ = x₀ + h v₁. A spin Ω loses h Ω³ a second.
+v₁ = v₀ + h a(x₁, v₁), x₁ = x₀ + h v₁. A spin Ω decreases by h Ω³ per second.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""The implicit midpoint rule: symplectic, and keeps angular momentum.
+"""The implicit midpoint rule: symplectic, and conserves angular momentum.
 
-Implicit Euler for h/2, and as much again along the same derivative.
+Implicit Euler for h/2, then h/2 more along the same derivative.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The equations of implicit methods: their matrix, and Newton's method for a stage, or a step of one."""
+"""The equations of implicit methods: their matrix, and Newton's method for a stage or a one-stage step."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def record_damping(
 
 @compiled
 def assemble(matrix: Envelope, x: Rows, v: Rows, tau: Number, terms: Terms) -> None:
-    """Set the matrix to M − τ ∂F/∂v − τ² ∂F/∂x and factorise it; pinned particles are left to themselves."""
+    """Set the matrix to M − τ ∂F/∂v − τ² ∂F/∂x and factorise it; rows of pinned particles are M alone."""
     particles = terms.particles
     nothing = 0.0 * load(x, (0, 0))
     zero = vec(nothing, nothing, nothing)
@@ -88,7 +88,7 @@ def solve_stage(
     control: Control,
     terms: Terms,
 ) -> None:
-    """Find v = v₀ + τ a(x, v) with x = x₀ + τ v, from the v given, by Newton's method.
+    """Solve v = v₀ + τ a(x, v) with x = x₀ + τ v by Newton's method, starting from ``v``.
 
     A copy that does not converge is set to NaN. ``start`` holds x₀ and v₀; ``space`` holds the matrix, and
     arrays for the accelerations and the corrections.
@@ -111,7 +111,7 @@ def solve_stage(
         found = 0.0 * bound
         for i in range(particles.mass.size):
             size = dot(row(change, i), row(change, i))
-            found = select(size < found, found, size)  # not a number if one is not
+            found = select(size < found, found, size)  # NaN if one is NaN
             set_row(v, i, choose(seeking, row(v, i) + row(change, i), row(v, i)))
         once = select(seeking, 1.0 + 0.0 * bound, 0.0 * bound)
         store(control.counts, ITERATIONS, load(control.counts, ITERATIONS) + once)
@@ -125,9 +125,9 @@ def solve_stage(
 
 
 def one_stage(share: float) -> Callable[..., None]:
-    """Return the method that takes implicit Euler's step for a ``share`` of h, 1 or ½.
+    """Return the method that takes a step of implicit Euler for the fraction ``share`` of h, 1 or ½.
 
-    For the rest of h it goes on along the derivative that it found.
+    For the rest of h it continues along the derivative of that step.
     """
 
     @compiled

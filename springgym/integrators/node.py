@@ -1,19 +1,19 @@
-"""The node of a step: where all impulses of the step act at once, if there are surfaces or bodies collide.
+"""The node of a step with surfaces or colliding bodies, where all impulses of the step act at once.
 
 Particles fly straight for half a step, receive the impulses of springs, gravity, actuators, dampers,
 surfaces, other bodies and friction, and fly straight for the other half. With v₋ and v₊ the velocities
-before and after the node, an impulse p changes the kinetic energy by exactly p · (v₋ + v₊)/2: that is what
-the ledger enters, and what a contact takes for the speed at which it gives way (`springgym.contact.law`).
-What rests has no such mean, so that it loses nothing, and does not creep.
+before and after the node, an impulse p changes the kinetic energy by exactly p · (v₋ + v₊)/2: this is what
+the ledger records, and a contact takes this mean for its rate of deformation (`springgym.contact.law`). The
+mean is zero for resting bodies, so that they lose nothing, and do not creep.
 
-A state is that at the end of a drift: positions and velocities of one time. What contact gave at the last
-node is kept (`springgym.terms.LastNode`).
+States are those at the end of a drift, with positions and velocities of the same time. The impulses of
+contact at the last node are stored (`springgym.terms.LastNode`).
 
-Forces act in this order: a kick to the node, half of what contact is expected to give, actuators and dampers,
-less that half, a kick from the node, and contact. Dampers must see the mean velocity, with what contact does
-to it, else rest looks like stretching. It is expected that contact gives as much as at the last node.
+Forces act in this order: a kick to the node, half of the predicted impulse of contact, actuators and dampers,
+minus that half, a kick from the node, and contact. Dampers must use the mean velocity with contact; else
+resting bodies would seem to stretch. The prediction is the impulse of the last node.
 
-Surfaces push each particle by itself (`springgym.contact.points`). Bodies that collide, or roll, have
+Surfaces act on each particle separately (`springgym.contact.points`). Bodies that collide or roll use
 `springgym.integrators.rows`.
 """
 
@@ -38,30 +38,30 @@ from springgym.forces.springs import damp
 from springgym.terms import Cycle, Dampers, LastNode, Terms
 
 START = -1
-"""Number of steps by which a kernel takes none, but finds which bodies of fresh copies touch."""
+"""Value for the number of steps for which a kernel only finds which bodies of fresh copies touch."""
 
 
 class Space(NamedTuple):
-    """The arrays that a thread computes a node in."""
+    """The arrays in which a thread computes a node."""
 
     a: Rows
     """(N, 3) accelerations by springs and gravity [m/s²]"""
     b: Rows
     """(N, 3) accelerations by actuators [m/s²]"""
     w: Rows
-    """(N, 3) velocities between the kicks, before contact [m/s]; unused if contact alone acts there"""
+    """(N, 3) velocities between the kicks, before contact [m/s]; unused if only contact acts there"""
     direction: Rows
-    """(springs, 3) where each spring points"""
+    """(springs, 3) unit vector along each spring"""
     pushes: Rows
     """(surfaces, 3) change of velocity [m/s] of a particle by each surface, where these are coupled"""
     busy: np.ndarray
-    """(N,) whether contact may act on the particle in any copy; at first as it was at the last node"""
+    """(N,) whether contact may act on the particle in any copy; before it is set, that of the last node"""
     rows: RowSpace | None
     """workspace of the contacts of bodies that collide or roll; None if no body does"""
 
 
 class Bodies(NamedTuple):
-    """Bodies at a node, or one of them: `springgym.core.lanes.of_body` picks it from all fields."""
+    """Bodies at a node, or one of them: `springgym.core.lanes.of_body` selects it in all fields."""
 
     x: Rows
     """(N, 3) positions at the node [m]"""
@@ -72,12 +72,12 @@ class Bodies(NamedTuple):
     terms: Terms
 
 
-# --- All but contact ------------------------------------------------------------------------------------
+# --- Forces except contact ------------------------------------------------------------------------------
 
 
 @compiled
 def span_of(h: Number, goes: bool, x: Rows) -> Times:
-    """Return the time of a node in each lane; it has no drift before it if it only tells what touches."""
+    """Return the times of a node in each lane; unless ``goes``, there is no drift before it."""
     whole = h + 0.0 * load(of_body(x, 0), (0, 0))
     half = 0.5 * whole
     return Times(half if goes else 0.0 * whole, half, whole if goes else half)
@@ -85,11 +85,11 @@ def span_of(h: Number, goes: bool, x: Rows) -> Times:
 
 @compiled
 def act_and_damp(own: Bodies, h: Number) -> None:
-    """Let actuators and dampers act, for a step.
+    """Apply actuators and dampers for a step.
 
-    Dampers take a sweep of half a step before the actuators and one after them; or one of a whole step,
-    before them and after them in turn. Copies of a block that differ in this have theirs one after the
-    other. In cycles, dampers act where it is their turn, see `springgym.forces.cycle`.
+    Dampers act in a sweep of half a step before the actuators and one after them; or in one of a full step,
+    alternately before and after them. Copies of a block that differ in this are treated one group after the
+    other. In cycles, dampers act as in `springgym.forces.cycle`.
     """
     w, b, terms, ledger = own.space.w, own.space.b, own.terms, own.ledger
     for part in range(2):
@@ -101,7 +101,7 @@ def act_and_damp(own: Bodies, h: Number) -> None:
 
 @compiled
 def relax_at(part: int, own: Bodies, cycle: Cycle | None) -> None:
-    """Let the dampers act before the actuators or after them; or in cycles."""
+    """Apply the dampers before (``part`` 0) or after (1) the actuators, or in cycles."""
     if cycle is None:
         relax_some(part, own, own.terms.dampers, own.terms.last)
     else:
@@ -110,7 +110,7 @@ def relax_at(part: int, own: Bodies, cycle: Cycle | None) -> None:
 
 @compiled
 def relax_some(part: int, own: Bodies, dampers: Dampers | None, last: LastNode | None) -> None:
-    """Let the dampers act before the actuators, or after them, on the copies whose turn it is."""
+    """Apply the dampers before or after the actuators, to the copies in which they act there."""
     if dampers is not None:
         w, direction, springs, drive = own.space.w, own.space.direction, own.terms.springs, own.terms.drive
         sweep = load(last.sweep, 0)
@@ -126,7 +126,7 @@ def relax_some(part: int, own: Bodies, dampers: Dampers | None, last: LastNode |
 
 @compiled
 def acts_between_kicks(terms: Terms) -> bool:
-    """Tell whether anything but contact acts between the two kicks of a node."""
+    """Return whether actuators or dampers act between the two kicks of a node."""
     driven = terms.wrench is not None or terms.thrust is not None or terms.drive is not None
     return driven or terms.dampers is not None
 
@@ -141,16 +141,16 @@ def before_contact(i: int, before: Rows, span: Times, own: Bodies) -> Vector:
 
 @compiled
 def free_velocity(i: int, span: Times, own: Bodies) -> Vector:
-    """Return the velocity of a particle after a node, but for contact [m/s]."""
+    """Return the velocity of a particle after a node without contact [m/s]."""
     return plus_scaled(before_contact(i, own.v, span, own), span.out, row(own.space.a, i))
 
 
-# --- What contact is expected to give -------------------------------------------------------------------
+# --- Predicted impulses of contact ----------------------------------------------------------------------
 
 
 @compiled
 def give_expected(own: Bodies, last: LastNode | None) -> None:
-    """Give busy particles half of what contact is expected to give, before dampers act."""
+    """Add half of the predicted change by contact to the velocities of busy particles."""
     if last is not None:
         space = own.space
         for i in range(own.x.shape[0]):
@@ -160,7 +160,7 @@ def give_expected(own: Bodies, last: LastNode | None) -> None:
 
 @compiled
 def take_back_expected(own: Bodies, span: Times, last: LastNode | None) -> None:
-    """Take that back, when all but contact have acted, and enter its product with what they did."""
+    """Subtract it again before contact acts, and record its cross work with the impulses in between."""
     if last is not None:
         space, work = own.space, 0.0 * span.out
         for i in range(own.x.shape[0]):
@@ -175,14 +175,14 @@ def take_back_expected(own: Bodies, span: Times, last: LastNode | None) -> None:
 
 @compiled
 def expect(i: int, half: Vector, last: LastNode | None) -> None:
-    """Expect that contact gives particle ``i`` as much at the next node: half of it is ``half``."""
+    """Store ``half`` of the change of velocity of particle ``i`` by contact for the next node."""
     if last is not None:
         set_row(last.given, i, half)
 
 
 @compiled
 def record_cross_work(ledger: Ledger, work: Number, dampers: Dampers | None) -> None:
-    """Enter the work of what acted before contact, by the change that contact makes to the mean velocity."""
+    """Record the work of actuators and dampers due to the change of the mean velocity by contact."""
     if dampers is None:
         record(ledger, WORK, work)
     else:
@@ -194,9 +194,9 @@ def record_cross_work(ledger: Ledger, work: Number, dampers: Dampers | None) -> 
 
 @compiled
 def pass_particles(own: Bodies, span: Times) -> None:
-    """Let all act on a body at a node that meets surfaces by its particles, and drift to the end of the step.
+    """Apply all forces at a node to a body whose particles touch surfaces, and drift to the end of the step.
 
-    The path of a particle that was out of reach of all surfaces begins where that of the last node ended.
+    The path of a particle that was beyond Δ of all surfaces begins where that of the last node ended.
     """
     x, v, space, terms = own.x, own.v, own.space, own.terms
     give_expected(own, terms.last)
@@ -219,10 +219,10 @@ def pass_particles(own: Bodies, span: Times) -> None:
 
 @compiled
 def kick_by_surfaces(i: int, free: Vector, span: Times, own: Bodies) -> Vector:
-    """Return the velocity of particle ``i`` after surfaces have acted, and enter what it lost.
+    """Return the velocity of particle ``i`` after surfaces have acted, and record its losses.
 
-    What barriers gave less the work of their impulses is lost to restitution. Without loss the energy is
-    kept; its rounding error is not entered.
+    The energy from the barriers minus the work of their impulses is lost to restitution. Without loss, only a
+    rounding error remains, which is not recorded.
     """
     ledger, mass, terms = own.ledger, load(own.terms.particles.mass, i), own.terms
     start, place = row(own.v, i), row(own.x, i)

@@ -1,4 +1,4 @@
-"""Records that describe an integrator, the state that it moves, and the tolerance that it keeps."""
+"""Records of an integrator's properties, of the state that it advances, and of its tolerance."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ class Integrator:
     iterative: bool = False
     """whether it uses Newton's method"""
     meets_bodies: bool = False
-    """passes the nodes of `springgym.integrators.node` where bodies may meet"""
+    """whether its steps have nodes (`springgym.integrators.node`) where bodies may collide"""
     meets_surfaces: bool = False
-    """passes nodes, see `springgym.integrators.node`, where there are surfaces"""
+    """whether its steps have nodes (`springgym.integrators.node`) where there are surfaces"""
     cycles: bool = False
     """whether dampers and wrench can act once in several steps, see `springgym.forces.cycle`"""
 
@@ -118,7 +118,7 @@ def workspace(method: Integrator, scene: Scene, dtype: DTypeLike) -> Nested:
     bodies = [placed.body for placed in scene.bodies]
     features = (len(body.rounds) * len(scene.surfaces) for body in bodies)
     rows = max(*(max(len(body.masses), len(body.springs)) for body in bodies), *features)
-    rows = max(rows, 2)  # force and torque of a rigid body, be it one particle
+    rows = max(rows, 2)  # force and torque of a rigid body, even of one particle
     arrays = aligned_zeros((method.workspace, rows, 3), dtype)
     if not method.implicit:
         return arrays

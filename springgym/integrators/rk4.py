@@ -28,7 +28,7 @@ RECORD = Integrator(
 def integrate(
     x: Rows, v: Rows, ledger: Ledger, workspace: np.ndarray, h: Number, steps: int, terms: Terms
 ) -> None:
-    """Four derivatives a step, weighted 1, 2, 2, 1; the ledger's powers are integrated alike."""
+    """Four derivatives per step, weighted 1, 2, 2, 1, as are the powers for the ledger."""
     a, b = workspace[0], workspace[1]
     xs, vs, dx, dv = workspace[2], workspace[3], workspace[4], workspace[5]
     for _ in range(steps):

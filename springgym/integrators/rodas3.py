@@ -1,4 +1,4 @@
-"""RODAS3: a stiffly accurate Rosenbrock method, one matrix and four linear systems a step."""
+"""RODAS3: a stiffly accurate Rosenbrock method, with one matrix and four linear systems per step."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def integrate(
                     w = w + A[stage, j] * row(q[j], i)
                 set_row(xs, i, u)
                 set_row(vs, i, w)
-            if stage != 1:  # the second stage is where the first is
+            if stage != 1:  # the second stage has the state of the first
                 accelerate_and_damp(xs, vs, a, 0.0, None, terms)
             for i in range(x.shape[0]):
                 u, w = row(vs, i), row(a, i)

@@ -1,10 +1,10 @@
-"""The node of a step of bodies of springs that collide, or roll: by rows of contact.
+"""The node of a step of bodies of springs that collide or roll, with rows of contact.
 
-All else gives every particle a velocity. What is near is found from where the particles are at the node,
-where they come from and where they would go (`springgym.contact.search` between bodies,
-`springgym.contact.ground` at surfaces); all contacts are solved together (`springgym.contact.solver`). Bodies
-that nothing is near go on as if there were no contact. Of a pair, half of what it loses and half of the
-energy in its barriers is entered for each of its bodies.
+First, all other forces give every particle a velocity. Contacts are found from the positions of particles at
+the node, and at the beginning and end of the step (`springgym.contact.search` between bodies,
+`springgym.contact.ground` at surfaces), and solved together (`springgym.contact.solver`). Bodies without
+contacts move as if there were no contact. Half of a pair's losses and half of the energy in its barriers are
+recorded for each of its bodies.
 """
 
 from __future__ import annotations
@@ -58,8 +58,8 @@ SWEEPS = 2
 """Number of sweeps in which a node finds the impulses of its contacts, in alternating order."""
 
 ENOUGH = 1e-3
-"""Sweeps end when none changes a gap by more than this share of Δ. With more than `MANY` bodies all `SWEEPS`
-are made, because the error that fewer leave shakes a pile."""
+"""Sweeps end when one changes no gap by more than this fraction of Δ. With more than `MANY` bodies all
+`SWEEPS` are made, because the error of fewer sweeps shakes a pile."""
 
 INLINE = {**OPTIONS, "forceinline": True}
 
@@ -88,9 +88,9 @@ def _first_row(rows: Any, body: int) -> Callable[..., int]:
 
 @compiled
 def pass_rows(bodies: Bodies, span: Times, goes: bool, space: RowSpace) -> None:
-    """Let all act on all bodies at a node, and drift to the end of the step.
+    """Apply all forces to all bodies at a node, and drift to the end of the step.
 
-    If it does not go on, it only tells which bodies of fresh copies touch.
+    Unless ``goes``, only find which bodies of fresh copies touch.
     """
     collisions, contacts = bodies.terms.collisions, space.contacts
     velocity = space.velocity
@@ -133,7 +133,7 @@ def pass_rows(bodies: Bodies, span: Times, goes: bool, space: RowSpace) -> None:
 
 @compiled
 def enter_touching(problem: Problem, collisions: Collisions) -> None:
-    """Enter in the totals which bodies of copies that were just placed touch."""
+    """Record in the totals which bodies touch in copies that were just placed."""
     start_totals(load(collisions.fresh, 0) > 0.5, problem, collisions.changing)
     store(collisions.fresh, 0, 0.0)
 
@@ -153,7 +153,7 @@ def begin_rows(n: int, v: Rows, problem: Problem, collisions: Collisions, lists:
 
 @compiled
 def problem_of(bodies: Bodies, span: Times, space: RowSpace) -> Problem:
-    """Return what the impulses of a node follow from, before its contacts are found."""
+    """Return the `Problem` of a node, before its contacts are found."""
     particles, collisions = bodies.terms.particles, bodies.terms.collisions
     fetch(bodies.x, particles.mass, all_rows(bodies.x), all_rows(bodies.v), space, space.lists)
     return Problem(
@@ -169,7 +169,7 @@ def problem_of(bodies: Bodies, span: Times, space: RowSpace) -> Problem:
 
 @compiled
 def fetch(of: Any, mass: Any, x: Rows, v: Rows, space: RowSpace, lists: Neighbours | None) -> None:
-    """Copy positions and velocities of all particles ``of`` bodies as others see them, if bodies collide."""
+    """Copy positions and velocities of all particles in the form of contacts, if bodies collide."""
     if lists is not None:
         for i in range(x.shape[0]):
             set_row(space.places, i, row(x, i))
@@ -179,7 +179,7 @@ def fetch(of: Any, mass: Any, x: Rows, v: Rows, space: RowSpace, lists: Neighbou
 
 @compiled
 def see_balls(of: Any, mass: Any, space: RowSpace, turning: Turning | None) -> None:
-    """Let the first particle of each ball stand for its centre of mass."""
+    """Move the first particle of each ball to its centre of mass, in the arrays of contacts."""
     if turning is not None:
         for n in range(bodies_of(of)):
             if turning.balls[n]:
@@ -190,19 +190,19 @@ def see_balls(of: Any, mass: Any, space: RowSpace, turning: Turning | None) -> N
 
 @compiled
 def set_free(n: int, own: Bodies, span: Times, x: Rows, space: RowSpace) -> None:
-    """Let all but contact act on a body."""
+    """Apply all forces except contact to a body."""
     give_expected(own, own.terms.last)
     act_and_damp(own, span.whole)
     take_back_expected(own, span, own.terms.last)
     first = first_row(x, n)
     for i in range(own.x.shape[0]):
-        # without −0: contacts of other copies would add 0 to it
+        # avoids −0, to which contacts of other copies would add 0
         set_row(space.velocity, first + i, free_velocity(i, span, own) + vec(0.0, 0.0, 0.0))
 
 
 @compiled
 def find_among(problem: Problem, space: RowSpace, lists: Neighbours | None) -> int:
-    """List the contacts between bodies, if they collide, and return how many rows that makes."""
+    """List the contacts between bodies, if they collide, and return the number of rows."""
     if lists is None:
         space.contacts.length[MET] = 0
         return 0
@@ -223,7 +223,7 @@ def find_below(n: int, own: Bodies, span: Times, x: Rows, space: RowSpace, surfa
 
 @compiled
 def begin(n: int, own: Bodies, span: Times, x: Rows, space: RowSpace, turning: Turning | None) -> None:
-    """Gather the velocities of a body that has contacts, as these see it."""
+    """Set the velocities before the node of a body that has contacts, in the form of contacts."""
     first, mass = first_row(x, n), own.terms.particles.mass
     if turning is not None and turning.turns[n]:
         free = space.velocity[first : first + own.x.shape[0]]
@@ -246,7 +246,7 @@ def begin(n: int, own: Bodies, span: Times, x: Rows, space: RowSpace, turning: T
 def leave(
     n: int, active: bool, own: Bodies, span: Times, x: Rows, space: RowSpace, turning: Turning | None
 ) -> None:
-    """Let a body go on to the end of the step, and enter what it lost."""
+    """Drift a body to the end of the step, and record its losses."""
     first, last, mass = first_row(x, n), own.terms.last, own.terms.particles.mass
     turns = turning is not None and turning.turns[n]
     faster, spin, point = motion_given(n, first, space, turning)
@@ -274,7 +274,7 @@ def leave(
 
 @compiled
 def record_losses(n: int, ledger: Ledger, contacts: ContactRows) -> None:
-    """Enter what a body lost in contact and by friction."""
+    """Record the losses of a body to restitution and friction."""
     record(ledger, CONTACT, load(contacts.losses, (n, 0)))
     record(ledger, FRICTION, load(contacts.losses, (n, 1)))
     for entry in range(2):
@@ -297,7 +297,7 @@ def motion_given(
 
 @compiled
 def store_energy_of_pairs(collisions: Collisions | None) -> None:
-    """Let each body of a pair store half of the energy in its barriers, if bodies collide."""
+    """Assign half of the energy in a pair's barriers to each of its bodies, if bodies collide."""
     if collisions is not None:
         pairs = collisions.pairs
         for body in range(collisions.stored.shape[0]):

@@ -1,4 +1,4 @@
-"""Splitting methods from the table of their coefficients: drifts, and kicks in which actuators act, too."""
+"""Splitting methods from tables of their coefficients: drifts, and kicks that include actuators."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from springgym.terms import Terms
 
 
 def splitting(drifts: tuple[float, ...], kicks: tuple[float, ...]) -> Callable[..., None]:
-    """Return the method that drifts and kicks in turn, for these shares of a step.
+    """Return the method that alternates drifts and kicks of these fractions of a step.
 
-    It begins and ends with what there is one more of; the last of a step and the first of the next are one.
+    It begins and ends with the kind that has one more; the last of a step is merged with the next.
     """
     stages, drifts_first = min(len(drifts), len(kicks)), len(drifts) > len(kicks)
 
@@ -43,8 +43,8 @@ def splitting(drifts: tuple[float, ...], kicks: tuple[float, ...]) -> Callable[.
 
 @compiled
 def kick_and_act(v: Rows, a: Rows, b: Rows, tau: Number, ledger: Ledger, terms: Terms) -> None:
-    """Forces ``a`` and actuators ``b`` act for ``tau`` seconds, at once: with half of the kick on either
-    side the actuators' work is that of the exact flow, so that the ledger closes to the method's order."""
+    """Apply forces ``a`` and actuators ``b`` for ``tau`` seconds: with half of the kick before and after, the
+    actuators' work is that of the exact flow, so that the ledger closes to the method's order."""
     actuated = terms.wrench is not None or terms.thrust is not None
     kick(v, a, 0.5 * tau if actuated else tau)
     act(v, b, tau, ledger, terms)

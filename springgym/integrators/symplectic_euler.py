@@ -29,8 +29,8 @@ def integrate(
 ) -> None:
     """Kick h/2, damp h/2, actuate h, damp h/2, kick h/2, all with the forces at x_n, then drift h.
 
-    The velocity is that of half a step before x_n: only half a kick later is it of the same time. Before
-    that, spinning alone looks like squeezing, and dampers would lose what the springs' kicks give.
+    The velocity is that of half a step before x_n: only half a kick later, it is of the same time. Before,
+    pure rotation looks like compression, and dampers would dissipate what the springs' kicks add.
     """
     a, b, direction = workspace[0], workspace[1], workspace[2]
     for _ in range(steps):

@@ -1,4 +1,4 @@
-"""TR-BDF2: second order, damps what it cannot resolve, and lets rotation be."""
+"""TR-BDF2: second order; it damps unresolved vibrations, but hardly rotation."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ RECORD = Integrator(
 
 GAMMA = 2 - math.sqrt(2)
 TAU = GAMMA / 2
-"""Both stages are implicit over the same time, in steps: they have the same matrix but for the state."""
+"""Time over which either stage is implicit, in steps: their matrices differ only by the state."""
 
 OUTER = math.sqrt(2) / 4
-"""Weight in the solution of the derivatives at the start and after the first stage; `TAU` of the last."""
+"""Weight of the derivatives at the start and after the first stage; that of the last is `TAU`."""
 
 FORWARD = 1 / (GAMMA * (2 - GAMMA))
 

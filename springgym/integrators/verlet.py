@@ -46,12 +46,12 @@ RECORD = Integrator(
 def integrate(
     x: Rows, v: Rows, ledger: Ledger, workspace: np.ndarray, h: Number, steps: int, terms: Terms
 ) -> None:
-    """Damp h/2, kick h/2, drift h, kick h/2, damp h/2; the actuators act amid the damping.
+    """Damp h/2, kick h/2, drift h, kick h/2, damp h/2; actuators act between the dampings of two steps.
 
-    What loses or adds energy does so where velocities and positions are of the same time: half a kick
-    later, spinning alone would look like stretching. All that depends on the positions x_n is found
-    once, when the step arrives there: ``steps`` steps take ``steps`` + 1 force evaluations. Between two steps
-    the damping of both is one sweep, its direction alternating, where the body allows it.
+    Dampers and actuators act where velocities and positions belong to the same time: half a kick later, pure
+    rotation would look like stretching. All that depends on the positions x_n is computed once: ``steps``
+    steps take ``steps`` + 1 force evaluations. The damping of two adjacent steps is one sweep, of alternating
+    direction, unless the dampers are paired.
     """
     a, b, direction = workspace[0], workspace[1], workspace[2]
     pair = paired(terms.dampers)
@@ -77,9 +77,9 @@ def integrate(
 def integrate_in_cycles(
     x: Rows, v: Rows, ledger: Ledger, workspace: np.ndarray, h: Number, steps: int, terms: Terms
 ) -> None:
-    """The same, but dampers and wrench act in cycles of several steps, see `springgym.forces.cycle`.
+    """Advance as `integrate` does, but with dampers and wrench in cycles, see `springgym.forces.cycle`.
 
-    The ``steps`` are those of whole cycles. Calls of a and b steps are one of a + b, to the bit.
+    ``steps`` is a whole number of cycles. Calls of a and b steps are bit-identical to one of a + b.
     """
     a, b, direction = workspace[0], workspace[1], workspace[2]
     cycle = terms.cycle
@@ -107,7 +107,7 @@ def integrate_in_cycles(
 def integrate_through_nodes(
     x: Rows, v: Rows, ledger: Ledger, workspace: Space, h: Number, steps: int, terms: Terms
 ) -> None:
-    """Drift h/2, pass the node, drift h/2, where particles meet surfaces.
+    """Drift h/2, pass the node, drift h/2, where particles may touch surfaces.
 
     See `springgym.integrators.node`.
     """
@@ -123,10 +123,9 @@ def integrate_through_nodes(
 def integrate_by_rows(
     x: Rows, v: Rows, ledger: Ledger, workspace: Space, h: Number, steps: int, terms: Terms
 ) -> None:
-    """The same where contacts are solved together, see `springgym.integrators.rows`.
+    """Advance through nodes where contacts are solved together, see `springgym.integrators.rows`.
 
-    All bodies take each step together. As many steps as `START` are none: it is told which bodies of fresh
-    copies touch.
+    All bodies take each step together. If ``steps`` is `START`, only find which bodies of fresh copies touch.
     """
     bodies, goes = Bodies(x, v, ledger, workspace, terms), steps != START
     span = span_of(h, goes, x)
@@ -145,14 +144,14 @@ def integrate_by_rows(
 
 @compiled
 def expect_contact(own: Bodies) -> None:
-    """Take all particles of a body for those that contact may act on."""
+    """Mark all particles of a body as those that contact may act on."""
     for i in range(own.x.shape[0]):
         own.space.busy[i] = True
 
 
 @compiled
 def reach_node(own: Bodies, span: Times) -> None:
-    """Drift to a node, and find the forces on a body there."""
+    """Drift to a node, and compute the forces on a body there."""
     x, space, terms = own.x, own.space, own.terms
     drift(x, own.v, span.lead)
     set_forces(x, space.a, space.direction, damps_somewhere(terms.cycle), terms)

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from springgym.checks import TINY, array, number
 
-FAR = 1e9  # times its own distance that a camera goes out to keep something in view
+FAR = 1e9  # largest coordinate of the target in `keeping`, over the camera's distance
 _NEAR = 1e-3  # m; nearer points, and those behind the eye, have no image
 
 
@@ -63,7 +63,7 @@ class Camera:
     def framing(
         cls, center: ArrayLike, size: float, azimuth: float = -1.0, elevation: float = 0.3, fov: float = 0.5
     ) -> Camera:
-        """Return a camera that just fits a sphere into the height of a picture.
+        """Return a camera for which a sphere just fits into the height of a picture.
 
         Parameters
         ----------
@@ -80,7 +80,7 @@ class Camera:
         Raises
         ------
         TypeError, ValueError
-            If an argument is not a number, or the centre not three, or the camera cannot be.
+            If an argument is not a number, the centre not three numbers, or the camera is not possible.
         """
         size = number("size", size, TINY)
         azimuth, elevation = number("azimuth", azimuth), number("elevation", elevation)
@@ -90,19 +90,19 @@ class Camera:
         return cls(tuple(middle + distance * _toward(azimuth, elevation)), tuple(middle), fov)
 
     def keeping(self, points: ArrayLike, size: tuple[int, int], margin: float = 0.03) -> Camera:
-        """Return this camera if it sees all of some points, else one from the same side that does.
+        """Return this camera if it shows all of some points, else one from the same side that does.
 
-        It comes no nearer, and goes as far away as it takes to see them all. Points so far out that pictures
-        would blur by rounding are let go.
+        It comes no nearer, and goes as far away as needed to show them all. If they are so far out that
+        rounding would blur pictures, this camera is returned.
 
         Parameters
         ----------
         points : (n, 3) array_like
-            World points, m. Those that are not finite need not be seen.
+            World points, m. Those that are not finite are ignored.
         size : tuple of 2 ints
             Width and height of the picture, pixels.
         margin : float
-            Share of the picture at each edge that is not seen enough.
+            Fraction of the picture at each edge that must stay free.
         """
         x = np.asarray(points, dtype=float)
         x = x[(np.abs(x) < 1e100).all(axis=1)]
@@ -130,7 +130,7 @@ class Camera:
         fov: float = 0.5,
         margin: float = 0.08,
     ) -> Camera:
-        """Return the nearest camera that sees all points in a picture.
+        """Return the nearest camera that shows all points in a picture.
 
         In axes right, up, forward, with t the tangent of half the angle of view, a point (a, b, c) is
         seen from the eye (α, β, γ) if |a − α| ≤ t (c − γ), and likewise for b. With
@@ -141,13 +141,13 @@ class Camera:
         points : (..., 3) array_like
             m; those that are not finite are left out.
         size : tuple of 2 ints
-            Width and height of the picture, of which the ratio counts.
+            Width and height of the picture, of which only the ratio counts.
         azimuth, elevation : float
             Direction from the points to the eye, see `framing`, rad.
         fov : float
             Vertical angle of view, rad.
         margin : float
-            Share of the picture that stays free at each edge.
+            Fraction of the picture that stays free at each edge.
 
         Raises
         ------
@@ -216,7 +216,7 @@ class Camera:
         return np.array([0.5 * width, 0.5 * height]) + flat * [1.0, -1.0], depth
 
     def rays(self, size: tuple[int, int]) -> NDArray[np.float64]:
-        """Return unit vectors from the eye through the middles of the pixels, (height, width, 3)."""
+        """Return unit vectors from the eye through the centres of the pixels, (height, width, 3)."""
         width, height = size
         x = (np.arange(width) + 0.5 - 0.5 * width) / self.pixels_per_radian(height)
         y = (np.arange(height) + 0.5 - 0.5 * height) / self.pixels_per_radian(height)

@@ -15,10 +15,10 @@ from springgym.rendering.raster import paint_rods, paint_triangles
 Array = NDArray[np.float64]
 
 OVERSAMPLE = 3  # drawn this much larger, then averaged: smooth edges
-_AMBIENT = np.array([0.63, 0.65, 0.69])  # cool light from all around, a little more from above
+_AMBIENT = np.array([0.63, 0.65, 0.69])  # cool ambient light, a little more from above
 _DIFFUSE = np.array([0.33, 0.31, 0.27])  # warm light from the lamp
-_SHEEN = 257  # normals to each side for which the light on round things is known
-_FAR = 16_000  # canvas pixels beyond which pygame's 16-bit polygons cannot go
+_SHEEN = 257  # size of the table of light on round things, by their normals
+_FAR = 16_000  # limit of pygame's 16-bit polygons, canvas pixels
 
 
 def import_pygame() -> Any:
@@ -46,7 +46,7 @@ def lamp(camera: Camera) -> Array:
 
 
 def light_on(normals: Array, to_eye: Array, light: Array) -> tuple[Array, Array]:
-    """Return what light makes of colours: factors (..., 3), by sky and lamp (Lambert), and gloss (..., 1).
+    """Return the effect of light on colours: factors (..., 3), by sky and lamp (Lambert), and gloss (..., 1).
 
     The gloss (Blinn-Phong) is to be added. All arguments are unit vectors (..., 3).
     """
@@ -58,7 +58,7 @@ def light_on(normals: Array, to_eye: Array, light: Array) -> tuple[Array, Array]
 
 
 class Canvas:
-    """A surface of ``OVERSAMPLE`` times the size of the picture, with ways to draw on it.
+    """A surface of ``OVERSAMPLE`` times the size of the picture, with methods to draw on it.
 
     Parameters
     ----------
@@ -97,19 +97,19 @@ class Canvas:
         self.pygame.transform.scale(self._picture, self.size, self._surface)
 
     def keep(self) -> None:
-        """Make what has been drawn so far the background of every picture to come."""
+        """Make the present content the background of all later pictures."""
         self._background = self._surface.copy()
         self._small = self.pygame.transform.smoothscale(self._surface, self.picture_size)
         self._touched = self.pygame.Rect(0, 0, 0, 0)
 
     def wipe(self) -> None:
-        """Go back to the background."""
+        """Reset the canvas to the background."""
         self._surface.blit(self._background, self._touched, self._touched)
         self._nearness[self._touched.left : self._touched.right] = 0.0
         self._touched = self.pygame.Rect(0, 0, 0, 0)
 
     def picture(self) -> Any:
-        """Return the finished picture; only what was drawn on since `wipe` is averaged anew."""
+        """Return the finished picture; only parts drawn on since `wipe` are averaged again."""
         self._picture.blit(self._small, (0, 0))
         n = OVERSAMPLE
         left, top = self._touched.left // n, self._touched.top // n
@@ -140,9 +140,9 @@ class Canvas:
             self.pygame.gfxdraw.filled_polygon(self._surface, corners, (*rgb, alpha))
 
     def triangles(self, corners: Array, colors: Array, alphas: Array, through: float = 0.0) -> None:
-        """Paint triangles (T, 3, 3) [m] of colours (T, 3) and opacities (T,), glass ones in this order.
+        """Paint triangles (T, 3, 3) [m] of colours (T, 3) and opacities (T,), translucent ones in this order.
 
-        Where something hides them, they have ``through`` of their opacity.
+        Where they are hidden, their opacity is multiplied by ``through``.
         """
         pixels, depth = self.image(corners)
         shown = np.isfinite(pixels).all((1, 2))
@@ -189,7 +189,7 @@ class Canvas:
             )
 
     def _reach(self, pixels: Array, margin: float) -> tuple[slice, slice] | None:
-        """Note that pixels around some (n, k, 2) are painted; return which, None if there are none."""
+        """Mark the box around pixels (n, k, 2) as painted, and return it; None if it is empty."""
         if not len(pixels):
             return None
         low = np.floor(np.maximum(pixels.min((0, 1)) - margin, 0)).astype(int)

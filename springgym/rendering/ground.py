@@ -1,4 +1,4 @@
-"""Draw what lies behind the body: sky, surfaces, target rings and the body's soft shadow."""
+"""Drawing of the background: sky, surfaces, target rings and the body's soft shadow."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ _SKY = np.array([[251, 252, 254], [222, 228, 237]], dtype=float)  # top and bott
 _MATT = np.array([247, 250, 255], dtype=float)  # surfaces in full light
 _GRID: Color = (104, 121, 148)
 _SHADOW: Color = (38, 46, 66)
-_MASK = 3  # picture pixels a pixel of the shadow mask
-_BLUR = 5  # mask pixels that the shadow's edge spreads
+_MASK = 3  # picture pixels per pixel of the shadow mask
+_BLUR = 5  # width of the shadow's edge, mask pixels
 
 
 class _Plane(NamedTuple):
-    """A flat surface that the eye sees from its free side, and what it shows."""
+    """A flat surface that is seen from its free side, and its visible patch."""
 
     point: Array
     normal: Array  # unit
@@ -134,7 +134,7 @@ def _paint_net(canvas: Canvas, surface: Surface) -> None:
 
 
 def paint_disk(canvas: Canvas, center: ArrayLike, radius: float, color: Color, alpha: int = 255) -> None:
-    """Draw a horizontal disk, as far as the eye sees its edge."""
+    """Draw a horizontal disk, by the part of its rim that is in front of the eye."""
     pixels, _ = canvas.image(circle(center, radius, 144))
     pixels = pixels[np.isfinite(pixels).all(axis=1)]
     if len(pixels) > 2:
@@ -170,7 +170,7 @@ def paint_shadows(canvas: Canvas, look: Look, x: Array, scenery: Scenery) -> Non
 
 
 def _paint_shadow(canvas: Canvas, look: Look, x: Array, cast: Callable[[Array], Array]) -> None:
-    """Fill the cast outlines on a coarse mask, blur it, and lay it over the canvas."""
+    """Fill the cast outlines on a coarse mask, blur it, and blend it over the canvas."""
     pygame, bars, radii = canvas.pygame, x[np.asarray(look.bars)], np.asarray(look.radii)
     side = np.cross(bars[:, 1] - bars[:, 0], canvas.light)
     side *= (np.asarray(look.bar_radius) / np.maximum(np.linalg.norm(side, axis=1), 1e-12))[:, None]

@@ -1,4 +1,4 @@
-"""Records of what a picture shows: the body's `Look`, the fixed `Scenery` and the `Marks` of one frame."""
+"""Records of a picture's content: the body's `Look`, the fixed `Scenery` and the `Marks` of one frame."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ def two_tone(
 ) -> NDArray[np.uint8]:
     """Return colours of ``count`` sectors: ``blocks`` runs of alternating colour, the last one odd.
 
-    Few wide runs let the eye follow a spin that turns by many narrow sectors between frames. The odd one
-    tells which way: without it, four runs look the same after half a turn, and a spin by more than a
+    With few wide runs the eye can follow a spin that turns by many narrow sectors between frames. The odd one
+    shows the direction: without it, four runs look the same after half a turn, and a spin by more than a
     quarter of a turn between frames would be seen backwards.
 
     Returns
@@ -51,7 +51,7 @@ def two_tone(
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """The look of one body of N particles; it is built once, and checked then.
+    """The appearance of one body of N particles; it is checked when it is created.
 
     Parameters
     ----------
@@ -61,8 +61,8 @@ class Look:
     triangle_colors : (T, 3) or (3,) array_like, optional
         RGB, 0..255, of each triangle or of all. See `two_tone`.
     opacity : float or (T,) array_like
-        1 for a closed surface, of which the near side is seen; less for sheets seen from both
-        sides and through.
+        1 for a closed surface, of which only the near side is visible; less for translucent sheets, visible
+        from both sides.
     bars : (B, 2) array_like of int
         Particle pairs drawn as round bars: axles, ropes.
     bar_radius : float or (B,) array_like
@@ -83,7 +83,7 @@ class Look:
     trace : int, optional
         Particle that leaves a fading trace.
     trace_length : int
-        Frames that the trace remembers.
+        Length of the trace in frames.
 
     Raises
     ------
@@ -175,9 +175,9 @@ def together(looks: Sequence[Look], counts: Sequence[int], trace: int | None = N
     Parameters
     ----------
     looks
-        Of each body; their own traces are left out.
+        The looks of the bodies; their own traces are left out.
     counts
-        Particles of each body.
+        Number of particles of each body.
     trace
         Particle among all that leaves a fading trace.
     """
@@ -199,7 +199,7 @@ def together(looks: Sequence[Look], counts: Sequence[int], trace: int | None = N
         return np.concatenate([np.asarray(getattr(look, name)) for look in looks])
 
     def balls(name: str, shape: tuple[int, ...]) -> NDArray[Any]:
-        """Return a property of the balls of all particles: a look may give balls to none of its own."""
+        """Return a property of the balls of all particles: a look may have no balls."""
         filled = [np.zeros((count, *shape)) for count in counts]
         for look, table in zip(looks, filled, strict=True):
             table[: len(np.asarray(look.radii))] = getattr(look, name)
@@ -235,7 +235,7 @@ class Arrow(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Scenery:
-    """The still things around a body. Surfaces receive the shadow of the body.
+    """The static surroundings of a body. Surfaces receive the shadow of the body.
 
     Parameters
     ----------
@@ -260,7 +260,7 @@ class Scenery:
 
 @dataclass(frozen=True, eq=False)
 class Marks:
-    """The marks that may change with every frame beside the body.
+    """Marks besides the body, which may change with every frame.
 
     A body hides what lies behind it. Arrows and balls show faintly through it, as the trace does.
 
@@ -273,13 +273,13 @@ class Marks:
     balls : sequence of (centre, radius)
         Translucent target balls, m.
     lines : sequence of (start, end)
-        Rails and other slender straight things, m.
+        Rails and other slender straight objects, m.
     arrows : sequence of Arrow
         Forces, torques, directions to reach.
     text : sequence of str
         Lines in the top left corner.
     key : sequence of (color, str)
-        What the colours of arrows, rings and balls mean, in the bottom left corner.
+        Legend of the colours of arrows, rings and balls, in the bottom left corner.
     """
 
     disks: Sequence[Disk] = ()

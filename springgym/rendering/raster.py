@@ -1,8 +1,8 @@
-"""Triangles and round bars in pixels, with the nearness of each: what is nearer hides what is farther.
+"""Rasterisation of triangles and round bars, with a depth buffer.
 
-A frame has its colours (W, H, 3) from 0 to 255, and the nearness (W, H) of what is opaque: 1 over its depth
-[1/m], which is linear in the picture along what is straight; 0 where there is nothing. Things have two
-opacities, where they are seen and where something nearer hides them.
+A frame has its colours (W, H, 3) from 0 to 255, and the nearness (W, H) of opaque objects: 1 over the depth
+[1/m], which is linear in the picture along straight lines; 0 where there is nothing. Objects have two
+opacities, where they are visible and where something nearer hides them.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def paint_triangles(
         rise = (second * (cy - ay) - third * (by - ay)) / area
         fall = (third * (bx - ax) - second * (cx - ax)) / area
         for y in range(max(int(min(ay, by, cy)), 0), min(int(max(ay, by, cy)) + 1, colors.shape[1])):
-            left, right = math.inf, -math.inf  # where the middles of this row's pixels enter and leave
+            left, right = math.inf, -math.inf  # where the centres of this row's pixels enter and leave
             for k in range(3):
                 (px, py), (qx, qy) = corners[n, k], corners[n, (k + 1) % 3]
                 if (py <= y + 0.5) != (qy <= y + 0.5):
@@ -61,20 +61,20 @@ def paint_rods(
     alphas: np.ndarray,
     sheen: np.ndarray,
 ) -> None:
-    """Paint straight things with round ends; a ball is one without length.
+    """Paint rods with round ends; a ball is a rod without length.
 
     Parameters
     ----------
     cover
-        (W, H) opacity that those before have painted with: they are not darker where they overlap.
+        (W, H) opacity already painted, so that overlapping rods are not darker.
     ends, near, half
         (n, 2, 2) and half widths (n, 2) [pixels], nearness (n, 2).
     radius
-        (n,) [m]; 0 for flat lines, which are seen on what they lie on.
+        (n,) [m]; 0 for flat lines, which are visible on surfaces that they lie on.
     paint, alphas
         Colours (n, 3) and opacities (n, 2).
     sheen
-        (K, K, 4) light on round things, by the normal to the right and up: factors of the colours, and gloss.
+        (K, K, 4) light on round objects, by the normal to the right and up: colour factors, and gloss.
     """
     for n in range(len(ends)):
         (x0, y0), (x1, y1) = ends[n]
@@ -114,12 +114,12 @@ def paint_rods(
 
 
 ON_IT = 1.005
-"""Lines that are so little farther than a surface, as a share of the distance, lie on it."""
+"""Ratio of distances up to which a line behind a surface counts as on it."""
 
 
 @compiled
 def blend(colors: np.ndarray, x: int, y: int, alpha: float, red: float, green: float, blue: float) -> None:
-    """Lay a colour over that of a pixel."""
+    """Blend a colour over that of a pixel."""
     for n, value in enumerate((red, green, blue)):
         below = colors[x, y, n]
         colors[x, y, n] = int(min(below + alpha * (value - below), 255.0) + 0.5)

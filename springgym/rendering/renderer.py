@@ -1,4 +1,4 @@
-"""Draw frames in software with pygame, with the same code for arrays and for the window."""
+"""Software rendering of frames with pygame, with the same code for arrays and for the window."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from springgym.rendering.look import GREEN, INK, ORANGE, Color, Look, Marks, Sce
 from springgym.rendering.solids import THROUGH, arrow, body, dashes, rail, strain_colors
 
 CHORDS = 4
-"""Straight pieces that the trace is drawn with from one moment to the next."""
+"""Number of straight pieces of the trace from one moment to the next."""
 BRIGHT: Color = (250, 251, 253)
 AROUND = ((-1, 0), (1, 0), (0, -1), (0, 1))
 
 
 class Renderer:
-    """Draw a body, its scenery and marks, and keep the trace between frames.
+    """Draws a body, its scenery and marks, and keeps the trace between frames.
 
     pygame is imported with the first frame. A window opens only in mode "human".
 
@@ -38,7 +38,7 @@ class Renderer:
     mode : {"rgb_array", "human"}
         Return the picture, or show it in a window.
     fps : float
-        Largest number of frames a second in the window.
+        Largest number of frames per second in the window.
     """
 
     def __init__(
@@ -73,11 +73,10 @@ class Renderer:
         Parameters
         ----------
         positions : (N, 3) array_like
-            Particles, m. What touches a particle that is not finite is left out.
+            Positions of the particles, m. Parts with a particle that is not finite are left out.
         marks : Marks, optional
         strain : (S,) array_like, optional
-            Strain of each spring of the look. With it the springs are drawn and the surface
-            turns to glass.
+            Strain of each spring of the look. If given, the springs are drawn and the surface is translucent.
 
         Returns
         -------
@@ -100,12 +99,12 @@ class Renderer:
             raise ValueError(f"strain must have shape ({springs},), got {s.shape}")
         if not self._told:
             self._leave(x)
-        with np.errstate(invalid="ignore", over="ignore"):  # what is not finite is not drawn
+        with np.errstate(invalid="ignore", over="ignore"):  # values that are not finite are not drawn
             picture = self._paint(look.points(x), marks if marks is not None else Marks(), s)
         return self._show(picture)
 
     def follow(self, positions: ArrayLike) -> None:
-        """Add a moment that is not drawn to the trace.
+        """Add a state that is not drawn to the trace.
 
         After the first call, and until the next `reset`, the trace passes only through the moments given
         here. So if you draw one moment in ten, call this for all ten.
@@ -123,7 +122,7 @@ class Renderer:
             self._trace.append(x[self.look.trace].copy())
 
     def reset(self) -> None:
-        """Forget the trace."""
+        """Delete the trace."""
         self._trace.clear()
         self._told = False
 
@@ -136,7 +135,7 @@ class Renderer:
         self.reset()
 
     def _prepared_canvas(self) -> Canvas:
-        """Return a canvas that shows the background alone."""
+        """Return a canvas that shows only the background."""
         if self._canvas is None or self._drawn_for != (self.camera, self.scenery):
             self._canvas = Canvas(self.size, self.camera)
             paint_background(self._canvas, self.scenery)
@@ -182,11 +181,11 @@ class Renderer:
         pygame = import_pygame()
         pygame.font.init()
         height = self.size[1]
-        unit = max(height // 32, 11)  # then an em is 11 pixels or more: pygame's font has 0.69 of its size
+        unit = max(height // 32, 11)  # then an em is at least 11 pixels: pygame's font has 0.69 of its size
         font = pygame.font.Font(None, round(1.5 * unit))
 
         def write(line: str, **place: tuple[int, int]) -> None:
-            """Write dark on a bright rim, which is read before whatever lies behind."""
+            """Write dark text with a bright rim, which is legible on any background."""
             for aside, color in [*((way, BRIGHT) for way in AROUND), ((0, 0), INK)]:
                 word = font.render(line, True, color)
                 picture.blit(word, word.get_rect(**place).move(aside))

@@ -1,4 +1,4 @@
-"""Paint what is solid: bodies, and the marks that they hide."""
+"""Painting of bodies, and of the marks that they can hide."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from springgym.rendering.canvas import Array, Canvas, light_on
 from springgym.rendering.look import GRAPHITE, GREEN, STEEL, Arrow, Look, Point
 
 THROUGH = 0.4
-"""Share of the opacity of a trace, an arrow or a target ball that is left where a body hides it."""
+"""Factor of the opacity of a trace, an arrow or a target ball where a body hides it."""
 
 COLD, NEUTRAL, HOT = np.array([[38, 96, 190], [172, 178, 188], [206, 48, 44]], dtype=float)
 _SMOOTH = 0.8  # cosine between neighbouring faces above which their edge is not outlined
@@ -46,7 +46,7 @@ def body(
 ) -> None:
     """Paint bars, balls, surface, the springs if their strains are given, and target balls.
 
-    Where springs are shown, the surface is glass.
+    Where springs are shown, the surface is translucent.
     """
     radii, opacity = np.asarray(look.radii), np.asarray(look.opacity)
     two_sided, balls = opacity < 1.0, np.flatnonzero(radii > 0.0)
@@ -70,7 +70,7 @@ def mesh(
     edges: NDArray[np.intp] | None = None,
     through: float = 0.0,
 ) -> None:
-    """Paint lit triangles (T, 3, 3): those that face the eye, and two-sided ones, (T,) or all.
+    """Paint lit triangles (T, 3, 3) [m]: those that face the eye, and two-sided ones, (T,) or all.
 
     ``edges`` (`Look.edges`) are outlined where they are sharp or bound the silhouette.
     """
@@ -87,7 +87,7 @@ def mesh(
     paint = np.clip(np.asarray(colors) * factor + gloss, 0, 255)
     seen = (size[:, 0] > 0.0) & ((facing > 0.0) | np.asarray(two_sided))
     alpha = np.broadcast_to(np.asarray(opacity, float), len(corners))
-    # glass last, from the farthest to the nearest; the rest the other way, where most is hidden
+    # translucent ones last, far to near; opaque ones near to far, so that most are hidden
     order = np.lexsort((np.where(alpha < 1.0, -1.0, 1.0) * distance[:, 0], alpha < 1.0))
     order = order[seen[order]]
     canvas.triangles(corners[order], paint[order], alpha[order], through)

@@ -1,4 +1,4 @@
-"""Frames to a video file."""
+"""Writing of frames to a video file."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Frame = NDArray[np.uint8]
 def save_video(frames: Iterable[Frame], path: str | PathLike[str], fps: float) -> None:
     """Write frames to an .mp4 (H.264, streamed) or a looping .gif.
 
-    A GIF shows at most 50 frames a second and 256 colours.
+    A GIF shows at most 50 frames per second and 256 colours.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ def save_video(frames: Iterable[Frame], path: str | PathLike[str], fps: float) -
     path : path
         Its suffix, .mp4 or .gif, chooses the format.
     fps : float
-        Frames a second.
+        Frames per second.
 
     Raises
     ------
@@ -98,7 +98,7 @@ def _write_gif(frames: Iterator[Frame], target: Path, fps: float) -> None:
     except ImportError as error:
         raise _missing("pillow") from error
     pictures = [Image.fromarray(frame) for frame in frames]
-    # One palette for the whole film, so that what stands still does not flicker.
+    # One palette for the whole film, so that static parts do not flicker.
     sample = pictures[:: -(-len(pictures) // 12)]
     width, height = pictures[0].size
     sheet = Image.new("RGB", (width, height * len(sample)))
@@ -106,7 +106,7 @@ def _write_gif(frames: Iterator[Frame], target: Path, fps: float) -> None:
         sheet.paste(picture, (0, row * height))
     palette = sheet.quantize(256, method=Image.Quantize.MEDIANCUT, kmeans=1)
     indexed = [p.quantize(palette=palette, dither=Image.Dither.NONE) for p in pictures]
-    # GIF time counts in 10 ms: round the moments, not the durations, and none is lost.
+    # GIF times are in 10 ms: the times are rounded, not the durations, so that no time is lost.
     moments = np.rint(np.arange(len(indexed) + 1) * (100.0 / fps)).astype(int)
     durations = (10 * np.diff(moments)).tolist()
     indexed[0].save(

@@ -1,7 +1,7 @@
-"""The rigid twin: the same particles as one rigid body, under the same scene.
+"""The rigid twin: the same scene, with its particles moving as one rigid body.
 
-Methods are compositions of one symmetric second-order step, see `springgym.rigid.motion`; to add one,
-its record and its stages in `METHODS`.
+Methods are compositions of one symmetric second-order step, see `springgym.rigid.motion`; a new one needs a
+record and stages in `METHODS`.
 """
 
 from __future__ import annotations
@@ -45,27 +45,27 @@ __all__ = [
 ]
 
 TURN = 0.2
-"""Automatic steps turn the body by this angle [rad] at the most, at the rates the scene starts with,"""
+"""Largest rotation of a body in an automatic step [rad], at the initial rates."""
 
 LONGEST = 5e-3
-"""and are no longer than this [s]: actuators, and other starts, may spin it up;"""
+"""Longest automatic step [s]: actuators, and other starts, may spin a body up."""
 
 LONGEST_TOUCHING = 1e-3
-"""or than this, where there are surfaces, or bodies that collide;"""
+"""Longest automatic step with surfaces, or with bodies that collide [s]."""
 
 CLOSER = 0.1
-"""or than the fastest particle takes, as the scene starts, for this share of Δ of bodies that collide."""
+"""Motion of the fastest particle in an automatic step, at the initial speeds, in Δ of bodies that collide."""
 
 
 class Method(NamedTuple):
-    """A method, and the shares of a step that its second-order steps take."""
+    """A method, and the lengths of its second-order steps as fractions of a step."""
 
     record: Integrator
     stages: tuple[float, ...]
 
 
 def _method(name: str, order: int, limit: float, half: tuple[float, ...], citation: str) -> Method:
-    """Make the method with these stages up to the middle, which makes their sum 1, and mirrored behind it."""
+    """Return the method of stages ``half``, a middle one that makes the sum 1, and ``half`` reversed."""
     stages = (*half, 1 - 2 * sum(half), *half[::-1])
     record = Integrator(
         name=name,
@@ -125,7 +125,7 @@ def integrator(name: str) -> Integrator:
 
 
 def refusal(method: Integrator, scene: Scene, varying: Collection[str] = ()) -> str | None:
-    """Refuse nothing: `check_rigid` refuses scenes without a twin, and methods that make no sense there."""
+    """Return None: `check_rigid` refuses scenes without a twin, and methods that do not suit them."""
     return None
 
 
@@ -152,7 +152,7 @@ def largest_step(scene: Scene, method: Integrator) -> float:
 def automatic_step(scene: Scene, method: Integrator, period: float | None = None) -> float:
     """Return the step used when none is given [s]: by `TURN`, `LONGEST`, `LONGEST_TOUCHING` and `CLOSER`.
 
-    It is a whole part of ``period``.
+    ``period`` [s] is a whole multiple of it, if given.
 
     Raises
     ------
@@ -172,12 +172,12 @@ def automatic_step(scene: Scene, method: Integrator, period: float | None = None
 def terms(
     scene: Scene, method: Integrator, varying: Collection[str], parameter: Callable[[np.ndarray], np.ndarray]
 ) -> tuple[Rigid, np.ndarray | None]:
-    """Return the rigid body of a scene and its asymmetry, 1/I₂ − 1/I₁ (1,), as the kernel takes them.
+    """Return the rigid body of a scene and its asymmetry, 1/I₂ − 1/I₁ (1,), in the form of kernels.
 
     Parameters
     ----------
     scene, method
-        What moves, and how.
+        The scene, and the method that moves it.
     varying
         Names of parameters that differ from copy to copy.
     parameter
@@ -186,7 +186,7 @@ def terms(
     Raises
     ------
     ValueError
-        If the lengths of springs are to vary.
+        If the lengths of springs vary.
     """
     if "lengths" in varying:
         raise ValueError("lengths cannot vary in rigid dynamics: the shape is that of the body's positions")
@@ -208,7 +208,7 @@ def terms(
 def set_shapes(
     twin: tuple[Rigid, np.ndarray], copies: np.ndarray, shapes: list[dict[str, np.ndarray]]
 ) -> None:
-    """Give some copies (k,) the `shape_values` of each."""
+    """Set the `shape_values` of some copies (k,)."""
     rigid, asymmetry = twin
     arrays = {**rigid._asdict(), "asymmetry": asymmetry}
     for copy, values in zip(copies, shapes, strict=True):
@@ -217,12 +217,12 @@ def set_shapes(
 
 
 def shape_values(scene: Scene, masses: np.ndarray | None) -> dict[str, np.ndarray]:
-    """Return what a rigid body takes of its masses (N,), which are those of the scene if None.
+    """Return the values of a rigid body that depend on its masses (N,) [kg], by default those of the scene.
 
     Raises
     ------
     ValueError
-        If rounding leaves it no moment of inertia about some axis.
+        If a moment of inertia is zero to rounding.
     """
     shape = principal_shape(scene, masses)
     return {

@@ -1,11 +1,11 @@
-"""The rigid body, and how it is read off its particles and set to them.
+"""Conversion between the state of a rigid body and that of its particles.
 
 A body of particles of masses mᵢ at xᵢ with velocities vᵢ has, about its point X, the pin or centre of mass,
 
     P = Σ mᵢ vᵢ,    L = Σ mᵢ (xᵢ − X) × vᵢ,
 
-and each particle of a rigid one moves with V + ω × r, ω = I⁻¹ L. Nothing else is kept, so whatever reads
-particles reads a rigid body too.
+and each particle of a rigid one moves with V + ω × r, ω = I⁻¹ L. No other state is stored, so that code which
+reads particles reads rigid bodies, too.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def orientation(x: Rows, rigid: Rigid) -> Block:
 
 @compiled
 def set_particles(x: Rows, v: Rows, state: State, solid: Solid) -> None:
-    """Set the particles to where a rigid body has them."""
+    """Set positions and velocities of the particles of a rigid body."""
     _, spin, position, velocity = state
     now = turned(solid.axes, state.q)
     omega = combine(now, angular_velocity(spin, solid.rigid))
@@ -47,7 +47,7 @@ def set_particles(x: Rows, v: Rows, state: State, solid: Solid) -> None:
 
 @compiled
 def read_state(x: Rows, v: Rows, rigid: Rigid, asymmetry: Numbers, terms: Terms) -> tuple[State, Solid]:
-    """Return the `State` with the momenta of particles, where their triad is, and its `Solid`."""
+    """Return the `State` with the particles' momenta and the orientation of their triad, and its `Solid`."""
     mass = terms.particles.mass
     zero = 0.0 * load(x, (0, 0))
     nothing = vec(zero, zero, zero)

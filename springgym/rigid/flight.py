@@ -52,7 +52,7 @@ def angular_velocity(spin: Vector, rigid: Rigid) -> Vector:
 
 @compiled
 def twist_about_second(q: Vector, spin: Vector, tau: Number, asymmetry: Numbers) -> tuple[Vector, Vector]:
-    """Follow the flow of ½(1/I₂ − 1/I₁) Π₂²."""
+    """Apply the flow of ½(1/I₂ − 1/I₁) Π₂² for ``tau`` seconds."""
     s, c = sine_cosine(0.5 * tau * load(asymmetry, 0) * spin[1])
     turned = (c * q[0] - s * q[2], c * q[1] - s * q[3], c * q[2] + s * q[0], c * q[3] + s * q[1])
     sine, cosine = 2.0 * s * c, 1.0 - 2.0 * s * s
@@ -61,7 +61,7 @@ def twist_about_second(q: Vector, spin: Vector, tau: Number, asymmetry: Numbers)
 
 @compiled
 def turn_freely(q: Vector, spin: Vector, tau: Number, rigid: Rigid) -> tuple[Vector, Vector]:
-    """Turn a free body whose first two moments are I₁."""
+    """Rotate a free body whose first two moments are I₁ for ``tau`` seconds."""
     slow = 1.0 / load(rigid.moments, 0)
     q = product(q, rotation_vector(spin, tau * slow))
     s, c = sine_cosine(0.5 * tau * (1.0 / load(rigid.moments, 2) - slow) * spin[2])
@@ -74,7 +74,7 @@ def turn_freely(q: Vector, spin: Vector, tau: Number, rigid: Rigid) -> tuple[Vec
 
 @compiled
 def fly(state: State, tau: Number, rigid: Rigid, asymmetry: Numbers) -> State:
-    """Return the state after ``tau`` seconds."""
+    """Return the state after a free flight of ``tau`` seconds."""
     q, spin, position, velocity = state
     if asymmetry is not None:
         q, spin = twist_about_second(q, spin, 0.5 * tau, asymmetry)

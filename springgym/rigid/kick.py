@@ -1,4 +1,4 @@
-"""Let gravity and actuators change the momenta of a rigid body."""
+"""Changes of a rigid body's momenta by gravity and actuators."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ def weight(q: Vector, tau: Number, gravity: Numbers, solid: Solid) -> Any:
 def kick(
     state: State, tau: Number, ledger: Ledger, solid: Solid, wrench: Wrench | None, thrust: Thrust | None
 ) -> Any:
-    """Let gravity and actuators act for ``tau`` seconds; the actuators' exact work goes to the ledger.
+    """Apply gravity and actuators for ``tau`` seconds; the actuators' exact work goes to the ledger.
 
-    It is the mean of the velocity before and after, times what they push.
+    The work is the product of their impulse with the mean of the velocities before and after.
     """
     q, spin, position, velocity = state
     rigid, total = solid.rigid, solid.total

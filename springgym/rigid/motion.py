@@ -1,12 +1,12 @@
-"""The motion of a rigid body, seen as that of its particles.
+"""The motion of a rigid body, represented by its particles.
 
-A kernel reads position, orientation and momenta off the particles, moves the one rigid body, and sets
-the particles to it; nothing else is kept, so whatever reads particles reads a rigid body too.
+A kernel reads position, orientation and momenta off the particles, moves the rigid body, and sets the
+particles accordingly. No other state is stored, so that code which reads particles reads rigid bodies, too.
 
 The step is a symmetric splitting: kick h/2, flight h, kick h/2. Kicks change the momenta by gravity and
 actuators (`springgym.rigid.kick`), flights are free (`springgym.rigid.flight`). Where there are surfaces it
-is flight h/2, node, flight h/2 (`springgym.rigid.node`), which bodies that collide take together.
-Higher orders compose such steps (`springgym.rigid.METHODS`).
+is flight h/2, node, flight h/2 (`springgym.rigid.node`), which all colliding bodies pass together. Higher
+orders compose such steps (`springgym.rigid.METHODS`).
 
 Source: Hairer, Lubich & Wanner, Geometric Numerical Integration, sec. V.3 and VII.5.
 """
@@ -37,7 +37,7 @@ from springgym.terms import Terms
 
 @compiled
 def move(phase: Phase, h: Number, steps: int, twin: Twin) -> None:
-    """Take the particles of one block through ``steps`` steps; none only makes them rigid."""
+    """Advance the particles of one block by ``steps`` steps; 0 steps only make them rigid."""
     x, v, _ = phase
     rigid, asymmetry, terms = twin
     if rigid.moves:
@@ -48,7 +48,7 @@ def move(phase: Phase, h: Number, steps: int, twin: Twin) -> None:
 
 @compiled
 def take(phase: Phase, state: State, h: Number, steps: int, solid: Solid) -> State:
-    """Take ``steps`` steps where there are no surfaces."""
+    """Return the state after ``steps`` steps without surfaces."""
     wrench, thrust, rigid = solid.terms.wrench, solid.terms.thrust, solid.rigid
     last = steps * rigid.stages.size
     before = 0.0
@@ -64,7 +64,7 @@ def take(phase: Phase, state: State, h: Number, steps: int, solid: Solid) -> Sta
 
 @compiled
 def move_each(phase: Phase, workspace: np.ndarray, h: Number, steps: int, settles: bool, twins: Twin) -> None:
-    """Take each body through all steps, by itself; none makes it rigid, if it ``settles``."""
+    """Advance bodies one by one through all steps; 0 steps make them rigid if ``settles``."""
     if settles or steps != 0:
         for body in range(bodies_of(phase.x)):
             move(of_body(phase, body), h, steps, of_body(twins, body))
@@ -72,10 +72,10 @@ def move_each(phase: Phase, workspace: np.ndarray, h: Number, steps: int, settle
 
 @compiled
 def move_together(bodies: Phase, space: Workspace, h: Number, steps: int, settles: bool, twins: Twin) -> None:
-    """Take all bodies through the steps together.
+    """Advance all bodies together, step by step.
 
-    None only makes them rigid, if it ``settles``; as many as `springgym.integrators.node.START` tell which
-    bodies of fresh copies touch.
+    0 steps only make them rigid, if ``settles``; `springgym.integrators.node.START` only finds which bodies
+    of fresh copies touch.
     """
     x, v, _ = bodies
     if steps == 0:
@@ -92,7 +92,7 @@ def move_together(bodies: Phase, space: Workspace, h: Number, steps: int, settle
 
 @compiled
 def settle(x: Rows, v: Rows, twin: Twin) -> None:
-    """Put the particles of a body onto its rigid shape; their momenta stay."""
+    """Move the particles of a body onto its rigid shape, with unchanged momenta."""
     rigid, asymmetry, terms = twin
     if rigid.moves:
         state, solid = read_state(x, v, rigid, asymmetry, terms)
@@ -101,10 +101,10 @@ def settle(x: Rows, v: Rows, twin: Twin) -> None:
 
 @cache
 def kernel_reading(read: Callable[..., None], take: Callable[..., None] = move_each) -> Callable[..., None]:
-    """As the kernels of springs; ``terms`` are `Rigid`, the asymmetry, and the scene's `Terms`.
+    """Return a kernel like those of springs; ``terms`` are `Rigid`, the asymmetry, and the scene's `Terms`.
 
-    If ``settles``, the particles are put onto the rigid shape and then ``take`` their steps, be it none;
-    else they are left as they are, and only read off.
+    If ``settles``, the particles are moved onto the rigid shape and then advanced by ``take``, by 0 steps or
+    more; else 0 steps leave them unchanged.
     """
 
     @kernel

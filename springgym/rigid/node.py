@@ -1,17 +1,17 @@
-"""The node of a step of rigid bodies: where all impulses of the step act at once, if they may touch anything.
+"""The node of a step of rigid bodies that may touch something: all impulses of the step act there at once.
 
 A body flies freely for half a step (`springgym.rigid.flight`), receives the impulses of gravity, actuators,
 surfaces, other bodies and friction, and flies freely for the other half. As for particles that springs hold
 together (`springgym.integrators.node`), an impulse p changes the kinetic energy by p · (v₋ + v₊)/2, and a
 state is that at the end of a flight.
 
-Bodies take each step together, and each begins with the particles: position, attitude and momenta are read
-off them, so that calls of any length take the same steps, to the bit. Contacts are found from the particles,
-are solved as those of springs are (`springgym.contact.solver`), and turn each body as one.
+All bodies take each step together. A step begins by reading position, attitude and momenta off the particles,
+so that results are bit-identical for calls of any length. Contacts are found from the particles, solved like
+those of springs (`springgym.contact.solver`), and turn each body as one.
 
-Flights are curved. The gaps at surfaces where a step ends are those of flights without contact at first, and
-then, in turns, of the flights that the impulses found make of them. A particle gets its impulse at the arm r
-that makes the mean velocity along n the way over the time: its work is then that of the barrier.
+Flights are curved. The gaps at surfaces at the end of a step are first those of flights without contact, and
+then, by iteration, those of flights with the current impulses. A particle gets its impulse at the arm r for
+which the mean velocity along n is the displacement over the time: its work is then that of the barrier.
 """
 
 from __future__ import annotations
@@ -44,15 +44,15 @@ from springgym.rigid.solid import Motion, Rigid, Solid, State, Twin
 from springgym.terms import Thrust, Wrench
 
 SWEEPS, FLIGHTS = 80, 40
-"""Largest number of sweeps in a turn, and of turns, which find flights and impulses from each other. If
-they do not suffice, the next step continues from their impulses."""
+"""Largest number of sweeps in an iteration, and of iterations that find flights and impulses from each other.
+If they do not suffice, the next step continues from their impulses."""
 
 AGREED = 1e-9
-"""Sweeps and turns end when none changes a gap by more than this share of Δ."""
+"""Sweeps and iterations end when one changes no gap by more than this fraction of Δ."""
 
 FEW = 4
-"""Largest number of sweeps in a turn, and of turns, with more than `MANY` bodies in a scene. The next node
-continues from their impulses (`springgym.contact.warm`). If sweeps ended at 1e-3 Δ instead, their
+"""Largest number of sweeps in an iteration, and of iterations, with more than `MANY` bodies in a scene. The
+next node continues from their impulses (`springgym.contact.warm`). If sweeps ended at 1e-3 Δ instead, their
 error would differ from node to node and shake a pile."""
 
 STILL = 1e-3
@@ -61,30 +61,30 @@ curved by less than 1e-10 Δ. The quotient of this curve and the rotation is rou
 at rest."""
 
 AXES, SPIN, POSITION, VELOCITY, CENTRE, MASS = 0, 3, 4, 5, 6, 7
-"""Rows of a body at the node: its `State` and `Solid`, with 1 over its mass behind the mass."""
+"""Rows of a body at the node: its `State` and `Solid`; the row of its mass also has 1/mass."""
 
 ROWS = 8
 
 
 class RigidNode(NamedTuple):
-    """A node of a rigid body, and what all but contact makes of it."""
+    """A rigid body at a node, and its motion after it without contact."""
 
     span: Times
-    """its time"""
+    """the times of the node"""
     state: State
-    """with which it is reached"""
+    """the state at the node"""
     axes: Block
-    """the principal axes there, in world coordinates"""
+    """the principal axes at the node, in world coordinates"""
     before: Motion
-    """the motion with which it is reached"""
+    """the motion before the node"""
     rate: Motion
     """change of motion by gravity [1/s]"""
     thrown: Motion
     """change of motion by actuators"""
     free: Motion
-    """the motion after it without contact"""
+    """the motion after the node without contact"""
     falling: Vector
-    """the velocity after it without contact and actuators, in world coordinates [m/s]"""
+    """the velocity after the node without contact and actuators, in world coordinates [m/s]"""
 
 
 class Workspace(NamedTuple):
@@ -99,11 +99,11 @@ class Workspace(NamedTuple):
     here: Rows
     """(N, 3) positions at the node [m]"""
     end: Rows
-    """(N, 3) positions where it would end, with the impulses found so far [m]"""
+    """(N, 3) positions at the end of the step, with the current impulses [m]"""
     idle: Rows
     """(N, 3) workspace"""
     rows: RowSpace
-    """what contacts are computed in"""
+    """the workspace of contacts"""
 
 
 # --- A body ---------------------------------------------------------------------------------------------
@@ -117,14 +117,14 @@ def sum_of(one: Motion, scale: Number, other: Motion) -> Motion:
 
 @compiled
 def product_of(one: Motion, other: Motion, solid: Solid) -> Number:
-    """Return the product of two motions [J]: that of one with itself is twice its kinetic energy."""
+    """Return the product of two motions [J]: that of a motion with itself is twice its kinetic energy."""
     turning = dot(one[1], angular_velocity(other[1], solid.rigid))
     return solid.total * dot(one[0], other[0]) + turning
 
 
 @compiled
 def leave(node: RigidNode, given: Motion, solid: Solid) -> State:
-    """Return the state half a step later, where surfaces change the motion by ``given``."""
+    """Return the state half a step later, after contact has changed the motion by ``given``."""
     velocity = node.falling + combine(node.axes, node.thrown[0] + given[0])
     state = State(node.state.q, node.free[1] + given[1], node.state.position, velocity)
     return fly(state, node.span.out, solid.rigid, solid.asymmetry)
@@ -134,7 +134,7 @@ def leave(node: RigidNode, given: Motion, solid: Solid) -> State:
 def inverse_inertia(axes: Block, rigid: Rigid) -> tuple[Vector, Vector]:
     """Return I⁻¹ in world coordinates, given the principal axes: xx, yy, zz; xy, xz, yz.
 
-    It is 0 of what cannot turn.
+    It is 0 for a body that cannot turn.
     """
     zero = 0.0 * axes[0][0]
     diagonal, across = vec(zero, zero, zero), vec(zero, zero, zero)
@@ -166,7 +166,7 @@ def thrown_by(b: Rows, tau: Number, solid: Solid, wrench: Wrench | None, thrust:
 
 @compiled
 def reach_node(state: State, span: Times, b: Rows, solid: Solid) -> RigidNode:
-    """Return a node; ``b`` is of `set_loads`."""
+    """Return the node of a body; ``b`` is set by `set_loads`."""
     axes = turned(solid.axes, state.q)
     before = (components(axes, state.velocity), state.spin)
     twist, push = weight(state.q, 1.0, solid.terms.gravity, solid)
@@ -179,7 +179,7 @@ def reach_node(state: State, span: Times, b: Rows, solid: Solid) -> RigidNode:
 
 @compiled
 def keep_state(state: State, solid: Solid, rows: Rows) -> None:
-    """Keep where a body is at the node and how it moves."""
+    """Store the state and the `Solid` of a body at the node."""
     axes = turned(solid.axes, state.q)
     for n in range(3):
         set_row(rows, AXES + n, axes[n])
@@ -192,7 +192,7 @@ def keep_state(state: State, solid: Solid, rows: Rows) -> None:
 
 @compiled
 def kept_state(rows: Rows, twin: Twin) -> tuple[State, Solid]:
-    """Return the `State` of a body at the node, and its `Solid`; ``twin`` is what kernels take of a body."""
+    """Return the stored `State` of a body at the node, and its `Solid`."""
     rigid, asymmetry, terms = twin
     mass = row(rows, MASS)
     zero = 0.0 * mass[0]
@@ -211,7 +211,7 @@ def node_of(body: int, span: Times, space: Workspace, twin: Twin) -> tuple[Rigid
 
 @compiled
 def reach(body: int, bodies: Phase, span: Times, space: Workspace, twin: Twin) -> None:
-    """Fly a body to the node, and find what all but contact gives it there."""
+    """Fly a body to the node, and compute its motion after it without contact."""
     x, v, _ = of_body(bodies, body)
     rigid, asymmetry, terms = twin
     rows, kept, b = space.rows, space.bodies[body], space.loads[body]
@@ -254,7 +254,7 @@ def reach(body: int, bodies: Phase, span: Times, space: Workspace, twin: Twin) -
 
 @compiled
 def set_turn(body: int, late: int, axes: Block, space: Workspace, rigid: Rigid) -> None:
-    """Set I⁻¹ of a body at the node, or where the step would end."""
+    """Set I⁻¹ of a body at the node or, if ``late`` is 1, at the end of the step."""
     turning = space.rows.contacts.turning
     diagonal, across = inverse_inertia(axes, rigid)
     n = 2 * (body + late * turning.turns.size)
@@ -264,7 +264,7 @@ def set_turn(body: int, late: int, axes: Block, space: Workspace, rigid: Rigid) 
 
 @compiled
 def change_by_contact(body: int, node: RigidNode, space: Workspace) -> Motion:
-    """Return the change of a body's motion by contact, as far as it is found."""
+    """Return the change of a body's motion by the current impulses of contact."""
     rows, n = space.rows, 2 * body
     faster = row(rows.velocity, n) - row(rows.free, n)
     return components(node.axes, faster), components(
@@ -274,7 +274,7 @@ def change_by_contact(body: int, node: RigidNode, space: Workspace) -> Motion:
 
 @compiled
 def fly_on(body: int, bodies: Phase, span: Times, space: Workspace, twin: Twin) -> None:
-    """Find where a body's flight would end, with the impulses found so far."""
+    """Compute the end of a body's flight with the current impulses."""
     if twin[0].moves:
         node, solid = node_of(body, span, space, twin)
         end = leave(node, change_by_contact(body, node, space), solid)
@@ -288,7 +288,7 @@ def fly_on(body: int, bodies: Phase, span: Times, space: Workspace, twin: Twin) 
 
 @compiled
 def grounded(body: int, bodies: Phase, space: Workspace, twins: Twin) -> Grounded:
-    """Return a body as surfaces see it."""
+    """Return a body in the form that `find_ground` takes."""
     terms, first = of_body(twins, body)[2], first_row(bodies.x, body)
     behind = first + terms.particles.mass.size
     begin, end = Way(space.begin[first:behind], None, 0.0), Way(space.end[first:behind], None, 0.0)
@@ -315,7 +315,7 @@ def find_below(
 
 @compiled
 def pass_together(phase: Phase, span: Times, goes: bool, space: Workspace, twins: Twin) -> None:
-    """Take all bodies through a step together; or, if it does not go on, tell which of fresh copies touch."""
+    """Advance all bodies by a step; unless ``goes``, only find which bodies of fresh copies touch."""
     x, v, _ = phase
     terms, rows, count = twins[2], space.rows, bodies_of(x)
     collisions, contacts, places, speeds = terms.collisions, rows.contacts, all_rows(x), all_rows(v)
@@ -352,7 +352,7 @@ def pass_together(phase: Phase, span: Times, goes: bool, space: Workspace, twins
 def find_impulses(
     phase: Phase, among: int, problem: Problem, space: Workspace, twins: Twin, surfaces: Surfaces | None
 ) -> None:
-    """Find all impulses, in turns with the flights that they make, where there are surfaces."""
+    """Find all impulses; at surfaces, iterate them with the flights that follow from them."""
     contacts, span = space.rows.contacts, problem.span
     going = 1.0 + 0.0 * span.out
     enough = AGREED + 64 * epsilon(going)
@@ -375,10 +375,10 @@ def find_impulses(
 
 @compiled
 def look_ahead(k: int, going: Mask, ahead: Number, v: Rows, problem: Problem) -> Number:
-    """Take the gap of contact k with a surface from where a flight would end now, in copies ``going``.
+    """Set the gap of contact k with a surface to ``ahead``, where flights now end, in copies ``going``.
 
-    Its arm is moved to where the mean velocity makes the same way. Returns by how much that changes the gap,
-    over Δ, where the contact pushes.
+    Its arm is moved to where the mean velocity gives the same displacement. Return the change of the gap,
+    over Δ, where the contact has an impulse.
     """
     contacts, span, turning = problem.contacts, problem.span, problem.contacts.turning
     body, n, arm = contacts.body[2 * k], row(contacts.normal, k), row(contacts.arm, 4 * k)
@@ -406,7 +406,7 @@ def look_ahead(k: int, going: Mask, ahead: Number, v: Rows, problem: Problem) ->
 
 @compiled
 def leave_node(body: int, bodies: Phase, span: Times, space: Workspace, twin: Twin) -> None:
-    """Fly a body on to the end of the step, and enter the actuators' work and what it lost in contact."""
+    """Fly a body on to the end of the step, and record the actuators' work and the losses in contact."""
     x, v, ledger = of_body(bodies, body)
     if twin[0].moves:
         node, solid = node_of(body, span, space, twin)

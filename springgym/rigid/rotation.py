@@ -1,4 +1,4 @@
-"""Rotations of lanes: unit quaternions (w, x, y, z), which turn body into world coordinates."""
+"""Rotations as unit quaternions (w, x, y, z) of lanes, which turn body into world coordinates."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ PI_LOW = 1.5099579909783765e-07
 
 @compiled
 def sine_cosine(angle: Number) -> tuple[Number, Number]:
-    """(sin, cos), or both negated: the half turns that are left out make no difference to a rotation.
+    """Return (sin, cos), or both negated: both signs of a quaternion are the same rotation.
 
-    Reduced to |angle| ≤ π/2, by Taylor's series at half of it and the formulas for the double angle.
+    The angle is reduced to |angle| ≤ π/2, with Taylor series at half of it and double-angle formulas.
     """
     turns = nearest(angle * 0.3183098861837907)
     half = 0.5 * ((angle - turns * PI_HIGH) - turns * PI_LOW)

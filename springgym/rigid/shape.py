@@ -13,19 +13,19 @@ from springgym.scene import Scene
 from springgym.surfaces import PaperContact
 
 ROUND_OFF = 1e-12
-"""Moments closer than this share of them are taken as equal."""
+"""Relative difference below which moments are taken as equal."""
 
 NEVER = 1e30
-"""Moment of what does not turn [kg·m²]: of a single particle, and of a body that is pinned altogether."""
+"""Moment of a body that does not turn [kg·m²]: a single particle, or a body that is all pinned."""
 
 
 class Shape(NamedTuple):
-    """The principal axes and moments of inertia that mass distribution and pin give a body."""
+    """The principal axes and moments of inertia of a body about its pin or centre of mass."""
 
     positions: np.ndarray
     """(N, 3) particles in principal axes, from the pin if there is one, else from the centre of mass [m]"""
     moments: np.ndarray
-    """(3,) about that point [kg·m²]. The first two are those that are closest to each other, as 1/I."""
+    """(3,) about that point [kg·m²]. The first two are those whose 1/I are closest to each other."""
 
     def triad(self, markers: tuple[int, int, int]) -> np.ndarray:
         """Return the body's triad in principal axes, as the rows of a matrix (3, 3)."""
@@ -35,7 +35,7 @@ class Shape(NamedTuple):
 
 
 def turns(scene: Scene) -> bool:
-    """Tell whether a scene's body can do more than to move along."""
+    """Return whether a scene's body can rotate."""
     return len(scene.body.masses) > 1 and bool(scene.free.any())
 
 
@@ -52,7 +52,7 @@ def principal_shape(scene: Scene, masses: np.ndarray | None = None) -> Shape:
     Raises
     ------
     ValueError
-        If rounding leaves a principal moment nothing.
+        If a principal moment is zero to rounding.
     """
     body = scene.body if masses is None else scene.body.with_(masses=masses)
     if not turns(scene):
@@ -74,7 +74,7 @@ def principal_shape(scene: Scene, masses: np.ndarray | None = None) -> Shape:
 
 
 def settled(scene: Scene, positions: np.ndarray, masses: np.ndarray, copies: np.ndarray) -> np.ndarray:
-    """Return the positions of particles after they are put onto the rigid shape by the body's markers.
+    """Return the positions (k, N, 3) of particles moved onto the rigid shape by the body's markers [m].
 
     Parameters
     ----------
@@ -85,12 +85,12 @@ def settled(scene: Scene, positions: np.ndarray, masses: np.ndarray, copies: np.
     masses : (k, N)
         [kg]
     copies : (k,)
-        What errors call the copies.
+        The numbers of the copies, for error messages.
 
     Raises
     ------
     ValueError
-        If the markers tell no orientation.
+        If the markers define no orientation.
     """
     if not turns(scene):
         return positions
@@ -123,18 +123,18 @@ UNDERSTOOD = {
     *("body", "positions", "velocities", "pinned", "gravity"),
     *("wrench", "thrust", "drive", "surfaces", "contact", "bodies", "collisions"),
 }
-"""Fields of a scene that rigid dynamics takes notice of."""
+"""Fields of a scene that rigid dynamics uses."""
 
 
 def check_rigid(scene: Scene, method: Integrator) -> None:
-    """Refuse a scene that has no rigid twin.
+    """Raise ValueError if a scene has no rigid twin.
 
     Raises
     ------
     ValueError
-        With the reason: a body that moves and is floppy, has its particles on one line or several pinned but
-        not all; a drive; surfaces or collisions with a method that steps back in time, surfaces with the
-        paper's contact; or what rigid dynamics knows nothing of.
+        With the reason: a moving body that is floppy, has its particles on one line, or has several but not
+        all pinned; a drive; surfaces or collisions with a method that steps back in time; surfaces with the
+        paper's contact; or a field that rigid dynamics does not support.
     """
     if scene.meetings and not method.meets_bodies:
         raise ValueError(
@@ -147,7 +147,7 @@ def check_rigid(scene: Scene, method: Integrator) -> None:
 
 
 def _check_body(scene: Scene) -> None:
-    """Refuse a body that moves and would not hold its shape, or has no inertia or orientation."""
+    """Raise ValueError for a moving body that does not hold its shape, or has no inertia or orientation."""
     body = scene.body
     if not scene.free.any():
         return
@@ -173,7 +173,7 @@ def _check_body(scene: Scene) -> None:
 
 
 def _check_rest(scene: Scene, method: Integrator) -> None:
-    """Refuse what a rigid body does not take, or a method makes no sense with."""
+    """Raise ValueError for fields of a scene that a rigid body, or the method, does not support."""
     if scene.drive:
         raise ValueError("a rigid body takes no drive: the pin that it turns about must stay at rest")
     if scene.surfaces:
@@ -190,22 +190,22 @@ def _check_rest(scene: Scene, method: Integrator) -> None:
 
 
 def _rank(positions: np.ndarray) -> int:
-    """0, 1 or 2 for particles in one point, on one line, or neither."""
+    """Return 0, 1 or 2 for particles in one point, on one line, or neither."""
     arms = positions - positions.mean(axis=0)
     return int(np.linalg.matrix_rank(arms, tol=1e-9 * np.abs(arms).max(initial=1e-300)))
 
 
 def highest_rate(scene: Scene) -> float:
-    """Return the fastest rate [rad/s] at which the start of a scene lets its rigid body change.
+    """Return the fastest rate [rad/s] of a scene's rigid bodies, from its start.
 
-    The larger of the angular speed that it starts with and √(M g d / I), I the smallest moment about the
-    pin, d the distance of the centre of mass from it.
+    It is the larger of the initial angular speed and √(M g d / I), with I the smallest moment about the pin,
+    and d the distance of the centre of mass from it.
     """
     return max(max(map(_spin, scene.parts)), swing_rate(scene))
 
 
 def _spin(part: Scene) -> float:
-    """Angular speed [rad/s] of the rigid body with the angular momentum of the start."""
+    """Return the initial angular speed [rad/s] of the rigid body with the same angular momentum."""
     if not turns(part):
         return 0.0
     body = part.body.with_(positions=part.positions)

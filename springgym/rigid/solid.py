@@ -1,4 +1,4 @@
-"""The records of a rigid body: what it is, where it is, and how it moves."""
+"""The records of a rigid body: its properties, its state and its motion."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class State(NamedTuple):
     """The state of a rigid body: where it is and how it moves."""
 
     q: Vector
-    """the orientation, from where the body began"""
+    """the rotation from the body's orientation when the call began"""
     spin: Vector
     """angular momentum about the body's point, in body coordinates [kg·m²/s]"""
     position: Vector
@@ -28,7 +28,7 @@ class State(NamedTuple):
 
 
 class Rigid(NamedTuple):
-    """The rigid body, as its kernel takes it."""
+    """The rigid body in the form of its kernel."""
 
     shape: np.ndarray
     """(N, 3) particles in principal axes, from the pin or the centre of mass [m]"""
@@ -43,13 +43,13 @@ class Rigid(NamedTuple):
     moves: bool
     """whether any particle is free"""
     turns: bool
-    """whether it does more than to move along: not so of a single particle"""
+    """whether it can rotate: False for a single particle"""
     stages: np.ndarray
-    """(stages,) the composition: shares of the step that its second-order steps take"""
+    """(stages,) the composition: lengths of its second-order steps as fractions of the step"""
 
 
 class Solid(NamedTuple):
-    """A body in a call, as its steps take it."""
+    """A body during a call, in the form of its steps."""
 
     rigid: Rigid
     asymmetry: Numbers
@@ -57,14 +57,14 @@ class Solid(NamedTuple):
     axes: Block
     """the principal axes in world coordinates where `State.q` is the identity"""
     centre: Vector
-    """of mass, in body coordinates [m]"""
+    """the centre of mass in body coordinates [m]"""
     total: Number
     """mass [kg]"""
     lightness: Number
-    """1/mass [1/kg], or 0 of a pinned body"""
+    """1/mass [1/kg]; 0 for a pinned body"""
     terms: Terms
     """the forces, surfaces and actuators of the body"""
 
 
 Twin: TypeAlias = "tuple[Rigid, Numbers, Terms]"
-"""What kernels take of a rigid body: itself, as `Solid` has it its asymmetry, and what acts on it."""
+"""A rigid body for kernels: its `Rigid`, its asymmetry as in `Solid`, and the terms that act on it."""

@@ -1,6 +1,6 @@
-"""Scenes as text files: those of the paper, and yours.
+"""Scenes as text files: those of the paper, and user-defined ones.
 
-What reads them is imported when it is first used: films and plots of a scene made in Python do not need it.
+The reader is imported on first use: films and plots of scenes made in Python do not need it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Films of recordings: the look of each body, and the camera."""
+"""Films of recordings: the appearance of each body, and the camera."""
 
 from __future__ import annotations
 
@@ -29,29 +29,29 @@ FPS = 50.0
 GIF_FPS = 25.0
 """Frames per second of a GIF: browsers show GIFs with many more at the wrong speed."""
 TURN_A_FRAME = 1.05
-"""[rad] The eye cannot follow a body that turns by more from frame to frame."""
+"""Largest rotation of a body between frames that the eye can follow [rad]."""
 FAR = 8.0
-"""Bodies that go farther than so many times their size are followed by the camera."""
+"""Largest path of a body, in units of its size, that the camera does not follow."""
 BALLS = (BLUE, ORANGE, TEAL, AMBER, GREEN)
-"""Colours of round bodies in turn."""
+"""Colours of round bodies, used cyclically."""
 ROWS, COLUMNS = 10, 24
-"""Facets of what is round, from pole to pole and around."""
+"""Number of facets of round bodies, from pole to pole and around."""
 
 POLAR = np.pi * np.arange(1, ROWS) / ROWS
 BALL = np.sin(POLAR), np.cos(POLAR)
 COIN = np.array([0.9999, 1.0, 1.0, 0.9999]), np.array([1.0, 0.99, -0.99, -1.0])
 PILL = np.insert(np.sin(POLAR), [4, 5], 1.0), np.insert(np.cos(POLAR), [4, 5], [1e-9, -1e-9])
-"""Radii and heights of the rings of a ball, of a coin that is to be pressed flat, and of a capsule, whose
-halves are to be moved apart."""
+"""Radii and heights of the rings of a ball, of a coin before it is flattened, and of a capsule before its
+halves are moved apart."""
 FLAT = 1e-4
-"""Share of the largest squared semi-axis below which the least is that of a disk."""
+"""Ratio of the least to the largest squared semi-axis below which a feature is a disk."""
 THIN = 0.02
-"""Half of the thickness of a flat round feature as it is drawn, as a share of its radius."""
+"""Half of the drawn thickness of a flat round feature, as a fraction of its radius."""
 UNEVEN, CAP = 0.1, 0.75
-"""A ball whose centre of mass is off its centre by more than this share of its radius has a dark cap on its
-light end, within the angle of this cosine."""
+"""A ball whose centre of mass is off its centre by more than the first fraction of its radius has a dark cap
+on its lighter end, within the angle whose cosine is the second."""
 CALM = 0.5
-"""Seconds over which the camera's way is smoothed."""
+"""Time over which the camera's path is smoothed [s]."""
 
 
 def save_film(
@@ -65,9 +65,9 @@ def save_film(
     Parameters
     ----------
     speed
-        Seconds of the motion per second of the film, instead of that speed.
+        Simulated seconds per second of the film, instead of that speed.
     progress
-        A function that wraps the iterator over pictures, to show progress.
+        A function that wraps the iterator over frames, to show progress.
 
     Raises
     ------
@@ -109,12 +109,12 @@ def strains(drawn: Look, lengths: np.ndarray, positions: np.ndarray) -> np.ndarr
 
 
 def strain_scale(strain: np.ndarray) -> float:
-    """Return the strain of the full colour: 1, 2 or 5 times a power of ten, which hardly any exceeds."""
+    """Return the strain of full colour: 1, 2 or 5 times a power of ten, which hardly any strain exceeds."""
     return round_up(float(np.percentile(np.abs(strain), 99.5))) if strain.size else 1.0
 
 
 def round_up(value: float) -> float:
-    """Return the nearest of 1, 2 or 5 times a power of ten that is not below; 1 unless it is positive."""
+    """Return the least 1, 2 or 5 times a power of ten that is not below; 1 unless it is positive."""
     if not value > 0:
         return 1.0
     power = 10.0 ** np.floor(np.log10(value))
@@ -141,9 +141,9 @@ def turning(scene: Scene, bodies: Sequence[Measures]) -> float:
 
 
 def camera(recording: Recording, size: tuple[int, int] = SIZE, moments: Sequence[int] = ()) -> Camera:
-    """Return a camera that sees the whole motion or, if the body goes far, all of the body at some moments.
+    """Return a camera that shows all of the motion or, if the body goes far, the body at some ``moments``.
 
-    Without ``moments`` that is at its start, and the camera is to move along `way`.
+    Without ``moments``, it shows the body at its start, and has to move along `way`.
     """
     x, view, scene = recording.positions, recording.plan.view, recording.plan.scene
     along = way(recording)
@@ -193,10 +193,10 @@ def strobe(
 
 
 def poses(recording: Recording, spacing: float = 0.9, most: int = 10, last: int | None = None) -> list[int]:
-    """Return moments at which the body has moved by ``spacing`` times its size, including the last moment.
+    """Return indices of times at which poses are ``spacing`` sizes apart or more, and that of the last one.
 
-    Poses at equal times would overlap where the body is slow, or where it returns. The spacing is larger if
-    there were more than ``most`` poses otherwise.
+    Poses at equal intervals would overlap where the body is slow, or where it returns. The spacing is
+    increased if there would be more than ``most`` poses.
     """
     x, centre = recording.positions, recording.measures.centre
     end = len(x) - 1 if last is None else last
@@ -224,7 +224,7 @@ def scenery(recording: Recording) -> Scenery:
     if scene.surfaces or not scene.pins:
         plumb = None
         if any(abs(s.normal[2]) < 0.999 for s in scene.surfaces if isinstance(s, Plane)):
-            size = float(np.ptp(x[0], axis=0).max())  # a slope is seen beside what is upright
+            size = float(np.ptp(x[0], axis=0).max())  # a slope is shown beside an upright
             plumb = (tuple(x[0].mean(axis=0)), 1.2 * size)
         return replace(surfaces(scene), vertical=plumb)
     pin, low = x[0, scene.pins[0]], float(x[..., 2].min())
@@ -298,7 +298,7 @@ def _balls(body: Body, size: float) -> dict[str, Any]:
 
 
 def _round(body: Body, size: float, color: Color) -> dict[str, Any]:
-    """Draw a body as thick as others meet it."""
+    """Draw a body with the radius that it has in contacts."""
     return {
         "bars": body.springs,
         "bar_radius": body.radius,
@@ -320,7 +320,7 @@ def _rolling(body: Body, size: float, color: Color) -> dict[str, Any]:
         light = centre - body.masses @ body.positions / body.masses.sum()
         off = float(np.linalg.norm(light)) / feature.extent
         capped = UNEVEN < off < 1 and np.ptp(squares) < FLAT * squares[2]
-        if capped or capsule:  # any axes are those of a sphere
+        if capped or capsule:  # any axes are principal axes of a sphere
             along = half if capsule else light
             axes, _ = np.linalg.qr(np.column_stack([along, axes]))
             axes[:, 0] = along / np.linalg.norm(along)
@@ -413,7 +413,7 @@ def _rope(body: Body, size: float) -> dict[str, Any]:
 
 
 def _face_colors(body: Body) -> np.ndarray:
-    """Choose one colour for each flat face, and the same for faces of opposite direction."""
+    """Return one colour for each flat face, the same for faces of opposite directions."""
     a, b, c = body.positions[body.triangles].transpose(1, 0, 2)
     normals = np.cross(b - a, c - a)
     normals = normals / np.linalg.norm(normals, axis=1)[:, None]

@@ -1,4 +1,4 @@
-"""Quantities over time that are worth a graph, with their colours: figures and the viewer draw the same."""
+"""Quantities over time, with their colours, for the graphs of figures and of the viewer."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ PREFIXES = (("k", 1e-3), ("", 1.0), ("m", 1e3), ("µ", 1e6), ("n", 1e9))
 
 
 class Curve(NamedTuple):
-    """A quantity over time, as a graph draws it."""
+    """A quantity over time, with the style of its graph."""
 
     values: np.ndarray
     """(T,)"""
     color: Color
 
     def at(self, n: int, share: float) -> float:
-        """Return the value a share of the way from time ``n`` to the next, see `Motion.at`."""
+        """Return the value at a fraction ``share`` from time ``n`` to the next, see `Motion.at`."""
         return float(self.values[n] + share * (self.values[n + 1] - self.values[n]))
 
 
 def scaled(unit: str, *values: np.ndarray) -> tuple[str, float]:
-    """Return a unit with the prefix that suits values, and the factor that goes with it."""
+    """Return a unit with the prefix that suits some values, and the factor of the prefix."""
     largest = max(float(np.abs(v).max()) for v in values)
     if (unit.startswith("m") and largest >= 0.02) or 0.05 <= largest < 3000 or not largest:
         return unit, 1.0
@@ -37,9 +37,9 @@ def scaled(unit: str, *values: np.ndarray) -> tuple[str, float]:
 
 
 def graphs(m: Measures, scene: Scene) -> dict[str, dict[str, Curve]]:
-    """Return energies, and what else is worth a graph, from measures of shape (T,) and (T, 3).
+    """Return the graphs of energies and other quantities, from measures of shape (T,) and (T, 3).
 
-    The energies of gravity and of the springs count from their least.
+    The energies of gravity and of the springs are relative to their least values.
     """
     lost = m.damping_loss + m.contact_loss + m.friction_loss
     parts = {
@@ -52,7 +52,7 @@ def graphs(m: Measures, scene: Scene) -> dict[str, dict[str, Curve]]:
     total = np.sum([curve.values for curve in parts.values()], axis=0)
     name, scale = "energy", float(np.abs(total).max())
     moved = max(float(np.ptp(curve.values)) for curve in parts.values())
-    if moved < 0.25 * scale:  # beside what stays, what moves would be flat
+    if moved < 0.25 * scale:  # beside constant curves, the changes would be invisible
         name, scale = "energy moved", moved
         parts = {part: Curve(curve.values - curve.values[0], curve.color) for part, curve in parts.items()}
         total = total - total[0]
@@ -75,5 +75,5 @@ def graphs(m: Measures, scene: Scene) -> dict[str, dict[str, Curve]]:
 
 
 def turns(scene: Scene) -> bool:
-    """Return whether it is one body that holds its shape, so that tilt and spin mean something."""
+    """Return whether a scene has one body that holds its shape, so that tilt and spin are defined."""
     return len(scene.bodies) == 1 and not scene.body.floppy and len(scene.body.springs) > 0

@@ -1,4 +1,4 @@
-"""The contents of a scene file: what is simulated, for how long, and how it is shown."""
+"""The contents of a scene file: the scene, the settings of its simulation, and its pictures."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ OF_ONE_BODY = ("top", "rope", "ringing")
 """Names of the plots that can only show a scene of one body."""
 
 LEAST = {"duration": 1e-6, "interval": 1e-6, "step": 1e-9}
-"""Least times of a run [s]: in shorter runs, nothing moves that a plot or a film could show."""
+"""Least times of a run [s]: in shorter ones, no motion would be visible in a plot or a film."""
 
 
 SPEEDS = (1 / 64, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0, 2.0, 4.0, 8.0)
-"""Speeds of films: seconds of the motion per second of the film."""
+"""Speeds of films: simulated seconds per second of the film."""
 
 
 class View(NamedTuple):
@@ -42,7 +42,7 @@ class Plan:
 
     name: str
     title: str
-    """description of the scene in a line"""
+    """description of the scene in one line"""
     scene: Scene
     paper: PaperContact
     """the contact of the paper's method, if the file chooses that method"""
@@ -54,7 +54,7 @@ class Plan:
     """time between recorded states [s]"""
     integrator: str
     step: float | None
-    """[s], chosen from the stability limit if None"""
+    """time step [s], chosen from the stability limit if None"""
     trace: int | None
     """the particle whose path is drawn"""
     plot: Plot
@@ -64,4 +64,4 @@ class Plan:
     contacts: bool = False
     """whether contacts are recorded, as a check needs them"""
     parts: tuple[Plan, ...] = ()
-    """for several bodies, the checks of each by itself; ``checks`` concern all together"""
+    """for several bodies, the plan with the checks of each; ``checks`` are those of all together"""

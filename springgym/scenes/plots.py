@@ -1,6 +1,6 @@
-"""The figure a person would want of a recording: one kind a scene file can ask for by name. Needs matplotlib.
+"""Figures of recordings, of the kinds that scene files name. Needs matplotlib.
 
-Each has a picture of the body, drawn as in films, beside graphs. A colour means the same in all of them:
+Each has a picture of the body, drawn as in films, beside graphs. Colours have the same meaning in all:
 
 ======  ==========================================
 orange  the traced particle
@@ -42,7 +42,7 @@ TURNING = ("#b58bd6", "#8048a0", "#4a1f66")
 OF_BODIES = ("#2b5c96", "#e45e2c", "#22966a", "#8048a0", "#d39b2a", "#3e929e", "#be323c", "#8b98a9")
 DASHES = (0, (4, 3))
 SMALL = 12.0
-"""The smallest text [pt]: 11 pixels where a page shows a figure of 11 inches 736 pixels wide."""
+"""Size of the smallest text [pt]: 11 pixels in a figure of 11 inches shown 736 pixels wide."""
 STYLE: dict[Any, Any] = {
     "font.size": SMALL,
     "axes.titlesize": SMALL,
@@ -60,7 +60,7 @@ STYLE: dict[Any, Any] = {
 }
 DPI = 130
 FINER = 1.5
-"""Pixels of a body's picture to a pixel of the figure."""
+"""Pixels of a body's picture per pixel of the figure."""
 
 
 def draw(recording: Recording) -> Figure:
@@ -174,7 +174,7 @@ def _panel(figure: Figure, place: SubplotSpec, title: str, across: str, up: str,
     axes = figure.add_subplot(place, **options)
     axes.set(title=title, xlabel=across, ylabel=up)
     if across in ("", "t [s]"):
-        axes.margins(x=0)  # of what is drawn in time
+        axes.margins(x=0)  # of time series
     return axes
 
 
@@ -336,7 +336,7 @@ def slide(recording: Recording, figure: Figure) -> None:
     """Draw the body at some moments; way and speed of its centre of mass; the energies."""
     t, m = recording.times, recording.measures
     way = np.linalg.norm(m.centre - m.centre[0], axis=1)
-    # by the way it makes: where friction holds it, half a step's pull is left in its velocity
+    # from its displacement: where friction holds it, the velocity has the pull of half a step
     speed = np.linalg.norm(np.gradient(m.centre, t, axis=0), axis=1)
     grid = figure.add_gridspec(3, 2, width_ratios=(1, 1.05))
     _picture(recording, figure, grid[:, 0], (5.0, 5.2), film.poses(recording, 1.1, 8), "")
@@ -368,8 +368,8 @@ def rotation(recording: Recording, figure: Figure) -> None:
 
 
 def bodies(recording: Recording, figure: Figure) -> None:
-    """Draw the bodies at the end; in time, the heights of their centres of mass, their rates of rotation, the
-    energies and, if they collide, what they gave each other.
+    """Draw the bodies at the end; over time, the heights of their centres of mass, their rates of rotation,
+    the energies and, if they collide, the impulses between them.
     """
     t, scene, met = recording.times, recording.plan.scene, recording.plan.scene.meetings
     grid = figure.add_gridspec(4 if met else 3, 2, width_ratios=(1, 1.05))
@@ -382,7 +382,7 @@ def bodies(recording: Recording, figure: Figure) -> None:
             turning.plot(t, np.linalg.norm(m.angular_velocity, axis=1), color=color)
     for axes in (high, turning):
         low, top = axes.get_ylim()
-        if top - low < 0.02 * abs(top):  # what stays is shown as staying
+        if top - low < 0.02 * abs(top):  # almost constant values are shown as constant
             axes.set_ylim(0, 1.15 * top)
     if len(scene.bodies) <= len(OF_BODIES):
         _legend(high)
@@ -399,7 +399,7 @@ def bodies(recording: Recording, figure: Figure) -> None:
 def ringing(recording: Recording, figure: Figure) -> None:
     """Draw a chord of the body, from the traced particle to the farthest one, in time; the energies.
 
-    For a solid, a dashed line shows what its loss factor η leaves of the first swing: e^(−η ω₁ t/2).
+    For a solid, a dashed line shows the decay of the first swing by its loss factor η: e^(−η ω₁ t/2).
     """
     plan, x, t = recording.plan, recording.positions, recording.times
     body, first = plan.scene.body, plan.trace or 0

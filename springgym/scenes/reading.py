@@ -181,7 +181,7 @@ def _known_checks(tree: Tree, path: tuple[str, ...], checks: Sequence[str]) -> N
 
 
 def _traced(tree: Tree, scene: Scene, trace: str | int | None) -> int | None:
-    """Return the particle whose path is drawn; of several bodies it is named "body.part"."""
+    """Return the particle whose path is drawn; with several bodies, its name is "body.part"."""
     if trace is None:
         return None
     number, part = 0, trace
@@ -214,7 +214,7 @@ def _bodies(
     pinned: Sequence[str | int],
     start: object,
 ) -> list[_Standing]:
-    """Read the one body of a file, or several by their names."""
+    """Read the single body of a file, or several with their names."""
     if bodies is None:
         if body is None:
             raise YamlError(f"{tree.where[()]}: the file lacks body")
@@ -298,7 +298,7 @@ MADE = (
 
 KINDS: dict[str, Callable[..., Body]] = {name: getattr(makers, name) for name in MADE.split()}
 KINDS |= {"points": from_points, "mesh": from_mesh, "net": _net}
-"""Functions that make bodies, by their names in scene files; ``union`` is handled apart."""
+"""Functions that make bodies, by their names in scene files, except ``union``."""
 
 
 def _body(tree: Tree, path: tuple[str, ...]) -> Body:
@@ -378,8 +378,8 @@ def _met(file: Tree, paper_damping: float = 0.0) -> tuple[Contact, PaperContact]
 
 
 def _collisions(tree: Tree) -> Collisions:
-    """Return the bodies that collide: "all", "none", how all do, or a list of pairs, each with or without a
-    ``contact``."""
+    """Return the collisions of a file: "all", "none", a contact for all pairs, or a list of pairs, each with
+    or without a ``contact``."""
     given = tree.value.get("collisions", ALL)
     if given is None or given == "none":
         return None
@@ -429,12 +429,12 @@ def _started(
     kick: Mapping[str, Vector] | None = None,
     stretched: bool = True,
 ) -> _Begun:
-    """Arguments of `springgym.bodies.start`; "slow" and "fast" are the steady precessions of a heavy top.
+    """Return a body's start, by `springgym.bodies.start`; the precession may be "slow" or "fast".
 
-    ``height`` [m] is that of the lowest particle above the first surface, a plane (or above z = 0), to
-    which the body is moved; at "rest" the lowest particles share the weight. ``end`` is where the end of
-    a rope is held before, the rope hanging between. ``kick`` gives parts or particles a further velocity
-    [m/s].
+    These are the steady precessions of a heavy top. The body is moved so that its lowest particle is at
+    ``height`` [m] above the first surface, a plane (or above z = 0); at "rest" the lowest particles share the
+    weight. ``end`` is where the end of a rope is held at first, with the rope hanging between. ``kick`` adds
+    velocities [m/s] to parts or particles.
     """
     if isinstance(precession, str):
         roots = steady_precession(heavy_top(body, pinned, gravity), tilt or 0.0, spin)

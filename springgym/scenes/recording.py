@@ -1,4 +1,4 @@
-"""Simulate a plan, and record its states."""
+"""Simulation of plans, and recording of their states."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Progress = Callable[[Iterable[Any]], Iterable[Any]]
 """A function that wraps an iterator, to show progress."""
 
 MOST_STEPS = 10_000_000
-"""Most steps from one recorded state to the next: some seconds without progress or reaction to Ctrl-C."""
+"""Largest number of steps between recorded states: some seconds without progress or reaction to Ctrl-C."""
 
 MOST_BYTES = 4_000_000_000
 """Largest size of all recorded states [bytes]."""
@@ -45,7 +45,7 @@ class Recording:
     measures: Measures
     """measures of all bodies together, of shape (T,) or (T, 3)"""
     bodies: tuple[Measures, ...]
-    """of each body"""
+    """measures of each body"""
     pairs: PairReadings
     """readings of pairs of bodies since the start, (T, pairs) in the order of `Scene.meetings`"""
     complete: bool
@@ -53,7 +53,7 @@ class Recording:
     shadow: tuple[float, float]
     """`Simulator.shadow_energy` at the start and at the end [J]; NaN if it is not known"""
     contacts: tuple[Contacts, ...] = ()
-    """`Simulator.contacts` at each time, if they were asked for or a check needs them, and can be told"""
+    """`Simulator.contacts` at each time, if requested or needed by a check, and available"""
 
     @property
     def parts(self) -> tuple[Recording, ...]:
@@ -92,8 +92,8 @@ def record(
     dynamics
         "springs", or "rigid" for the rigid twin, which has its own method and, unless it rolls, its own step.
     contacts
-        Whether to record the contacts, too, even if no check needs them. Those of a scene or method that
-        cannot tell them are left out.
+        Whether to record the contacts, too, even if no check needs them. They are left out if the scene or
+        the method cannot report them.
     progress
         A function that wraps the iterator over states, to show progress. Ctrl-C ends the simulation; the
         recording then holds the states so far, if there are at least two.
@@ -156,7 +156,7 @@ def record(
 
 
 def contacts_of(simulator: Simulator) -> Contacts | None:
-    """Return the contacts of a simulator now, or None if there are none to tell, see `Simulator.contacts`."""
+    """Return the current contacts of a simulator; None if `Simulator.contacts` cannot report them."""
     if not simulator.scene.can_touch:
         return None
     try:
@@ -173,7 +173,7 @@ def _shadow(simulator: Simulator) -> float:
 
 
 def _check_size(plan: Plan, step: float, steps: int, count: int) -> None:
-    """Refuse what would not end, or not fit into memory."""
+    """Raise ValueError for runs that would take too many steps, or not fit into memory."""
     bodies = [placed.body for placed in plan.scene.bodies]
     if step > plan.duration * (1 + 1e-9):
         raise ValueError(f"a step of {step:g} s is longer than the run of {plan.duration:g} s")
@@ -202,7 +202,7 @@ def _check_size(plan: Plan, step: float, steps: int, count: int) -> None:
 
 
 def _simulator(plan: Plan, dynamics: str) -> Simulator:
-    # Dampers act in every step: in cycles the body rings for longer, and theory knows bodies that do not.
+    # Dampers act in every step: with cycles bodies ring for longer, and theory is of bodies that do not ring.
     options: dict[str, Any] = {"dynamics": dynamics, "damping_every": 1}
     if dynamics == "springs":
         options |= {"integrator": plan.integrator, "step": plan.step}
@@ -216,7 +216,7 @@ def _simulator(plan: Plan, dynamics: str) -> Simulator:
 
 
 def rigid_twin(recording: Recording) -> Recording | None:
-    """Simulate the same plan with a rigid body, at the same times; of what rolls, with the same step.
+    """Simulate the same plan with a rigid body, at the same times; with the same step if bodies roll.
 
     Return None if a body or the scene has no rigid twin, or if bodies collide: after some impacts, springs
     and twin follow different paths.

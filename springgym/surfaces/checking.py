@@ -1,4 +1,4 @@
-"""A check of kinds of surfaces: do height and gradient agree, in Python and in compiled code?"""
+"""A check that height and gradient of a kind of surface agree, in Python and in compiled code."""
 
 from __future__ import annotations
 
@@ -18,24 +18,23 @@ from springgym.own_forces import reason_of
 from springgym.surfaces.surface import Surface, packed_kind
 
 CLOSE = 1e-9
-"""Two heights count as equal if they differ by less than this share of the extent. Rounding causes far
-smaller differences, and mistakes cause far larger ones."""
+"""Tolerance of equal heights, relative to the extent. Rounding causes far smaller differences, and mistakes
+cause far larger ones."""
 
 STEP, STEEP = 1e-6, 1e-4
-"""Slopes are differences of heights over this share of the extent, and may err by `STEEP`. Rounding makes
-an error of 1e-10. Where the surface bends over a share s of the extent, the difference errs by 1e-12/s²."""
+"""Slopes are differences of heights over this fraction of the extent, with errors up to `STEEP`. Rounding
+makes an error of 1e-10. Where the surface bends over a fraction s of the extent, the error is 1e-12/s²."""
 
 NEWTON = 20
-"""Number of steps of Newton's method from a place onto the surface."""
+"""Number of Newton iterations from a place to the surface."""
 
 
 def check_gradient(surface: Surface, places: ArrayLike) -> None:
     """Check that height and gradient of a surface agree at some places, and that its height is the distance.
 
-    Use it for a kind of surface of your own, because a wrong gradient makes wrong physics without an error.
+    Use it for user-defined kinds of surfaces, because a wrong gradient gives wrong physics without an error.
     It compares the compiled height with that of Python, and the compiled gradient with the slope of the
-    height. From the places it goes along the gradient to the surface, where the gradient must be a unit
-    vector.
+    height. From each place it follows the gradient to the surface, where the gradient must be a unit vector.
 
     Parameters
     ----------

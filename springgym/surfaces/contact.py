@@ -18,21 +18,21 @@ from springgym.surfaces.surface import Surface
 from springgym.theory.contact import rest_height
 
 REACH = 0.01
-"""The default reach Δ of contact, as a share of `Body.swept`."""
+"""The default contact margin Δ, as a fraction of `Body.swept`."""
 
 NEAREST = 1e-3
-"""The least height at the start, as a share of Δ. Below it the energy c/h of the barrier is too large."""
+"""The least height at the start, in units of Δ. Below it the energy c/h of the barrier is too large."""
 
 SOFTEST, STIFFEST = 0.005, 0.05
-"""The least and the largest strength c that is derived, as shares of k Δ³. At the edge of the barrier the
-stiffness of contact is 2 c/Δ³, a hundredth or a tenth of a spring's. So impacts do not excite the springs."""
+"""The least and the largest derived strength c, in units of k Δ³. At the edge of the barrier the stiffness of
+contact is 2 c/Δ³, a hundredth to a tenth of a spring's. So impacts do not excite the springs."""
 
 IMPACT = 10.0
 """Between these, the derived c is the least at which a corner of a block that strikes at this speed [m/s]
 stays a tenth of Δ away."""
 
 RESISTANCES = ("rolling_resistance", "torsional_resistance")
-"""Names of the options of a `Contact` that concern round features alone."""
+"""Names of the options of a `Contact` that concern only round features."""
 
 
 @dataclass(frozen=True)
@@ -51,8 +51,8 @@ class Contact:
     rolling_resistance, torsional_resistance
         ρ and τ [m] of round features on surfaces and on other bodies. With the push J, a couple of at most
         ρ J opposes turning about tangents of the surface (rolling), and one of at most τ J turning about its
-        normal (spinning). They stop what turns, and no more: a ball of radius R rests
-        on slopes up to the angle arctan ρ/R. Their loss is friction's. They do not act on particles.
+        normal (spinning). They stop rotation, but do not reverse it: a ball of radius R rests on slopes up to
+        the angle arctan ρ/R. Their loss counts as friction. They do not act on particles.
 
     Raises
     ------
@@ -73,12 +73,12 @@ class Contact:
 
     @property
     def resists(self) -> bool:
-        """Whether the rolling or the torsional resistance is above zero."""
+        """Whether the rolling or the torsional resistance is positive."""
         return any(getattr(self, name) > 0 for name in RESISTANCES)
 
 
 def without_resistance(contact: Contact | PaperContact) -> Contact | PaperContact:
-    """Return a contact without rolling and torsional resistance, and else the same."""
+    """Return the same contact without rolling and torsional resistance."""
     if isinstance(contact, Contact) and contact.resists:
         return replace(contact, **dict.fromkeys(RESISTANCES, 0.0))
     return contact
@@ -145,7 +145,7 @@ def derived_strength(
         Δ [m]
     """
     each, which = np.unique(reach, return_inverse=True)
-    cubes = np.array([one**3 for one in each.tolist()])  # NumPy's power may differ from this in the last bit
+    cubes = np.array([one**3 for one in each.tolist()])  # NumPy's power may differ in the last bit
     edge = stiffness * cubes[which]
     return np.clip(strength_of_impact(mass, reach), SOFTEST * edge, STIFFEST * edge)
 
@@ -170,8 +170,8 @@ def faithful_speed(reach: float, *bodies: Body) -> float:
     """Return the speed [m/s] up to which the rebound of bodies agrees with their restitution to about 0.02.
 
     During an impact, a body is compressed for about a period of its slowest vibration ω, by about v/ω. This
-    fits into the reach Δ if v ≤ Δ ω/3. Faster impacts leave energy in vibrations, whatever the strength of
-    contact.
+    is less than the margin Δ if v ≤ Δ ω/3. Faster impacts leave energy in vibrations, whatever the strength
+    of contact.
     """
     return reach * min(map(slowest_vibration, bodies)) / 3
 
@@ -214,7 +214,7 @@ def resting(
     plane: Plane | None = None,
     gravity: ArrayLike = (0.0, 0.0, -9.81),
 ) -> np.ndarray:
-    """Return positions (N, 3) [m] moved along the normal of a plane, to the height where it carries the body.
+    """Return positions (N, 3) [m] moved along a plane's normal, to the height where it supports the body.
 
     The lowest particles, or round features, share the weight equally. So a body rests there if it stands or
     lies level, with its centre of mass above the middle of them. If its springs are soft, they yield first.
@@ -222,7 +222,7 @@ def resting(
     Parameters
     ----------
     body, positions : (N, 3)
-        The body, and where its particles are before [m].
+        The body, and the positions of its particles before [m].
     contact
         The contact of the body with the plane, as in the scene.
     plane
@@ -261,7 +261,7 @@ def coupled(surfaces: tuple[Surface, ...]) -> bool:
 
 
 def check_surfaces(surfaces: tuple[Surface, ...], reach: float) -> None:
-    """Refuse surfaces between which contact cannot be computed.
+    """Raise ValueError for surfaces between which contact cannot be computed.
 
     Raises
     ------
@@ -302,7 +302,7 @@ def check_heights(
     copies: Any = None,
     owner: str = "",
 ) -> None:
-    """Refuse starts behind or too near a surface.
+    """Raise ValueError for starts behind or too near a surface.
 
     Parameters
     ----------
@@ -316,9 +316,9 @@ def check_heights(
         The body. Its round features must be above the surface or, if it has none, its balls, rods or
         particles.
     copies : (k,), optional
-        Numbers of the copies in messages.
+        Numbers of the copies, for error messages.
     owner
-        Text after the particle's number in messages: " of" and the body, if there are several bodies.
+        Text after the particle's number in error messages: " of" and the body, if there are several bodies.
 
     Raises
     ------

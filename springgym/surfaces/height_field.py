@@ -5,8 +5,8 @@ products of B-splines, with two continuous derivatives everywhere. Beyond the gr
 at its edge. Its error is of fourth order in the spacing if f has no curvature at the edges of the grid.
 
 The height is 0 on the ground. At a distance d from ground of curvature κ and slope tan θ, it differs from d
-by κ d² tan² θ/2. In contact, where d < Δ, this is a share of at most κ Δ tan² θ/2. Forces follow the gradient
-of the height, so they conserve energy in spite of this difference.
+by κ d² tan² θ/2. In contact, where d < Δ, the relative difference is at most κ Δ tan² θ/2. Forces follow the
+gradient of the height, so they conserve energy in spite of this difference.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from springgym.identity import digest
 from springgym.surfaces.surface import Surface, points
 
 MOST = 1_000_000
-"""Most heights of all fields of a scene: whole numbers up to here are exact in single precision."""
+"""Largest number of heights of all fields of a scene: indices up to here are exact in single precision."""
 
 
 class HeightFields(NamedTuple):
     """The height fields of a scene, for compiled code."""
 
     corner: np.ndarray
-    """(fields, 3) position of the corner of the grid where it begins, its z being 0 [m]"""
+    """(fields, 3) position of the first corner of the grid, with z = 0 [m]"""
     density: np.ndarray
     """(fields,) cells of the grid per metre [1/m]"""
     cells: np.ndarray
@@ -76,7 +76,7 @@ def grid_splines(place: Vector, k: int, own: HeightFields) -> Any:
 def splines(t: Number, cells: Number, density: Number) -> Any:
     """Return the cell of a grid that ``t`` is in, and four B-splines there, their slopes and bends.
 
-    Beyond the grid they are straight.
+    Beyond the grid they continue linearly.
     """
     held = minimum(maximum(t, 0.0), cells)
     cell = maximum(minimum(nearest(held - 0.5), cells - 1.0), 0.0)
@@ -114,7 +114,7 @@ def products(w: Any, rows: Any) -> Any:
 
 @compiled
 def four(first: Number, own: HeightFields) -> Any:
-    """Return four coefficients one after another."""
+    """Return four consecutive coefficients."""
     c = own.coefficients
     return (
         load_each(c, first),

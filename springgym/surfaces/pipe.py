@@ -1,4 +1,4 @@
-"""The inside of a round pipe: height R − |d|, which is the distance. d leads from the axis to a place."""
+"""The inside of a round pipe: height R − |d|, the distance, with d the vector from the axis to a place."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ class Pipes(NamedTuple):
     """The pipes of a scene, for compiled code."""
 
     point: np.ndarray
-    """(pipes, 3) of the axis [m]"""
+    """(pipes, 3) a point of the axis [m]"""
     axis: np.ndarray
-    """(pipes, 3) unit vectors"""
+    """(pipes, 3) unit vectors of the axis"""
     radius: np.ndarray
     """(pipes,) [m]"""
 
@@ -49,7 +49,7 @@ def off_axis(place: Vector, k: int, own: Pipes) -> Any:
 class Pipe(Surface):
     """The inside of a round pipe without ends, around an axis through a point. Its lower part is a gutter.
 
-    An axis of any length becomes a unit vector.
+    An axis vector of any length is normalised.
     """
 
     point: tuple[float, float, float]

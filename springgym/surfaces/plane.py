@@ -45,7 +45,7 @@ class Planes(NamedTuple):
 
 @dataclass(frozen=True)
 class Plane(Surface):
-    """A plane whose normal points to the free side. A normal of any length becomes a unit vector."""
+    """A plane whose normal points to the free side. A normal of any length is normalised."""
 
     point: tuple[float, float, float] = (0.0, 0.0, 0.0)
     normal: tuple[float, float, float] = (0.0, 0.0, 1.0)

@@ -12,7 +12,7 @@ from springgym.surfaces.plane import Plane
 from springgym.surfaces.surface import Surface
 
 TRIED = 1e-4
-"""Share of a feature's extent, or of Δ, over which the height of a curved surface is differentiated."""
+"""Step of differences of a curved surface's height, relative to a feature's extent or Δ."""
 
 BENDS = 20
 """Number of iterations for the contact point of a feature and the normal of a curved surface there."""

@@ -11,7 +11,7 @@ tuple has two static compiled functions:
                              distance
 
 If the gradient is the same unit vector everywhere, the kind has a function ``flat`` that returns True.
-Contact needs no more. `springgym.surfaces.check_gradient` checks both functions, and
+Contact needs nothing else. `springgym.surfaces.check_gradient` checks both functions, and
 `springgym.contact.surfaces` explains how it computes a normal from these functions.
 """
 
@@ -32,7 +32,7 @@ FUNCTIONS = {"height": ("place", "k", "own"), "gradient": ("place", "k", "own")}
 
 
 class Surface(ABC):
-    """A surface that bounds the free particles: they stay where its height, the gap to it, is positive."""
+    """A surface that bounds the free particles: its height, the gap to it, stays positive."""
 
     @abstractmethod
     def height(self, positions: np.ndarray) -> np.ndarray:
@@ -47,7 +47,7 @@ class Surface(ABC):
     def net(self, middle: np.ndarray, extent: float) -> np.ndarray:
         """Return points (m, n, 3) [m] of the surface, in rows and columns, for drawing.
 
-        The picture shows ``extent`` [m] around the ``middle`` (3,) [m] of the scene.
+        The picture shows an ``extent`` [m] around the ``middle`` (3,) [m] of the scene.
         """
 
     def fade(self, points: np.ndarray, middle: np.ndarray, extent: float) -> np.ndarray:
@@ -56,7 +56,7 @@ class Surface(ABC):
         return np.asarray(np.maximum(1.0 - away**2, 0.0))
 
     def hit(self, start: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """Return the points in which rays (…, 3) meet the surface from its free side, and its unit normals.
+        """Return the points where rays (…, 3) hit the surface from its free side, and its unit normals there.
 
         Both are NaN for rays that miss the surface. A surface that returns None is drawn as a net, without
         shading.
@@ -78,7 +78,7 @@ def packed_kind(kind: type[Surface], surfaces: Sequence[Surface]) -> Any:
     Raises
     ------
     TypeError, ValueError
-        If it is no named tuple of arrays with a row for each surface, or lacks a compiled function.
+        If the kind packs no named tuple of arrays with a row for each surface, or lacks a function.
     """
     packed = kind.packed(surfaces)
     name = f"what {kind.__name__}.packed gave"

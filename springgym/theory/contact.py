@@ -38,7 +38,7 @@ def energy(height: ArrayLike, strength: float, reach: float) -> Floats:
 
 
 def rest_height(weight: float, strength: float, reach: float) -> float:
-    """Return the height where the floor carries a weight, Delta / sqrt(1 + m g Delta^2 / c), m.
+    """Return the height at which the floor supports a weight, Delta / sqrt(1 + m g Delta^2 / c), m.
 
     Parameters
     ----------
@@ -70,10 +70,10 @@ def turning_point(energy: float, strength: float, reach: float, weight: float = 
 
 
 def apex(energy: float, strength: float, reach: float, weight: float) -> float:
-    """Return the greatest height, E / m g above the floor's reach, m: without loss each bounce returns to it.
+    """Return the greatest height, E / m g above Delta, m, to which each bounce without loss returns.
 
-    Parameters as for `turning_point`; a particle that never leaves the floor's reach turns at the
-    larger root of the same quadratic.
+    Parameters as for `turning_point`; a particle that never rises above Delta turns at the larger root of the
+    same quadratic.
     """
     if energy >= weight * reach:
         return energy / weight

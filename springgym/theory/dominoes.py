@@ -1,24 +1,24 @@
 """The wave in a row of dominoes that lean on each other as they fall.
 
 J. M. J. van Leeuwen, The domino effect, Am. J. Phys. 78 (2010) 721, doi:10.1119/1.3406154. Each domino turns
-about its lower front edge, which does not slip. One that has hit the next goes on leaning on it, so that the
-angle of the foremost, θ, says all others: with height h, thickness d, free space s,
+about its lower front edge, which does not slip. One that has hit the next continues to lean on it, so that
+the angle of the foremost, θ, determines all others: with height h, thickness d, free space s,
 
     h sin(θᵢ − θᵢ₊₁) = (s + d) cos θᵢ₊₁ − d.
 
 With δ = θᵢ − θᵢ₊₁, the upper edge of domino i slides down the back of domino i + 1, at the distance
-a = h cos δ − (s + d) sin θᵢ₊₁ from its lower edge. It pushes with N and rubs with μ N, which have the moments
+a = h cos δ − (s + d) sin θᵢ₊₁ from its lower edge. It exerts N and friction μ N, which have the moments
 
     N (a − μ d) on i + 1,    −N h (cos δ + μ sin δ) on i
 
-about the lower edges. Summed with weights f, 1 of the foremost and fᵢ = fᵢ₊₁ (a − μ d)/(h (cos δ + μ sin δ)),
-the equations of motion hold no N. With the rates w = dθᵢ/dθ, and I and the moment Tᵢ of its weight per mass,
+about the lower edges. Summed with weights f, 1 for the foremost, fᵢ = fᵢ₊₁ (a − μ d)/(h (cos δ + μ sin δ)),
+the equations of motion have no N. With the rates w = dθᵢ/dθ, and I and the moment Tᵢ of its weight per mass,
 
     I Σ f (w θ̈ + w′ θ̇²) = Σ f T.
 
-The foremost hits the next at sin θ = s/h. The impact is inelastic, and its impulses act as the forces do. So
-with Γ = φ Σ f w before, and the share φ of the new contact, the angular velocity falls to Γ/(Γ + 1) of it.
-Without friction f = w, and this keeps the energy between impacts.
+The foremost hits the next at sin θ = s/h. The impact is inelastic, and its impulses act as the forces do.
+With Γ = φ Σ f w before, φ of the new contact, the angular velocity is multiplied by Γ/(Γ + 1). Without
+friction f = w, and energy is conserved between impacts.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ import numpy as np
 from springgym.theory.frames import Floats
 
 PARTS = 40
-"""Parts of a fall from impact to impact, by Runge and Kutta's method; an even number."""
+"""Number of Runge-Kutta steps from impact to impact; even."""
 
 NEAR = 1e-5
-"""[rad] Half of the difference by which rates are differentiated."""
+"""Half of the angle difference by which rates are differentiated [rad]."""
 
 
 def leaning(angle: float, count: int, height: float, thickness: float, space: float) -> tuple[Floats, Floats]:
@@ -50,7 +50,7 @@ def leaning(angle: float, count: int, height: float, thickness: float, space: fl
 
 
 def weights(angles: Floats, height: float, thickness: float, space: float, friction: float) -> Floats:
-    """Weights f of the equations of motion at angles (count,) [rad], from the foremost back, (count,)."""
+    """Return weights f (count,) of the equations of motion at angles (count,) [rad], foremost first."""
     found = np.ones(len(angles))
     for n in range(1, len(angles)):
         lean = angles[n] - angles[n - 1]
@@ -77,16 +77,16 @@ def impacts(
     height, thickness, space : float
         h, d, s, m.
     inertia : float
-        Of one about its lower edge, per mass, m^2: (h^2 + d^2)/3 of a solid one.
+        Moment of one about its lower edge, per mass, m^2: (h^2 + d^2)/3 for a solid one.
     start : float
-        Angular velocity of the first, upright at t = 0, rad/s.
+        Angular velocity of the first, upright, domino at t = 0, rad/s.
     friction : float
         mu between dominoes.
 
     Raises
     ------
     ValueError
-        If one does not reach the next, or they are too far apart to hit each other.
+        If a domino does not reach the next, or they are too far apart to hit each other.
     """
     if not 0 < space < height:
         raise ValueError(f"space is {space} m; it must be more than 0 and less than the height, {height} m")

@@ -4,9 +4,9 @@ With displacements u of its particles from where they are when the lowest one me
 
     M u_tt = -K u - C u_t - M g z + F(h + u_z) z,
 
-F that of `contact.force`, h the heights at the start. Linear but for the barrier, which takes numbers: it is
-solved by the classical Runge-Kutta method in steps of a fiftieth of a radian of the quickest vibration. A bar
-that holds waves touches for 2 L/c; a few particles hold none, and touch for as long as their own springs say.
+F that of `contact.force`, h the heights at the start. It is linear except for the barrier, and is solved by
+the classical Runge-Kutta method in steps of a fiftieth of a radian of the fastest vibration. A bar with waves
+touches for 2 L/c; a few particles carry no waves, and touch for a time that their springs determine.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ def impact(
 ) -> Impact:
     """Compute contact time and rebound of a body that falls without turning on a smooth, lossless floor.
 
-    It is followed until its lowest particle is as far above the reach as its vibrations may move it, 10 v/ω
-    of the slowest, or the reach if that is less.
+    It is integrated until its lowest particle is above Delta by as much as vibrations may move it, 10 v/ω of
+    the slowest, or by Delta if that is less.
 
     Parameters
     ----------
@@ -54,9 +54,9 @@ def impact(
     stiffness, damping : array_like, shape (3 N, 3 N)
         K, N/m, and C, kg/s, of the body's springs.
     heights : array_like, shape (N,)
-        Of the particles above the lowest, m.
+        Heights of the particles above the lowest, m.
     speed : float
-        Downwards, at the first touch, m/s.
+        Downward speed at the first touch, m/s.
     strength, reach : float
         c, N m^2, and Delta, m.
 

@@ -79,7 +79,7 @@ def spun_pair_length(mass: float, stiffness: float, rest_length: float, omega: f
 
 
 def spun_pair(mass: float, stiffness: float, rest_length: float, momentum: float) -> tuple[float, float]:
-    """Return length, m, and spin, rad/s, at which two equal masses on a spring settle.
+    """Return the length, m, and the spin, rad/s, of two equal masses on a spring in steady spin.
 
     m Omega L^2 / 2 is the momentum; L and Omega from `spun_pair_length` by bisection, since the momentum
     grows with the spin.
@@ -97,7 +97,7 @@ def spun_pair(mass: float, stiffness: float, rest_length: float, momentum: float
 
 
 def implicit_euler_spin(omega: float, step: float, t: ArrayLike) -> Floats:
-    """Return the spin that implicit Euler leaves of a body, Omega0 / sqrt(1 + 2 h Omega0^2 t), rad/s.
+    """Return the spin of a body after implicit Euler steps, Omega0 / sqrt(1 + 2 h Omega0^2 t), rad/s.
 
     One step of size h keeps x1 x v1 = x0 x v1, hence Omega0 = Omega1 (1 + h^2 Omega1^2) at fixed
     radius, whatever the stiffness; to first order in h that is dOmega/dt = -h Omega^3.

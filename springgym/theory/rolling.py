@@ -1,4 +1,4 @@
-"""Balls that roll, meet, and rebound with spin; a tippe-top, an egg, Euler's disk, a rattleback as an ODE."""
+"""Rolling balls and their impacts; a tippe-top, an egg, Euler's disk, and a rattleback as an ODE."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ def resisted_acceleration(
     """Return the acceleration of a ball that rolls down a slope from rest with rolling resistance, m/s^2.
 
     With the couple rho N against its turning, I dw/dt = f r - rho N and m dv/dt = m g sin a - f, so that
-    dv/dt = g (sin a - rho/r cos a)/(1 + I/(m r^2)). It stays where tan a is rho/r or less. On level ground
-    the negative of rho g/(r (1 + I/(m r^2))) slows down what rolls; see `resisted_way`.
+    dv/dt = g (sin a - rho/r cos a)/(1 + I/(m r^2)). It stays at rest where tan a is rho/r or less. On level
+    ground a rolling ball decelerates at rho g/(r (1 + I/(m r^2))); see `resisted_way`.
 
     Parameters
     ----------
@@ -80,8 +80,8 @@ def after_skidding(
 ) -> tuple[float, float]:
     """Return speed and time at which a ball thrown without spin rolls, v / (1 + I/(m r^2)).
 
-    It skids for (v I/(m r^2)) / (mu g (1 + I/(m r^2))). Of a solid ball 5/7 v is left, whatever friction is,
-    which acts through the line on which it touches and keeps the angular momentum about it.
+    It skids for (v I/(m r^2)) / (mu g (1 + I/(m r^2))). A solid ball keeps 5/7 v for any friction, which acts
+    along the line of contact and conserves the angular momentum about it.
 
     Returns
     -------
@@ -94,16 +94,16 @@ def after_skidding(
 def after_struck(
     velocity: ArrayLike, line: ArrayLike, moment: float, restitution: float = 1.0
 ) -> tuple[Floats, Floats]:
-    """Velocities at which two equal balls roll at the end, of which one rolled into the other at rest, m/s.
+    """Return the final velocities of two equal balls after one rolled into the other at rest, m/s.
 
-    Without friction between the balls, (1 + e)/2 of the velocity along the line of centres passes over, and
-    no spin. Friction with the table acts at the lowest point, and so does not change m v - z x I w/r of
-    either ball. That is (1 + I/(m r^2)) m v of a ball that rolls.
+    Without friction between the balls, (1 + e)/2 of the velocity along the line of centres is transferred,
+    and no spin. Friction with the table acts at the lowest point, and so does not change m v - z x I w/r of
+    either ball. For a rolling ball that is (1 + I/(m r^2)) m v.
 
     Parameters
     ----------
     velocity : (3,) array_like
-        Of the ball that rolls, along the table, m/s.
+        Velocity of the rolling ball, along the table, m/s.
     line : (3,) array_like
         Unit vector from its centre to that of the other ball.
     moment : float
@@ -113,8 +113,8 @@ def after_struck(
 
     Returns
     -------
-    velocities of the ball that came and of the one that was struck, each (3,): 2/7 and 5/7 of v for solid
-    balls with e = 1 that meet head-on
+    velocities of the first ball and of the struck one, each (3,): 2/7 and 5/7 of v for head-on impacts of
+    solid balls with e = 1
     """
     came, along = np.asarray(velocity, float), np.asarray(line, float)
     given = (1 + restitution) / 2 * float(came @ along) / (1 + moment) * along
@@ -130,11 +130,11 @@ def off_a_wall(
     friction: float,
     restitution: float,
 ) -> Floats:
-    """Velocity of a ball after it struck a wall, by Coulomb's friction, m/s.
+    """Return the velocity of a ball after it struck a wall with Coulomb friction, m/s.
 
-    The wall gives J = m (1 + e) |v_n| along its normal n. Its friction acts against the slip u of the point
-    that touches, the part across n of v - r w x n. It stops the slip by the impulse m u/(1 + m r^2/I), or is
-    mu J if that is less.
+    The wall exerts J = m (1 + e) |v_n| along its normal n. Its friction acts against the slip u of the point
+    of contact, the part of v - r w x n perpendicular to n. It stops the slip by the impulse
+    m u/(1 + m r^2/I), or is mu J if that is less.
 
     Parameters
     ----------
@@ -155,10 +155,10 @@ def off_a_wall(
 
 
 def turntable_rate(rate: float, moment: float) -> float:
-    """Rate at which a ball that rolls on a turning table goes round in its circle, rad/s.
+    """Return the rate at which a ball that rolls on a turning table moves around its circle, rad/s.
 
     With the table's W, m dv/dt = f and I dw/dt = -r z x f, and v - r w x z = W z x x as it rolls, so that
-    dv/dt = W/(1 + m r^2/I) z x v: 2/7 W of a solid ball, on a circle of any radius and centre (Weckesser,
+    dv/dt = W/(1 + m r^2/I) z x v: 2/7 W for a solid ball, on a circle of any radius and centre (Weckesser,
     Am. J. Phys. 65 (1997) 736, doi:10.1119/1.18643).
 
     Parameters
@@ -172,11 +172,11 @@ def turntable_rate(rate: float, moment: float) -> float:
 
 
 def disk_rate(angle: float, radius: float, across: float, gravity: float = 9.81) -> float:
-    """Rate at which a disk that rolls on its rim turns about the vertical, its centre at rest, rad/s.
+    """Return the rate at which a disk that rolls on its rim, centre at rest, turns about z, rad/s.
 
-    It touches with no velocity and its centre has none, so that it turns about the diameter between them:
+    The point of contact and the centre are at rest, so that it turns about the diameter between them:
     L = I_1 W sin a along it. The floor's m g acts R cos a beside the centre, and turns L with W about the
-    vertical: m g R cos a = W I_1 W sin a cos a. Of a thin disk I_1 = m R^2/4 and W = sqrt(4 g/(R sin a))
+    vertical: m g R cos a = W I_1 W sin a cos a. For a thin disk I_1 = m R^2/4 and W = sqrt(4 g/(R sin a))
     (Euler's disk; Moffatt, Nature 404 (2000) 833, doi:10.1038/35009017).
 
     Parameters
@@ -217,7 +217,7 @@ def jellett(angular_momentum: ArrayLike, axis: ArrayLike, radius: float, offset:
 def egg_rise(
     start: float, end: float, semi_axes: tuple[float, float], jellett: float, weight: float, friction: float
 ) -> float:
-    """Time in which a spinning spheroid rises from one tilt to another, s.
+    """Return the time in which a spinning spheroid rises from one tilt to another, s.
 
     While it spins fast and slides, J = -L . rho of the point rho that touches hardly changes, and the tilt t
     of its axis from the vertical obeys J dt/dt = -mu m g h^2, with the height h^2 = a^2 cos^2 t + b^2 sin^2 t
@@ -227,7 +227,7 @@ def egg_rise(
     Parameters
     ----------
     start, end : float
-        Tilts, rad, from the greater one.
+        Initial (greater) and final tilt, rad.
     semi_axes : (2,)
         a along the axis of symmetry and b across it, m.
     jellett : float
@@ -270,11 +270,11 @@ def rolling_ellipsoid(
     omega : (3,) array_like
         w at the start, world axes, rad/s.
     times : (T,) array_like
-        Equally far apart, from the start, s.
+        Equally spaced times from the start, s.
     gravity : float
         g, m/s^2.
     steps : int
-        Between two times.
+        Number of steps between two times.
 
     Returns
     -------

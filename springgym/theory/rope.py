@@ -20,7 +20,7 @@ from springgym.theory.frames import Floats
 
 
 class Modes(NamedTuple):
-    """`frequencies`, shape (N,), rad/s, ascending; `shapes`, shape (N, N), a mode a column.
+    """`frequencies`, shape (N,), rad/s, ascending; `shapes`, shape (N, N), one mode per column.
 
     Shapes are displacements of masses 0 ... N - 1, scaled so that sum of m x^2 = 1 kg m^2.
     """
@@ -68,7 +68,7 @@ def swing_modes(
 ) -> Modes:
     """Return small sideways modes of the hanging rope: M x_ddot = -K x, K of the springs T_i / l_i.
 
-    Each occurs twice, once a horizontal direction. Parameters as for `stretched_lengths`.
+    Each occurs twice, once per horizontal direction. Parameters as for `stretched_lengths`.
 
     Source: Goldstein chapter 6; a stretched spring resists a sideways displacement with T/l.
     """
@@ -149,7 +149,7 @@ def catenary(
         return (rest / tension + give)[:, None] * force, tension
 
     def root(gap: Callable[[float], float], low: float, high: float) -> float:
-        # to the rounding of `high`: what a root near zero is added to is as large
+        # to the rounding of `high`: a root near zero is added to numbers of this size
         return float(brentq(gap, low, high, xtol=1e-16 * high, rtol=1e-15, maxiter=1000))
 
     def lift(across: float) -> float:

@@ -7,8 +7,8 @@ total degree up to `degree`. With M = rho int phi_a phi_b and
 
 the lowest frequencies of the free solid are those of K c = omega^2 M c after the six of rigid
 motion, and its static response to a force f per volume solves K c = int f phi. The integrals are
-exact for boxes, cones, balls and polyhedra. By the theorem of Rayleigh and Ritz frequencies come
-out too high and responses too small, by less with every degree.
+exact for boxes, cones, balls and polyhedra. By the Rayleigh-Ritz theorem, frequencies are too high and
+responses too small, with errors that fall with the degree.
 
 A solid that turns at omega about an axis stretches: its moment of inertia grows by
 dI/I = s omega^2, s = 2 int rho r . u / I, where K u = rho r for unit omega and r is the distance
@@ -31,10 +31,10 @@ from numpy.typing import ArrayLike, NDArray
 from springgym.theory.frames import Floats
 
 DEGREE = 8
-"""Lowest frequencies come out within 5e-4 of those of degree 12, for cube, bar, plate and cones."""
+"""Lowest frequencies are within 5e-4 of those of degree 12, for cube, bar, plate and cones."""
 
 CHUNK = 20_000
-"""Points whose polynomials are held at once."""
+"""Number of points whose polynomials are in memory at once."""
 
 
 class Rule(NamedTuple):
@@ -218,7 +218,7 @@ def elastic_solid(
     Parameters
     ----------
     rule : Rule
-        Integrates over the solid.
+        Quadrature rule of the solid.
     density : float
         kg/m^3.
     elasticity : array_like, shape (3, 3, 3, 3)
@@ -241,7 +241,7 @@ def elastic_solid(
     products = np.array([[a @ basis.gram @ b.T for b in slopes] for a in slopes])
     count = len(root)
     stiffness = np.asarray(elasticity, float)
-    for _ in range(4):  # each index in turn
+    for _ in range(4):  # one index after the other
         stiffness = np.tensordot(stiffness, own, (0, 0))
     matrix = np.einsum("ikjl,klab->iajb", stiffness, products, optimize=True)
     matrix = matrix.reshape(3 * count, 3 * count)

@@ -102,7 +102,7 @@ class Constants(NamedTuple):
 
 
 class TopMotion(NamedTuple):
-    """Motion at the times asked for, of their shape S.
+    """Motion at the requested times, of their shape S.
 
     `theta`, `phi`, `psi`, rad, and `theta_dot`, `phi_dot`, rad/s; `attitude`, shape S + (3, 3), from
     body to world; `omega_world`, shape S + (3,), rad/s. Where the axis goes exactly through the

@@ -1,9 +1,9 @@
-"""``springgym view``: turn, play and change a scene or an episode in the browser.
+"""``springgym view``: rotate, play and change a scene or an episode in the browser.
 
-`motion`    what is shown: positions over time, and how they are drawn
-`stage`     draws it with viser
+`motion`    positions over time, with all data for drawing them
+`stage`     draws motions with viser
 `page`      clock, sliders, graph
-`origin_guard`  who may speak to it, and what it takes from them
+`origin_guard`  access control: clients and messages
 `knobs`     the numbers of a scene file that sliders change
 `episodes`  episodes of environments as motions
 """
@@ -73,16 +73,15 @@ def run(args: argparse.Namespace) -> int:
 
 
 def show(subject: Subject, port: int = PORT, browser: bool = True, address: str | None = None) -> None:
-    """Serve a page, print where it is and, unless told not to, open it, until Ctrl-C is pressed.
+    """Serve a page, print its address and, if ``browser``, open it, until Ctrl-C is pressed.
 
     Parameters
     ----------
     port
-        The first that is free from this one on; of 0, any.
+        First port to try; 0 takes any free port.
     address
-        The IPv4 address to serve it at for others in the network, or "0.0.0.0" for all that this machine has;
-        then the printed address holds a token, without which nobody is let in. If None, it is served to this
-        machine alone.
+        IPv4 address to listen on for other machines, or "0.0.0.0" for all addresses of this machine; the
+        printed URL then contains a token that is required for access. If None, only this machine has access.
 
     Raises
     ------
@@ -103,7 +102,7 @@ def show(subject: Subject, port: int = PORT, browser: bool = True, address: str 
 
 
 def _subject(args: argparse.Namespace) -> Subject:
-    """Return what the arguments name."""
+    """Return the subject that the arguments name."""
     if args.agent is None and not _is_environment(args.what):
         return scenes(args.what)
     from springgym.view.episodes import episodes, find_agent
@@ -112,23 +111,23 @@ def _subject(args: argparse.Namespace) -> Subject:
 
 
 def _is_environment(what: str) -> bool:
-    """Return whether a name is like the id of an environment, and not that of a scene or a file."""
+    """Return whether a name has the form of an environment's id, and is not that of a scene or a file."""
     if what in names() or isfile(what):
         return False
     return re.search(r"-v[0-9]+$", what) is not None or nearest_id(what) is not None
 
 
 def scenes(first: str) -> Subject:
-    """Offer a scene by name or file and, to choose from, those that come with the package."""
-    load(first)  # says what is wrong with the name
+    """Return a subject with a scene, by name or file, and those of the package to choose from."""
+    load(first)  # raises an error for a wrong name
     others = [name for name in names() if name != first]
     return Subject("scene", [first, *others], simulated, knobs)
 
 
 def simulated(scene: str, changes: Changes) -> Motion:
-    """Simulate a scene with some numbers of its file changed.
+    """Return the motion of a scene with some numbers of its file changed.
 
-    A step that the file gives is kept where it is small enough for what has become of the body.
+    A step given in the file is kept if it is small enough for the changed body.
     """
     plan = load(scene, changes)
     if plan.step is not None and changes:
@@ -139,23 +138,23 @@ def simulated(scene: str, changes: Changes) -> Motion:
 
 
 def save_page(motion: Motion | Recording, path: str | Path, speed: float | None = None) -> None:
-    """Write a motion as a page that turns and plays without springgym, or anything else.
+    """Write a motion as an interactive page that needs neither springgym nor a server.
 
     Parameters
     ----------
     motion
-        Or a recording of a scene.
+        The motion, or a recording of a scene.
     path
-        A .html file holds the viewer, too: some 1 MB, that any browser opens from where it lies. A .viser
-        file is a fifth of it, and is played by the viewer of `save_viewer`. It shows what films show, without
-        arrows and springs: it has no key to them.
+        A .html file contains the viewer, too: some 1 MB, which any browser opens from disk. A .viser file has
+        a fifth of this size, and is played by the viewer of `save_viewer`. The page shows what films show,
+        without arrows and springs, for which it has no legend.
     speed
-        Seconds of the motion a second of playing; if not given, the fastest at which the eye can follow.
+        Simulated seconds per second of playing; by default, the fastest speed that the eye can follow.
 
     Raises
     ------
     ValueError
-        If the name ends in neither.
+        If the name ends in neither .html nor .viser.
     """
     from springgym.view.stage import Stage, look_from
     from springgym.view.stage import record as play
@@ -191,7 +190,7 @@ def save_page(motion: Motion | Recording, path: str | Path, speed: float | None 
 def save_viewer(path: str | Path) -> None:
     """Write the viewer that plays .viser files from a web server.
 
-    Saved as view.html, it plays top.viser beside it at the address ``view.html?playbackPath=top.viser``.
+    Saved as view.html, it plays top.viser in the same folder at the URL ``view.html?playbackPath=top.viser``.
     """
     import viser
 
@@ -200,7 +199,7 @@ def save_viewer(path: str | Path) -> None:
 
 
 def _check_saved(path: Path) -> None:
-    """Refuse a file of the wrong kind before the work is done."""
+    """Raise ValueError for a file of the wrong kind, before any work is done."""
     if path.suffix.lower() not in (".html", ".viser"):
         raise ValueError(f"{path}: the name of a saved page must end in .html or .viser")
     if not path.absolute().parent.is_dir():
@@ -208,12 +207,12 @@ def _check_saved(path: Path) -> None:
 
 
 def _server(port: int) -> Any:
-    """Start a server that pages of this machine alone reach."""
+    """Start a server that only pages on this machine can reach."""
     return _served(port, None)[0]
 
 
 def _served(port: int, address: str | None) -> tuple[Any, str]:
-    """Start a server, and return where a browser finds it, see `springgym.view.origin_guard`."""
+    """Start a server, and return it with the URL of its page, see `springgym.view.origin_guard`."""
     try:
         import viser
     except ImportError as error:
@@ -224,7 +223,7 @@ def _served(port: int, address: str | None) -> tuple[Any, str]:
     with (
         guard.installed(),
         redirect_stdout(io.StringIO()),
-    ):  # it prints its address in a frame; ours is a line
+    ):  # viser prints its address in a frame, springgym in a line
         server = viser.ViserServer(host=HOST, port=guard.port, label="springgym", verbose=False)
     return guard.guard(server), guard.url
 

@@ -1,4 +1,4 @@
-"""Episodes of environments as motions: of a trained agent, of random actions, of none."""
+"""Episodes of environments as motions, with a trained agent, random actions or zero actions."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from springgym.view.motion import Motion, lacking, touches
 from springgym.view.page import Changes, Subject
 
 INTERVAL = 5e-3
-"""Longest time between two states [s]: control periods are too long to see a spin in."""
+"""Longest time between two states [s]: control periods are too long to show a spin."""
 SEEDS = 20
-"""Episodes to choose from."""
+"""Number of episodes to choose from."""
 
 
 def episodes(agent: Agent, first: int) -> Subject:
-    """Offer episodes of an agent from consecutive seeds."""
+    """Return a subject with episodes of an agent from consecutive seeds."""
     names = [f"seed {first + n}" for n in range(SEEDS)]
 
     def make(name: str, changes: Changes) -> Motion:
@@ -41,10 +41,10 @@ def find_agent(agent: str | None, env_id: str) -> Agent:
     Parameters
     ----------
     agent
-        A run folder, or the id of a published agent's environment: it brings its environment along; "zero" or
-        None, "random".
+        A run folder, or the id of a published agent's environment, which also determine the environment; or
+        "zero" or None, or "random".
     env_id
-        Of the environment of the latter.
+        Id of the environment for "zero", None and "random".
 
     Raises
     ------
@@ -82,11 +82,11 @@ SUCCESS = {True: "success · ", False: "no success · ", None: ""}
 """Part of the summary of an episode, by whether it succeeded; None if its task has no aim."""
 
 ACTUATORS = ("terms.wrench.", "terms.thrust.", "terms.drive.")
-"""How the names of what an action sets begin, in the state of a simulator."""
+"""Prefixes of the values that actions set, in the state of a simulator."""
 
 
 def played(agent: Agent, seed: int) -> Motion:
-    """Play one episode of an agent."""
+    """Return the motion of one episode of an agent."""
     try:
         env = gym.make(agent.env_id, **agent.env_kwargs)
     except gym.error.Error as error:
@@ -111,7 +111,7 @@ def played(agent: Agent, seed: int) -> Motion:
             touching.append(found)
 
     def repeat() -> None:
-        """Take the same control period again, to see what is between."""
+        """Repeat the same control period, to record intermediate states."""
         nonlocal before
         start, after = times[-1], simulator.state()
         acting = {name: values for name, values in after.items() if name.startswith(ACTUATORS)}

@@ -1,4 +1,4 @@
-"""Sliders of a scene: the numbers of its file that are worth turning, and how far."""
+"""Sliders of a scene: which numbers of its file they change, and their ranges."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from typing import Any, NamedTuple
 from springgym.scenes.reading import KINDS, document
 
 MOST_BODIES = 40
-"""The largest number of bodies for which the viewer shows sliders: nobody finds one among a thousand."""
+"""The largest number of bodies for which the viewer shows sliders; more would be unusable."""
 
 
 class Knob(NamedTuple):
     """A slider on a number of a scene file."""
 
     path: tuple[str, ...]
-    """of keys"""
+    """the path of keys"""
     label: str
     value: float
-    """as the file has it"""
+    """the number in the file"""
     low: float
     high: float
     step: float
@@ -29,16 +29,16 @@ class Knob(NamedTuple):
 
     @property
     def body(self) -> str:
-        """Name of the body that it belongs to, in scenes of several; "" if it has none."""
+        """Name of the body that it belongs to, in scenes of several bodies; else ""."""
         return self.path[1] if self.path[0] == "bodies" else ""
 
     @property
     def start(self) -> float:
-        """Return where the slider stands for the file's value."""
+        """Return the slider's position for the file's value."""
         return math.log10(self.value) if self.exponent else self.value
 
     def number(self, shown: float) -> float:
-        """Return the number for a place of the slider."""
+        """Return the number for a position of the slider."""
         if shown == self.start:
             return self.value
         return 10.0**shown if self.exponent else shown
@@ -107,7 +107,7 @@ KNOBS: dict[str, dict[str, Callable[..., Knob | None]]] = {
 
 
 def knobs(scene: str) -> list[Knob]:
-    """Return the sliders of a scene, see `springgym.scenes.load` for what names one."""
+    """Return the sliders of a scene, named as in `springgym.scenes.load`."""
     return list(_found(document(scene).value))
 
 
@@ -130,7 +130,7 @@ def _found(text: Mapping[str, Any]) -> Iterator[Knob]:
 
 
 def _of_body(text: Mapping[str, Any], path: tuple[str, ...]) -> Iterator[Knob]:
-    """Return how a body starts, and what it is made of: its part of a file, which stands at ``path``."""
+    """Yield the sliders of a body's start and construction, from its part of a file at ``path``."""
     body = text.get("body")
     kind = body.get("kind") if isinstance(body, Mapping) else None
     yield from _section(text, path, "start", {})
@@ -151,7 +151,7 @@ def _section(
 
 
 def _numbers(make: Callable[..., Any]) -> dict[str, float]:
-    """Return arguments of a function whose defaults are numbers."""
+    """Return the arguments of a function whose defaults are numbers."""
     return {
         name: parameter.default
         for name, parameter in inspect.signature(make).parameters.items()

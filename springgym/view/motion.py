@@ -1,4 +1,4 @@
-"""Make what a page shows: positions over time, and how they are drawn."""
+"""Motions for a page: positions over time, with all data for drawing them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from springgym.surfaces import scales
 
 PURPLE: Color = (128, 72, 160)
 STEEPEST = 4.0
-"""Forces are drawn at most this many times as long as the weight: impacts would leave the picture."""
+"""Longest arrow of a force, in lengths of the weight's: impacts would leave the picture."""
 
 
 class Arrows(NamedTuple):
@@ -28,7 +28,7 @@ class Arrows(NamedTuple):
     origins: np.ndarray
     """(T, 3) [m]"""
     vectors: np.ndarray
-    """(T, 3) as long as they are drawn [m]; zero where there is none"""
+    """(T, 3) in the length of drawing [m]; zero where there is none"""
     color: Color
 
 
@@ -36,16 +36,16 @@ class Touches(NamedTuple):
     """The contacts of a motion, drawn as arrows: at most K at each of T times."""
 
     points: np.ndarray
-    """(T, K, 3) [m]; not numbers where there is none"""
+    """(T, K, 3) [m]; NaN where there is none"""
     vectors: np.ndarray
-    """(T, K, 3) force on the first body, as long as it is drawn [m]"""
+    """(T, K, 3) force on the first body, in the length of drawing [m]"""
     mutual: np.ndarray
-    """(T, K) mask: True where two bodies touch, and the second feels the opposite"""
+    """(T, K) mask: True where two bodies touch, and the opposite force acts on the second"""
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Positions over time, and all that is drawn beside them."""
+    """Positions over time, and everything drawn with them."""
 
     title: str
     times: np.ndarray
@@ -66,19 +66,19 @@ class Motion:
     """curves by name, in graphs by name with unit"""
     arrows: Mapping[str, Arrows] = field(default_factory=dict)
     touches: Touches | None = None
-    """None where nothing touches, or nobody can tell"""
+    """contacts; None if there are none, or they are not known"""
     paths: Mapping[str, tuple[np.ndarray, Color]] = field(default_factory=dict)
-    """(T, 3) paths drawn at once, by name"""
+    """(T, 3) static paths, with colours, by name"""
     marks: Sequence[Marks] = ()
-    """what else is drawn at each time"""
+    """further marks at each time"""
     camera: Camera | None = None
-    """where an environment is seen from; the page sees to it where there is none"""
+    """the camera of an environment; if None, the page chooses one"""
     pace: float | None = None
-    """how fast it is to be played, if that is said"""
+    """speed of playing, if it is given"""
     summary: str = ""
-    """in a line, what simulated it and how well"""
+    """description of the simulation and its accuracy, in one line"""
     note: str = ""
-    """what a picture of it does not tell"""
+    """a note on what pictures do not show"""
 
     @property
     def extent(self) -> float:
@@ -92,7 +92,7 @@ class Motion:
 
     @property
     def glassy(self) -> bool:
-        """Whether its springs are shown at first. A round body shows by its skin how it turns."""
+        """Whether its springs are shown at first. A round body's rotation is visible on its skin."""
         return len(self.lengths) > 0 and not np.asarray(self.look.skin).size
 
     @property
@@ -101,12 +101,12 @@ class Motion:
         return {text: color for marks in self.marks for color, text in marks.key}
 
     def speed(self, fps: float) -> float:
-        """Return how fast it is to be played or, if nothing says so, can be for the eye to follow the
+        """Return the speed of playing: ``pace`` or, without one, the fastest at which the eye can follow the
         rotation."""
         return self.pace or film.visible_speed(self.fastest, fps)
 
     def at(self, time: float) -> tuple[int, float]:
-        """Return the index of the state before a time [s], and the share of the way to the next."""
+        """Return the index of the state before a time [s], and the passed fraction of the interval."""
         n = int(np.clip(np.searchsorted(self.times, time, side="right") - 1, 0, len(self.times) - 2))
         share = (time - self.times[n]) / (self.times[n + 1] - self.times[n])
         return n, float(np.clip(share, 0.0, 1.0))
@@ -115,7 +115,7 @@ class Motion:
 def extent_of(positions: np.ndarray) -> float:
     """Return the longest side of the box around a body that moves through positions (T, N, 3) [m].
 
-    Of a particle, which has none, a share of its way.
+    For a single particle, which has none, it is a fraction of its path.
     """
     size = float(np.ptp(positions[0], axis=0).max())
     return size or 0.3 * float(np.ptp(positions, axis=(0, 1)).max()) or 0.5
@@ -155,9 +155,9 @@ def of_recording(recording: Recording, *, twin: bool = True) -> Motion:
 
 
 def _arrows(recording: Recording) -> dict[str, Arrows]:
-    """Return arrows of the weight, of what holds against it, of angular velocity and angular momentum.
+    """Return arrows of the weight, the support, the angular velocity and the angular momentum.
 
-    The support is what the momentum tells: pin and surfaces together push with dP/dt − M g.
+    The support follows from the momentum P: pin and surfaces together exert dP/dt − M g.
     """
     scene, m, x = recording.plan.scene, recording.measures, recording.positions
     size = 0.6 * extent_of(x)
@@ -185,7 +185,7 @@ def _arrows(recording: Recording) -> dict[str, Arrows]:
 
 
 def touches(scene: Scene, found: Sequence[Contacts], positions: np.ndarray) -> Touches | None:
-    """Return contacts as they are drawn, or None if there are none.
+    """Return contacts in the form for drawing, or None if there are none.
 
     Parameters
     ----------
@@ -213,7 +213,7 @@ def touches(scene: Scene, found: Sequence[Contacts], positions: np.ndarray) -> T
 
 
 def lacking(scene: Scene) -> str:
-    """Return a note on what a scene lacks that others have, for the page; "" if it has surfaces."""
+    """Return a note for the page on what a scene lacks compared with others; "" if it has surfaces."""
     if scene.surfaces:
         return ""
     if scene.pins:
@@ -227,9 +227,9 @@ def weight_of(scene: Scene) -> np.ndarray:
 
 
 def _supported_at(recording: Recording) -> np.ndarray:
-    """Return where the support acts, (T, 3): the pin, or the middle of the contacts by their forces.
+    """Return where the support acts, (T, 3) [m]: the pin, or the mean of contacts weighted by force.
 
-    Where no contact is recorded, it is the middle of the particles within reach of a surface.
+    Where no contact is recorded, it is the mean of the particles within 1.5 Δ of a surface, or of the lowest.
     """
     scene, x = recording.plan.scene, recording.positions
     if scene.pinned:

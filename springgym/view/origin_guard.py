@@ -1,17 +1,17 @@
-"""Decide who may speak to a page, and which messages it takes.
+"""Access control of a page: which clients may connect, and which messages are accepted.
 
-viser's server listens on this machine alone unless it is told another address. Still, every page that a
-browser here shows can open a connection to it, and the browser names that page in the header ``Origin``.
-viser looks at neither this nor ``Host``, and takes any value for anything. The guard stands before it:
+viser's server listens only on this machine, unless another address is given. Still, every page open in a
+browser here can connect to it; the browser names that page in the header ``Origin``. viser checks neither
+this nor ``Host``, and accepts any value. So the guard checks:
 
-- A connection comes from a page of this very server, see `reject_reason`.
-- At an address that was asked for, everybody in the network can knock. There the path of every request begins
-  with a token, which the address that is printed has, and nobody can guess.
-- A message is one that the page can send: a camera, a command, or a value of what the panel shows. A choice
-  is one of those offered; a number is clamped to the ends of its slider. See `OriginGuard.accepted`.
+- A connection must come from a page of this server, see `reject_reason`.
+- With an address given by the user, everybody in the network can connect. Then the path of every request must
+  begin with a random token, which is part of the printed URL.
+- A message must be one that the page can send: a camera, a command, or a value of a control. A choice must be
+  one of those offered; a number is clamped to the range of its slider. See `OriginGuard.accepted`.
 - There are at most `CONNECTIONS` at once, and no message is longer than `LONGEST`.
 
-What is refused goes no further, and nobody is told.
+Refused messages are dropped without notice.
 """
 
 from __future__ import annotations
@@ -35,30 +35,30 @@ from websockets.datastructures import Headers
 from springgym.checks import HUGE, array, chosen, instance, number, shown, whole
 
 HOST, ANY = "127.0.0.1", "0.0.0.0"
-"""The addresses of this machine for itself, and of all that it has."""
+"""The loopback address, and that for all addresses of this machine."""
 NAMES = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:[0-9]{1,5})?")
-"""What a browser on this machine calls it, with a port: that of the server, or one that is led to it."""
+"""Names by which a browser on this machine addresses it, with the server's port or a forwarded one."""
 CONNECTIONS = 40
-"""Open at once."""
+"""Largest number of open connections."""
 LONGEST = 4096
-"""Bytes of a message: a page's own have 300 at the most."""
+"""Largest size of a message [bytes]: a page's own have at most 300."""
 CAMERA: dict[str, tuple[int, ...]] = {
     "wxyz": (4,),
     **dict.fromkeys(("position", "look_at", "up_direction"), (3,)),
     **dict.fromkeys(("fov", "near", "far", "image_height", "image_width"), ()),
 }
-"""Shapes of the numbers in a camera's message."""
+"""Shapes of the arrays in a camera's message."""
 TOKEN = 16
-"""Random bytes of a token."""
+"""Number of random bytes in a token."""
 
 
 def reject_reason(headers: Headers, names: re.Pattern[str] | None = NAMES) -> str:
     """Return the reason why a request does not come from a page of this server; "" if it does.
 
-    Under ``names`` the server may be asked for; of None, under any, and a token decides who is let in.
-    A browser lets no page choose ``Host`` and ``Origin``. ``Host`` is the name that was asked for, and gives
-    away a foreign name that was made to lead here. ``Origin`` is the page that asks; a request for a file may
-    lack it, one for a connection may not.
+    ``names`` are the allowed hosts; with None any host is allowed, and a token decides about access. Pages
+    cannot choose ``Host`` and ``Origin`` in a browser. ``Host`` is the requested name, which reveals foreign
+    names that resolve to this machine. ``Origin`` is the requesting page; requests for files may lack it,
+    those for connections may not.
     """
     hosts, origins = headers.get_all("Host"), headers.get_all("Origin")
     if len(hosts) != 1 or not (names is None or names.fullmatch(hosts[0].lower())):
@@ -70,15 +70,15 @@ def reject_reason(headers: Headers, names: re.Pattern[str] | None = NAMES) -> st
 
 
 class OriginGuard:
-    """A guard before the viser server that is made while the guard is `installed`.
+    """A guard in front of the viser server that is created while the guard is `installed`.
 
     Parameters
     ----------
     port
-        The first to listen on that is free from this one on; of 0, any that is free.
+        First port to try; 0 takes any free port.
     address
-        The IPv4 address to listen on, for whoever has the token; "0.0.0.0" for all that this machine has. If
-        None, this machine alone is listened to, and needs no token.
+        IPv4 address to listen on, for clients that have the token; "0.0.0.0" for all addresses of this
+        machine. If None, only this machine can connect, without a token.
 
     Raises
     ------
@@ -97,7 +97,7 @@ class OriginGuard:
 
     @contextmanager
     def installed(self) -> Iterator[None]:
-        """Context in which the server that viser makes for `HOST` and `port` listens behind the guard."""
+        """Context in which the server that viser creates for `HOST` and `port` is behind the guard."""
         serve = websocket.serve
 
         def guarded(handler: Any, host: Any = None, port: Any = None, **settings: Any) -> Any:
@@ -127,7 +127,7 @@ class OriginGuard:
         return f"http://{host}:{self.port}" + ("" if self._token is None else f"/{self._token}/")
 
     def guard(self, server: Any) -> Any:
-        """Accept what the panel of a server offers, and return the server."""
+        """Accept messages for the controls of a server's panel, and return the server."""
         if not self._installed:
             server.stop()
             self._socket.close()
@@ -179,7 +179,7 @@ class OriginGuard:
     # --- Messages -----------------------------------------------------------------------------------
 
     def accepted(self, raw: Any) -> bytes | None:
-        """Return a message as viser may have it; None if it may not."""
+        """Return a message in the form that is passed to viser; None if it is refused."""
         try:
             return msgspec.msgpack.encode(self._read(msgspec.msgpack.decode(raw)))
         except (TypeError, ValueError, KeyError, RecursionError):  # msgspec's are ValueErrors
@@ -199,12 +199,12 @@ class OriginGuard:
 
 
 def taken(handle: Any, value: Any) -> Any:
-    """Return what a part of the panel takes for a value that it is given.
+    """Return the value that a control accepts for a given one.
 
     Raises
     ------
     TypeError, ValueError
-        If it takes nothing like it.
+        If it accepts no such value.
     """
     if handle.disabled or not handle.visible:
         raise ValueError("it is not offered")
@@ -230,14 +230,14 @@ def _own_address() -> str:
     """Return the address under which others in the network find this machine; without a network, `HOST`."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
-            probe.connect(("192.0.2.1", 9))  # an address that nobody has, to which nothing is sent
+            probe.connect(("192.0.2.1", 9))  # an unused address, to which nothing is sent
         except OSError:
             return HOST
         return str(probe.getsockname()[0])
 
 
 def _bound(port: int, address: str) -> socket.socket:
-    """Return a socket that listens on the first port that is free from one on."""
+    """Return a socket that is bound to the first free port from ``port`` on."""
     try:
         ipaddress.IPv4Address(instance("address", address, str))
     except ValueError:

@@ -1,4 +1,4 @@
-"""The page: a stage to turn, a clock to play it by, sliders to change it, a graph to read it from."""
+"""The page: an interactive stage, playback, sliders and a graph."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ from springgym.view.motion import Motion
 from springgym.view.stage import Stage, group_of, look_from
 
 FPS = 30.0
-"""Frames a second that are sent to the browser."""
+"""Frames per second that are sent to the browser."""
 READ_EVERY = 4
 """Frames between two updates of the readings and of the graph's pointer."""
 SAMPLES = 400
-"""Points of a curve."""
+"""Number of points of a curve."""
 BRAND: Color = (43, 92, 150)
 REFIT = 1.25
-"""The camera is placed anew if a changed motion asks for it so many times farther away, or nearer."""
+"""Ratio of distances from which on a changed motion moves the camera."""
 PATIENCE = 0.5
-"""Seconds of simulating from which on the page says so."""
+"""Simulating for longer than this is reported on the page [s]."""
 WIDTH = 380
-"""Pixels of the panel."""
+"""Width of the panel [pixels]."""
 STYLE = f"""<style>
 .over {{position: fixed; top: .8em; left: .9em; max-width: min(26em, 85vw); pointer-events: none;
   font-size: .8em; line-height: 1.5; color: #343c4c; text-shadow: 0 0 3px #fff, 0 0 6px #fff}}
@@ -52,7 +52,7 @@ STYLE = f"""<style>
   [style*="max-height: 60%"] [style*="width: 20em"] {{width: 100% !important}}
 }}
 </style>"""
-"""What lies over the stage; on a phone the panel is as broad as the page, and covers half of it at most."""
+"""Style of the overlay; on a phone the panel is as wide as the page, and covers at most half of it."""
 TICKS = {
     "trace": "the way of the traced particle",
     "springs": "the springs, coloured by their strain, through the body",
@@ -62,24 +62,24 @@ TICKS = {
     "rigid twin": "the trace of the same particles as a rigid body, dashed",
     "follow": "move with the centre of mass",
 }
-"""What can be shown, and what that is."""
+"""Names of what can be shown, with explanations."""
 
 Changes = Mapping[tuple[str, ...], float]
 TORN = "The springs cannot hold this motion: make them stiffer, or the motion slower. In numbers: "
-"""Advice to users whose change tears a body apart."""
+"""Advice for changes of a scene that make it diverge."""
 
 
 class Subject(NamedTuple):
-    """A kind of thing that a page shows, scenes or environments."""
+    """The subject of a page: a choice of scenes or episodes."""
 
     kind: str
-    """what is chosen"""
+    """what the names are"""
     names: Sequence[str]
-    """out of these; the first is shown at first"""
+    """names to choose from; the first is shown first"""
     make: Callable[[str, Changes], Motion]
-    """from a name and the numbers that the sliders changed, the motion"""
+    """returns the motion for a name and the numbers changed by sliders"""
     knobs: Callable[[str], Sequence[Knob]]
-    """from a name, its sliders"""
+    """returns the sliders for a name"""
 
 
 class Page:
@@ -106,11 +106,11 @@ class Page:
         self._frame = 0
         self._begun: float | None = None
         self.name = subject.names[0]
-        """what is chosen"""
+        """the selected name"""
         self.motion = subject.make(self.name, {})
-        """what is shown"""
+        """the shown motion"""
         self.time = 0.0
-        """of the motion [s]"""
+        """present time of the motion [s]"""
         self.playing = True
         self._build()
         self._turn_to(self.name, self.motion)
@@ -137,7 +137,7 @@ class Page:
         worker.join()
 
     def _advance(self, elapsed: float) -> None:
-        """Play on by a time of the clock on the wall [s]."""
+        """Advance by an ``elapsed`` wall-clock time [s]."""
         with self._lock:
             self.time += elapsed * float(Fraction(self._speed.value))
             if self.time > self.motion.times[-1]:
@@ -146,7 +146,7 @@ class Page:
             self._frame += 1
 
     def _told(self, action: Callable[[], None]) -> bool:
-        """Do something; whatever it raises, the page shows, and goes on. Whether it raised nothing."""
+        """Call ``action``, show any error on the page, and return whether there was none."""
         try:
             action()
         except Exception as error:
@@ -163,7 +163,7 @@ class Page:
         self._stopped.set()
 
     def play(self, playing: bool) -> None:
-        """Play, or pause; nothing is played where nothing is shown."""
+        """Play or pause; without a motion, nothing is played."""
         self.playing = playing and self._shown
         self._button.label = "Pause" if self.playing else "Play"
         if self.playing:
@@ -171,7 +171,7 @@ class Page:
         self._due["clock"] = self._settle
 
     def _settle(self) -> None:
-        """Have clock and readings say what is shown, not what was a few frames before."""
+        """Update clock and readings to the current frame."""
         with self._lock:
             self._read()
 
@@ -224,7 +224,7 @@ class Page:
         self._summary = gui.add_markdown("")
 
     def _turn_to(self, name: str, motion: Motion) -> None:
-        """Show another subject, from its start."""
+        """Show another motion, from its start."""
         self.name, self.time = name, 0.0
         for part in (*self._sliders.values(), *self._folders):
             part.remove()
@@ -249,7 +249,7 @@ class Page:
         self._look()
 
     def _look(self) -> None:
-        """Have all clients, and those to come, look at the whole motion."""
+        """Set the camera of all present and later clients to show the whole motion."""
         camera = self._stage.camera(self.motion)
         self._distance = camera.distance
         look_from(self._server.initial_camera, camera)
@@ -257,9 +257,9 @@ class Page:
             self._place(client)
 
     def _welcome(self, client: Any) -> None:
-        """Place the camera of a client that connects, and again whenever its picture changes its shape.
+        """Place the camera of a client that connects, and again whenever its aspect ratio changes.
 
-        The shape changes right after connecting, when the panel takes its part of the window.
+        It changes right after connecting, when the panel takes its part of the window.
         """
         aspect = client.camera.aspect
 
@@ -270,7 +270,7 @@ class Page:
                 self._due[f"camera {client.client_id}"] = partial(self._place, client)
 
         client.camera.on_update(seen)
-        self._place(client)  # only now: a shape that comes amid this is seen
+        self._place(client)  # only now, so that a change in between is not missed
 
     def _place(self, client: Any) -> None:
         """Place the camera of a client so that the motion is in the part of the picture beside the panel."""
@@ -278,7 +278,7 @@ class Page:
             look_from(client.camera, self._stage.camera(self.motion, client.camera.aspect))
 
     def _show(self, motion: Motion) -> None:
-        """Show a motion, where the clock stands."""
+        """Show a motion at the present time of the clock."""
         self.motion = motion
         last = float(motion.times[-1])
         self.time = min(self.time, last)
@@ -301,7 +301,7 @@ class Page:
             self._draw(read=True)
 
     def _clear(self) -> None:
-        """Show nothing: what was shown is not what the sliders say."""
+        """Show nothing, as no motion belongs to the present sliders."""
         with self._lock, self._server.atomic():
             self._shown = False
             self.play(False)
@@ -317,21 +317,21 @@ class Page:
             self._plot.visible = self._shown
 
     def _say(self, text: str, wrong: bool = False) -> None:
-        """Say something over the stage."""
+        """Show a message over the stage."""
         kind = "told wrong" if wrong else "told"
         self._over.content = f"<div class='{kind}'>{html.escape(text)}</div>" if text else ""
 
     def _tell_key(self) -> None:
-        """Say over the stage what the colours mean that are shown."""
+        """Show the legend of the colours over the stage."""
         shown = {name for name, tick in self._ticks.items() if tick.value}
         self._key.content = key(self.motion, shown, self._stage.strain_scale) if self._shown else ""
 
     # --- What the user does -------------------------------------------------------------------------
 
     def _heed(self, part: Any, name: str, action: Callable[[Any], None]) -> None:
-        """Do something with a part's value, at the next frame, when a user changes it.
+        """Call ``action`` with a control's value at the next frame after a user changed it.
 
-        Of all that is done under one name, only the last of a frame: nothing piles up.
+        Of several changes under one ``name`` in a frame, only the last one counts.
         """
 
         def changed(event: Any) -> None:
@@ -344,7 +344,7 @@ class Page:
         with self._lock, self._server.atomic():
             self.time = float(time)
             if self.playing:
-                # earlier frames may still reach whoever sought: the clock is sent again even if it is equal
+                # earlier frames may still reach the client: the clock is sent again even if it is equal
                 self._moment.value = -1.0
             self.play(False)
             self._draw(read=True)
@@ -365,14 +365,14 @@ class Page:
         self._ask(self.name, {})
 
     def _ask(self, name: str, changes: Changes) -> None:
-        """Have the worker make a motion; what was asked for before, and not begun, is forgotten."""
+        """Request a motion from the worker; earlier requests that were not begun are dropped."""
         wanted = (chosen(self._subject.kind, name, self._subject.names), changes)
         with self._lock:
             self._wanted, self._begun = wanted, clock.perf_counter()
             self._asked.set()
 
     def _work(self) -> None:
-        """Make the motions that are asked for."""
+        """Make the requested motions, in the worker's thread."""
         while self._asked.wait() and not self._stopped.is_set():
             self._asked.clear()
             wanted, self._wanted = self._wanted, None
@@ -395,7 +395,7 @@ class Page:
             else:
                 self._turn_to(name, motion)
             if self._chooser is not None:
-                self._chooser.value = name  # another may have been chosen that could not be made
+                self._chooser.value = name  # a choice that failed may be selected
 
     # --- Drawing ------------------------------------------------------------------------------------
 
@@ -406,7 +406,7 @@ class Page:
                 self._read()
 
     def _read(self) -> None:
-        """Put clock, readings and the graph's pointer where the motion is."""
+        """Set clock, readings and the graph's pointer to the time of the motion."""
         if not self._shown:
             return
         motion, (n, share) = self.motion, self.motion.at(self.time)
@@ -424,7 +424,7 @@ class Page:
             self._plot.data = (*self._plotted, self._pointer())
 
     def _replot(self) -> None:
-        """Draw the graph that is chosen."""
+        """Draw the selected graph."""
         from viser import uplot
 
         with self._lock:
@@ -470,7 +470,7 @@ class Page:
                     setattr(self._plot, name, value)
 
     def _pointer(self) -> np.ndarray:
-        """Return a curve that rises from bottom to top of the graph at the present, and is NaN elsewhere."""
+        """Return a vertical line at the present time of the graph, as a curve that is NaN elsewhere."""
         values = np.full(len(self._sampled), np.nan)
         n = int(np.clip(np.searchsorted(self._sampled, self.time), 1, len(values) - 1))
         values[n - 1 : n + 1] = self._range
@@ -478,18 +478,18 @@ class Page:
 
 
 NAMES = {"angular velocity": "ω, angular velocity", "angular momentum": "L, angular momentum"}
-"""What the key calls arrows, where it is more than their name."""
+"""Names of arrows in the legend that differ from their keys."""
 
 
 def key(motion: Motion, ticks: Collection[str], strain: float) -> str:
-    """Return what the colours mean, as HTML that lies over the stage.
+    """Return the legend of the colours as HTML.
 
     Parameters
     ----------
     ticks
-        What is shown, see `TICKS`.
+        Names of what is shown, see `TICKS`.
     strain
-        That of the full colour.
+        The strain of full colour.
     """
     shown = {name for name in ticks if _there(name, motion)}
     lines = []
@@ -517,7 +517,7 @@ def key(motion: Motion, ticks: Collection[str], strain: float) -> str:
 
 
 def fraction(speed: float) -> str:
-    """Write a speed as a choice: "1/8", "1", "2"."""
+    """Return a speed as a text: "1/8", "1", "2"."""
     return str(Fraction(speed))
 
 

@@ -1,4 +1,4 @@
-"""Draw a motion with viser: nodes that are made once and moved from frame to frame."""
+"""Drawing of motions with viser, by nodes that are created once and moved from frame to frame."""
 
 from __future__ import annotations
 
@@ -24,27 +24,27 @@ CELL, SECTION = (222, 228, 236), (196, 205, 217)
 GLASS = 0.12
 """Opacity of a body whose springs are shown."""
 SKYLIGHT = 1.85
-"""Light from all around, beside viser's lamp of 3 above: what faces the sky is 1.5 times as bright as what
-faces the horizon, as in the films."""
+"""Ambient light, besides viser's lamp of 3 above: surfaces that face the sky are 1.5 times as bright as those
+that face the horizon, as in the films."""
 LIT = (3.0 * 0.96 + SKYLIGHT) / np.pi
-"""Light that a white face sends on that looks at the sky."""
+"""Light that a white face reflects if it faces the sky."""
 TO_ACES = np.array([[0.59719, 0.35458, 0.04823], [0.07600, 0.90834, 0.01566], [0.02840, 0.13383, 0.83777]])
 FROM_ACES = np.array(
     [[1.60475, -0.53108, -0.07367], [-0.10208, 1.10813, -0.00605], [-0.00327, -0.07276, 1.07602]]
 )
-"""The tone mapping of three.js: between them each channel x becomes (x² + a x − b)/(c x² + d x + e)."""
+"""Tone mapping of three.js: between the matrices each channel x becomes (x² + a x − b)/(c x² + d x + e)."""
 BEFORE, AFTER = np.linalg.inv(TO_ACES).T, np.linalg.inv(FROM_ACES).T
 EXPOSURE = 1 / 0.6
 ASIDE = (-0.25, -0.1)
-"""Half heights of the picture that the camera is moved right and up: the graph is at the lower left."""
+"""Shift of the camera right and up, in half heights of the picture: the graph is at the lower left."""
 SHEET = 0.5
-"""Share of a narrow picture, as of a phone held upright, that the panel takes at the bottom."""
+"""Fraction of a narrow picture, as on a phone held upright, that the panel takes at the bottom."""
 MOMENTS = 300
-"""Moments of a motion that the camera is to see."""
+"""Number of states of a motion for which the camera is fitted."""
 TRAIL = 400
-"""Pieces of a trace."""
+"""Number of segments of a trace."""
 SHORTEST = 0.02
-"""Share of a body's extent below which an arrow is not drawn."""
+"""Shortest arrow that is drawn, relative to a body's extent."""
 
 
 class Stage:
@@ -73,7 +73,7 @@ class Stage:
     # --- What is shown ------------------------------------------------------------------------------
 
     def set_up(self, motion: Motion) -> None:
-        """Replace what is shown by a motion, at its start."""
+        """Show another motion, at its start."""
         for name in ("/world", "/ground"):
             self._scene.remove_by_name(name) if self._motion is not None else None
         self._motion = motion
@@ -82,7 +82,7 @@ class Stage:
         self._ground = self._scene.add_frame("/ground", show_axes=False)
         self._world = self._scene.add_frame("/world", show_axes=False)
         self.strain_scale = strain_scale(self._strain)
-        """the strain of the full colour"""
+        """the strain of full colour"""
         self._add_scenery(motion)
         self._add_body(motion, size)
         self._nodes: dict[str, Any] = {}
@@ -91,7 +91,7 @@ class Stage:
         self.draw(0.0)
 
     def show(self, **shown: bool) -> None:
-        """Show or hide the ticks of a page by name; with ``follow``, move along with the body."""
+        """Show or hide elements by their names in `TICKS`; with ``follow``, the camera follows the body."""
         self._follows = shown.pop("follow", self._follows)
         self._shown |= {name.replace("_", " "): value for name, value in shown.items()}
 
@@ -100,14 +100,14 @@ class Stage:
         return self._follows if name == "follow" else self._shown[name]
 
     def clear(self) -> None:
-        """Take the motion off the stage, until the next one is set up."""
+        """Remove the motion from the stage, until the next one is set up."""
         self._world.visible = False
 
     def camera(self, motion: Motion, aspect: float = 1.0) -> Camera:
-        """Return a camera that sees the whole motion, or a body's way and breadth where it is followed.
+        """Return a camera that shows the whole motion or, if it follows the body, the body's surroundings.
 
-        In a picture that is higher than wide, with an aspect (width by height) below 1, the motion is in the
-        upper part, above the panel.
+        In a picture with an aspect (width over height) below 1, the motion is in the upper part, above the
+        panel.
         """
         every = slice(None, None, -(-len(motion.times) // MOMENTS))
         x = motion.look.points(motion.positions[every])
@@ -201,7 +201,7 @@ class Stage:
         )
 
     def _add_disk(self, name: str, rank: int, centre: Point, radius: float, color: Color) -> Any:
-        """Show a horizontal disk; those of higher rank, from 1 on, lie on others, by what nobody sees."""
+        """Show a horizontal disk; those of higher rank, from 1 on, lie imperceptibly above others."""
         rim, up = circle((0.0, 0.0, 0.0), radius, 72), np.array([0.0, 0.0, 1e-3 * rank])
         n = np.arange(1, len(rim) - 1)
         return self._scene.add_mesh_simple(
@@ -345,7 +345,7 @@ class Stage:
             self._hide(f"/world/arrows/{name}", not shown)
 
     def _draw_contacts(self, motion: Motion, n: int) -> None:
-        """Return points and forces of the contacts; between two times nobody knows which there are."""
+        """Draw the contacts of time ``n``; they are not interpolated between times."""
         points, vectors = np.zeros((0, 3)), np.zeros((0, 3))
         if motion.touches is not None and self._shown["contacts"]:
             points, vectors, mutual = (of[n] for of in motion.touches)
@@ -376,7 +376,7 @@ class Stage:
             node.colors = toned(colors)
 
     def _put(self, name: str, add: Callable[..., Any], points: np.ndarray, **look: Any) -> Any:
-        """Move a node to points, and return it, or add one if there is none of so many points."""
+        """Move a node to points, and return it; add one if there is none with this number of points."""
         points, node = points.astype(np.float32), self._nodes.get(name)
         if node is None or node.points.shape != points.shape:
             self._nodes[name] = add(name, points, **look)
@@ -442,7 +442,7 @@ class Stage:
 
 
 def record(server: Any, stage: Stage, motion: Motion, fps: float, speed: float) -> Any:
-    """Play a motion into a serializer of viser's, once through."""
+    """Record a motion once with viser's serializer, and return that."""
     moments = np.arange(0.0, motion.times[-1] + 1e-9, speed / fps)
     serializer = server.get_scene_serializer()
     for time in moments:
@@ -452,17 +452,17 @@ def record(server: Any, stage: Stage, motion: Motion, fps: float, speed: float) 
 
 
 def look_from(view: Any, camera: Camera) -> None:
-    """Put the camera of a viser client, or the one that clients come with, in a place."""
+    """Set the camera of a viser client, or the initial one of clients."""
     view.fov = camera.fov
     view.position = np.array(camera.eye)
     view.look_at = np.array(camera.target)
 
 
 def toned(colors: ArrayLike, light: float = 1.0, linear: bool = True) -> np.ndarray:
-    """Return colours (…, 3) from 0 to 255 that look in the browser as those given, under some light.
+    """Return colours (…, 3) from 0 to 255 that appear in the browser as the given ones, under some ``light``.
 
-    Its light and its tone mapping are undone; what is too bright for them becomes a little darker. Colours of
-    lines and of instances are ``linear``: viser takes them as amounts of light. Those of meshes are sRGB.
+    Light and tone mapping are inverted; colours too bright for them become a little darker. Colours of lines
+    and of instances are ``linear`` in viser, those of meshes are sRGB.
     """
     y = np.clip(srgb.to_light(np.asarray(colors, float) / 255.0) @ AFTER, 0.0, 1.0)
     a, b, c, d, e = 0.0245786, 0.000090537, 0.983729, 0.432951, 0.238081

@@ -19,7 +19,7 @@ def of_all(scene: Scene, names: Sequence[str]) -> list[str]:
 
 
 def fitting(plan: Plan) -> None:
-    """Raise an error for checks that do not suit the scene.
+    """Raise ValueError for checks that do not suit the scene.
 
     Raises
     ------
@@ -42,7 +42,7 @@ def check(recording: Recording) -> list[Check]:
     Raises
     ------
     ValueError, TypeError
-        If a check does not suit the scene, or one of your own gives no list of `Check`; the message names it.
+        If a check does not suit the scene, or one returns no list of `Check`; the message names it.
     """
     fitting(recording.plan)
     found: list[Check] = []

@@ -1,4 +1,4 @@
-"""The parts that all checks share: their result, the limits of theory, and events in samples."""
+"""Shared parts of the checks: their result, the limits of theory, and events in samples."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from springgym.scenes.plan import Plan
 from springgym.scenes.recording import Recording
 
 NOT_COVERED = "not covered"
-"""The verdict where theory leaves out more than the tolerance."""
+"""The verdict where the error of theory may exceed the tolerance."""
 
 Checking = Callable[[Recording], "list[Check]"]
 Need = Callable[[Plan], None]
@@ -25,16 +25,16 @@ NEEDS: dict[str, tuple[Need, ...]] = {}
 `springgym.scenes.checks.needs`."""
 
 TOGETHER: set[str] = set()
-"""Names of the checks that, where bodies collide, judge all bodies together, not each alone."""
+"""Names of the checks that concern all bodies together, not each alone, where bodies collide."""
 
 TOUCHING: set[str] = set()
 """Names of the checks that need `Recording.contacts`."""
 
 
 def applies(*needs: Need, together: bool = False, contacts: bool = False) -> Callable[[Checking], Checking]:
-    """Make a function a check by its name, for scenes that meet some needs.
+    """Register a function as a check under its name, for scenes that meet some needs.
 
-    A check is of each body by itself, or of all that collide ``together``. Some need the ``contacts``.
+    A check concerns each body by itself, or ``together`` all that collide. Some need the ``contacts``.
     """
 
     def add(function: Checking) -> Checking:
@@ -50,31 +50,31 @@ def applies(*needs: Need, together: bool = False, contacts: bool = False) -> Cal
 
 
 class Check(NamedTuple):
-    """A quantity by theory and as measured.
+    """A quantity in theory and as measured.
 
-    The tolerance follows from the scene as its file says it, and from nothing that was measured: a run that
-    goes worse is not given more. What theory leaves out is estimated from the run, as its ``doubt``; a
-    doubt larger than the tolerance means that theory does not cover such a run.
+    The tolerance follows from the scene's file, not from measurements, so that a worse run has no larger
+    tolerance. The error of theory is estimated from the run, as the ``doubt``; if it exceeds the tolerance,
+    theory does not cover the run.
     """
 
     quantity: str
     theory: float
     measured: float
-    """NaN if the run does not show it"""
+    """NaN if the run does not have it"""
     tolerance: float
     """largest difference that passes, in the same unit"""
     unit: str
     doubt: float = 0.0
-    """difference that what theory leaves out may make: stretch, step, damping; in the same unit"""
+    """estimated error of theory, which neglects stretch, step and damping; in the same unit"""
 
     @property
     def covered(self) -> bool:
-        """Return whether theory is as exact as the tolerance requires; False for a doubt of NaN."""
+        """Return whether the error of theory is within the tolerance; False for a doubt of NaN."""
         return bool(self.doubt <= self.tolerance)
 
     @property
     def verdict(self) -> str:
-        """Verdict of the check in a word or two. What was not seen is not outside of theory."""
+        """Verdict of the check in a word or two. A quantity that was not seen is never "not covered"."""
         if self.passed:
             return "ok"
         return NOT_COVERED if not self.covered and self.measured == self.measured else "FAILED"
@@ -86,7 +86,7 @@ class Check(NamedTuple):
 
 
 def two_figures(result: Check, difference: float, sign: str = "") -> str:
-    """Write a difference of a check in two significant digits: in % of theory, or in its unit if that is 0.
+    """Return a difference with two significant digits: in % of theory, or in its unit if that is 0.
 
     ``sign`` is "+" to write the sign of positive numbers, too.
     """
@@ -97,24 +97,24 @@ def two_figures(result: Check, difference: float, sign: str = "") -> str:
 def within(
     share: float, quantity: str, theory: float, measured: float, unit: str, doubt: float = 0.0
 ) -> Check:
-    """Make a check whose tolerance and doubt are shares of what theory says."""
+    """Return a check whose tolerance and doubt are relative to the value of theory."""
     scale = abs(theory)
     return Check(quantity, theory, measured, share * scale, unit, doubt * scale)
 
 
 def slack(recording: Recording, rate: float) -> float:
-    """Share by which a body's moments may be off those of a rigid one: 2 ε + (rate h)^order.
+    """Return a bound of the relative error of a body's moments against a rigid one: 2 ε + (rate h)^order.
 
-    ε is the largest strain of any spring in the run, which falls as 1/k; moments of inertia go with the
-    square of lengths. ``rate`` [rad/s] is the quickest turning there is: what vibrates faster does so about
-    an equilibrium that every method has exactly.
+    ε is the largest strain of any spring in the run, which falls as 1/k; moments of inertia scale with the
+    square of lengths. ``rate`` [rad/s] is the fastest rotation: faster vibrations are about an equilibrium
+    that every method has exactly.
     """
     strain = float(recording.measures.strain.max())
     return 2 * strain + (abs(rate) * recording.step) ** recording.integrator.order
 
 
 def spread(of: Callable[..., float], *arguments: float, by: float) -> float:
-    """Return the sum of the changes of a value if each of its arguments is off by a share ``by``."""
+    """Return the sum of the changes of a value if each of its arguments has the relative error ``by``."""
     value = of(*arguments)
     changed = [
         of(*arguments[:n], argument * (1 + sign * by), *arguments[n + 1 :])
@@ -144,7 +144,7 @@ def crossings(times: np.ndarray, values: np.ndarray, rising: bool | None = None)
     times, values : (T,)
         At equal intervals.
     rising
-        Only upwards, or only downwards; both if None.
+        Whether to return only upward (True) or only downward (False) crossings; both if None.
     """
     if len(times) < 4:
         return np.zeros(0)
@@ -163,7 +163,7 @@ def crossings(times: np.ndarray, values: np.ndarray, rising: bool | None = None)
 
 
 def period(times: np.ndarray, values: np.ndarray) -> float:
-    """Return the mean time between passages of zero in the same direction; NaN if there are not two."""
+    """Return the mean time between zero crossings in the same direction; NaN if there are not two."""
     marks = crossings(times, values, rising=True)
     return (marks[-1] - marks[0]) / (len(marks) - 1) if len(marks) > 1 else math.nan
 

@@ -1,4 +1,4 @@
-"""Checks of balls that roll and meet bodies against theory: on a table, at a cushion, on a turntable."""
+"""Checks of rolling balls that collide against theory: on a table, at a cushion, on a turntable."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from springgym.scenes.recording import Recording
 from springgym.theory import contact, rolling
 
 STRUCK = 0.01
-"""Share of the speed of two balls that met: restitution is met to 0.5 % of it."""
+"""Relative tolerance of the speeds of two balls after impact: restitution is accurate to 0.5 % of them."""
 
 REBOUND = 0.02
-"""Share of the speed and the angle of a rebound: restitution is met to 0.5 %, and friction goes with it."""
+"""Relative tolerance of a rebound's speed and angle: restitution, and with it friction, errs by 0.5 %."""
 
 CIRCLED = 1e-3
-"""Share of the rate and the radius of a circle on a turntable."""
+"""Relative tolerance of the rate and the radius of a circle on a turntable."""
 
 
 def _balls(plan: Plan) -> None:
-    """Refuse other bodies than balls of equal size."""
+    """Raise ValueError unless all bodies are balls of equal size."""
     needs.collide(plan)
     for placed in plan.scene.bodies:
         refuse_other_than_balls(placed.body)
@@ -36,13 +36,13 @@ def _balls(plan: Plan) -> None:
 
 
 def _slippery_balls(plan: Plan) -> None:
-    """Refuse friction between bodies, which theory leaves out."""
+    """Raise ValueError if there is friction between bodies, which theory neglects."""
     if any(met.contact.friction > 0 for met in plan.scene.meetings):
         raise ValueError("there is friction between the balls, which theory leaves out")
 
 
 def _ball_and(plan: Plan, held: bool) -> None:
-    """Refuse what is not one other body, and balls that meet it."""
+    """Raise ValueError unless there are balls and one other body that they collide with."""
     needs.collide(plan)
     others = [placed for placed in plan.scene.bodies if not placed.body.rounds]
     if len(others) != 1 or bool(others[0].pinned) != held:
@@ -63,7 +63,7 @@ def _turntable(plan: Plan) -> None:
 
 
 def _other(recording: Recording) -> tuple[int, Placed]:
-    """Return the number of the body that is no ball, and itself."""
+    """Return the index of the body that is no ball, and the body."""
     bodies = recording.plan.scene.bodies
     number = next(n for n, placed in enumerate(bodies) if not placed.body.rounds)
     return number, bodies[number]
@@ -74,8 +74,8 @@ def billiards(recording: Recording) -> list[Check]:
     """Compare the quantity that equal balls conserve on a rough table, and their speeds when they roll again.
 
     The table's friction f acts at the lowest point: m dv = f and z × I dω = r f. So it does not change
-    m v − z × I ω/r of any ball. Balls without friction between them exchange m v and no spin. So the sum
-    over all is kept.
+    m v − z × I ω/r of any ball. Balls without friction between them exchange m v and no spin. So the sum over
+    all is conserved.
     """
     scene, bodies = recording.plan.scene, recording.bodies
     body = scene.bodies[0].body
@@ -100,7 +100,7 @@ def billiards(recording: Recording) -> list[Check]:
 
 
 def _struck(recording: Recording, radius: float, share: float) -> list[Check]:
-    """Compare the speeds of two balls at the end with theory, one of which rolls into the other at rest."""
+    """Compare the final speeds of two balls with theory, after one rolled into the other at rest."""
     met, bodies = recording.plan.scene.meetings[0], recording.bodies
     came, rests = sorted(range(2), key=lambda n: -float(np.linalg.norm(bodies[n].centre_velocity[0])))
     velocity = bodies[came].centre_velocity[0] * (1, 1, 0)
@@ -125,7 +125,7 @@ def _struck(recording: Recording, radius: float, share: float) -> list[Check]:
 def cushion(recording: Recording) -> list[Check]:
     """Compare the speed and the angle of balls that struck a cushion with Coulomb's law.
 
-    On a smooth table, as friction there would go on changing both.
+    The table must be smooth, as its friction would continue to change both.
     """
     scene = recording.plan.scene
     number, wall = _other(recording)
@@ -138,7 +138,7 @@ def cushion(recording: Recording) -> list[Check]:
         if n == number:
             continue
         m = recording.bodies[n]
-        # the face that the ball is in front of is the one from which it is farthest outwards
+        # the ball is in front of the face from which it is farthest outwards
         normal = faces[int(np.einsum("fi,fi->f", m.centre[0] - corners[:, 0], faces).argmax())]
         radius, share = moment_share(placed.body)
         velocity = m.centre_velocity[0]
@@ -162,7 +162,7 @@ def cushion(recording: Recording) -> list[Check]:
 def turntable(recording: Recording) -> list[Check]:
     """Compare the rate and the radius of the circle of a ball on a turning table with theory.
 
-    In the second half of the run; the table is free, and turns the more slowly the farther out the ball is.
+    The second half of the run counts. The table is free, and slower the farther out the ball is.
     """
     scene = recording.plan.scene
     number, _ = _other(recording)

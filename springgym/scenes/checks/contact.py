@@ -1,4 +1,4 @@
-"""Floors, slopes, bowls and pipes against theory."""
+"""Checks of bodies on floors, on slopes, in bowls and in pipes against theory."""
 
 from __future__ import annotations
 
@@ -34,40 +34,40 @@ from springgym.theory import pendulum
 from springgym.theory import top as tops
 
 WITHIN = 5e-3
-"""Share of theory, of what stands, slides and bounces: sampling of a turning point makes 1.4e-3."""
+"""Relative tolerance for bodies that stand, slide or bounce: sampling of a turning point makes 1.4e-3."""
 
 RESTORED = 0.02
-"""Share of the restitution. Theory knows no weight; at 2 m/s on a reach of 2 cm this makes 1.3e-2."""
+"""Relative tolerance of the restitution. Theory neglects weight, 1.3e-2 at 2 m/s with Δ = 2 cm."""
 
 STILL = 1e-3
-"""[m/s] Slower than this is at rest."""
+"""Speed below which a body is at rest [m/s]."""
 
 ELASTIC = 1e-6
-"""Share of the height to which a bounce without loss returns: contact solves its equation to 1e-10, and steps
-round, 1e-12 each."""
+"""Relative tolerance of the height of a bounce without loss: contact solves its equation to 1e-10, and each
+step rounds by 1e-12."""
 
 STRAIGHT = 1e-9
-"""Share of the body's size: round-off of 1e-16 of a way of ten sizes, in 1e6 steps."""
+"""Tolerance relative to the body's size: round-off of 1e-16 of a path of ten sizes, in 1e6 steps."""
 
 SWUNG = 1e-3
-"""Share of the period in a bowl or a pipe: where the particle stands in the barrier changes by less than
-1e-4 of the radius."""
+"""Relative tolerance of the period in a bowl or a pipe: the particle's gap in the barrier changes by less
+than 1e-4 of the radius."""
 
 STRUCK = 0.03
-"""Share of contact time and of rebound: theory is linear in strains, of which rubber reaches 1.4e-2."""
+"""Relative tolerance of contact time and rebound: theory is linear in strains, up to 1.4e-2 in rubber."""
 
 SPUN = 5e-3
-"""Share of the spin about a top's axis, and of the coefficient of friction: its strain changes by 6e-4 as it
-lands, which makes 1.3e-3 of its moments."""
+"""Relative tolerance of a top's axial spin, and of the coefficient of friction: its strain changes by 6e-4 as
+it lands, and its moments by 1.3e-3."""
 
 RESTED = 0.01
-"""Share of M g l/(I₃ ω₃), the precession of a fast top: 1.6e-3 of its constants make 5e-3 of it."""
+"""Relative tolerance of M g l/(I₃ ω₃), a fast top's precession: errors of 1.6e-3 in constants make 5e-3."""
 
 SLIDES = 1e-3
-"""[m/s] A tip that is slower may stick."""
+"""Speed of a tip below which it may stick [m/s]."""
 
 CREEP = 1e-6
-"""[m] A body that holds moves less, in half the run."""
+"""Largest motion of a body that sticks, in half of the run [m]."""
 
 
 def _met(recording: Recording) -> tuple[Contact | PaperContact, float, float, float]:
@@ -84,12 +84,12 @@ def _carried(recording: Recording) -> np.ndarray:
 
 @applies(needs.particle, needs.ground, needs.dropped, needs.gravity)
 def bounces(recording: Recording) -> list[Check]:
-    """Check the lowest point of a particle dropped on an elastic floor, and how high it comes back."""
+    """Check the lowest point of a particle dropped on an elastic floor, and the height of its rebounds."""
     _, c, reach, g = _met(recording)
     mass, times, height = recording.plan.scene.body.mass, recording.times, recording.positions[:, 0, 2]
     start = float(height[0])
     lowest = theory.turning_point(mass * g * start, c, reach, mass * g)
-    # it turns between two states at the most half an interval away, with a = F/m
+    # it turns at most half an interval from a state, with a = F/m
     pull = float(theory.force(lowest, c, reach)) / mass
     seen = pull * float(times[1] - times[0]) ** 2 / 8
     _, tops = peaks(times, height)
@@ -105,8 +105,8 @@ def bounces(recording: Recording) -> list[Check]:
 def restitution(recording: Recording) -> list[Check]:
     """Check the restitution of the first bounces, by the heights between them, at the speeds they have.
 
-    Theory knows no weight. In contact, for a time T, it adds g T to the change of speed v (1 + e), and its
-    share to what is lost; T is the way there and back, 2 Δ, at a quarter of that change on the average.
+    Theory neglects weight. During the contact time T, weight adds g T to the change of speed v (1 + e), and
+    loses in proportion; T is the path 2 Δ, there and back, at a mean speed of a quarter of that change.
     """
     contact, _, reach, g = _met(recording)
     assert isinstance(contact, Contact)
@@ -133,23 +133,23 @@ def rest_height(recording: Recording) -> list[Check]:
     late = recording.times >= min(0.9 * recording.times[-1], recording.times[-2])
     heights = surface.height(recording.positions[late][:, below])
     force = theory.force(heights, c, reach).sum(axis=1)
-    # what does not balance the weight moves the body: m Δv in that time
+    # force that does not balance the weight moves the body: m Δv in that time
     upwards = recording.measures.momentum[late, 2]
     moved = float(np.ptp(upwards)) / float(np.ptp(recording.times[late]))
     still = at_rest(recording, late)
-    carried = float(force.mean()) if still.passed else math.nan  # else it does not rest yet
+    carried = float(force.mean()) if still.passed else math.nan  # else it is not at rest yet
     return [within(WITHIN, "force of the floor", weight, carried, "N", moved / weight), still]
 
 
 def at_rest(recording: Recording, late: np.ndarray) -> Check:
-    """Check that no particle moves in some late states, which a mask or indices select."""
+    """Check that no particle moves in some ``late`` states, selected by a mask or indices."""
     speed = float(np.linalg.norm(recording.velocities[late], axis=2).max())
     return Check("largest speed at rest", 0.0, speed, STILL, "m/s")
 
 
 @applies(needs.level, needs.friction, needs.moves, needs.gravity)
 def stopping(recording: Recording) -> list[Check]:
-    """Check the way and time in which a sliding block stops."""
+    """Check the distance and time in which a sliding block stops."""
     contact, _, _, g = _met(recording)
     m, mass = recording.measures, recording.plan.scene.body.mass
     speed = float(np.linalg.norm(m.momentum[0])) / mass
@@ -176,7 +176,7 @@ def slope(recording: Recording) -> list[Check]:
 
 
 def way_down(recording: Recording, normal: np.ndarray) -> np.ndarray:
-    """Return the way (T,) [m] of the centre of mass down a slope with a unit normal (3,)."""
+    """Return the displacement (T,) [m] of the centre of mass down a slope with a unit normal (3,)."""
     down = normal * (1, 1, 0)
     down = down - (down @ normal) * normal
     moved = recording.measures.centre - recording.measures.centre[0]
@@ -184,9 +184,9 @@ def way_down(recording: Recording, normal: np.ndarray) -> np.ndarray:
 
 
 def down_slope(recording: Recording, way: np.ndarray, angle: float, friction: float, length: float) -> Check:
-    """Check the way (T,) [m] of a body down a slope: friction holds it, or it slides as Coulomb's law says.
+    """Check the displacement (T,) [m] of a body down a slope: it sticks, or slides by Coulomb's law.
 
-    Theory leaves out that the body swings; ``length`` [m] says how fast, by √(g/length).
+    Theory neglects that the body swings, at the rate √(g/``length``) [rad/s].
     """
     late = recording.times > 0.5 * recording.times[-1]
     if theory.holds(angle, friction):
@@ -202,7 +202,7 @@ def down_slope(recording: Recording, way: np.ndarray, angle: float, friction: fl
 
 @applies(needs.level, needs.ice, needs.gravity)
 def straight_fall(recording: Recording) -> list[Check]:
-    """Check that the centre of mass moves on as it starts, because nothing pushes sideways on ice."""
+    """Check that the centre of mass keeps its horizontal velocity, as nothing pushes sideways on ice."""
     m = recording.measures
     way = m.centre - m.centre[0] - np.outer(recording.times, m.centre_velocity[0])
     moved = float(np.abs(way[:, :2]).max())
@@ -230,7 +230,7 @@ def pipe_period(recording: Recording) -> list[Check]:
 def _sliding(recording: Recording, centre: ArrayLike, radius: float, across: ArrayLike, what: str) -> Check:
     """Compare the period of a particle that slides to and fro with that of a pendulum.
 
-    Its rod reaches from the ``centre`` to where the particle is carried; it swings ``across``, a unit vector.
+    Its rod reaches from the ``centre`` to the particle; it swings along ``across``, a unit vector.
     """
     _, c, reach, g = _met(recording)
     weight = recording.plan.scene.body.mass * g
@@ -248,8 +248,8 @@ def _sliding(recording: Recording, centre: ArrayLike, radius: float, across: Arr
 def impact(recording: Recording) -> list[Check]:
     """Compare contact time and rebound speed of a body that is dropped on a floor with theory.
 
-    By `springgym.theory.impact`, of the body's own springs: not those of the solid it may stand for, whose
-    waves they do not hold. Seen in every step, from the last recorded state before.
+    Theory is `springgym.theory.impact`, for the body's springs, not for the solid that they may model, whose
+    waves they do not represent. Every step is measured, from the last recorded state before contact.
     """
     scene, (_, c, reach, g) = recording.plan.scene, _met(recording)
     body, start = scene.body, scene.positions
@@ -269,7 +269,7 @@ def impact(recording: Recording) -> list[Check]:
 
 
 def _touch(recording: Recording, reach: float, expected: impacts.Impact) -> tuple[float, float, float]:
-    """Time of the first contact [s], speed after it [m/s], and largest strain in it; NaN if there is none."""
+    """Return duration of the first contact [s], speed after it [m/s], and largest strain in it, or NaN."""
     low = recording.positions[:, :, 2].min(axis=1)
     upwards = np.diff(recording.measures.centre_velocity[:, 2]) > 0
     before = np.flatnonzero(upwards | (low[1:] < reach))
@@ -298,7 +298,7 @@ def _alone(recording: Recording) -> bool:
 
 @applies(needs.surface, needs.on_tip, needs.moves)
 def axial_spin(recording: Recording) -> list[Check]:
-    """Compare the spin of a symmetric top about its axis with its start: contact at the tip keeps it."""
+    """Compare the spin of a symmetric top about its axis with its start: contact at the tip conserves it."""
     m = recording.measures
     spin = np.einsum("ti,ti->t", m.angular_velocity, m.axis)
     doubt = slack(recording, float(spin[0])) if _alone(recording) else math.inf
@@ -308,10 +308,10 @@ def axial_spin(recording: Recording) -> list[Check]:
 
 @applies(needs.level, needs.on_tip, needs.friction, needs.moves, needs.gravity)
 def rubbing(recording: Recording) -> list[Check]:
-    """Check friction on a tip that slides over a floor: its impulse is μ times that of the floor.
+    """Check friction on a tip that slides over a floor: its impulse is μ times the normal impulse.
 
-    Momentum and weight say both. In an interval the direction of the slip turns by an angle α, so that its
-    sum is a chord, short by α²/24. A tip that sticks is not covered.
+    Both follow from momentum and weight. In an interval the direction of the slip turns by an angle α, so
+    that the sum of friction is a chord, short by α²/24. A tip that sticks is not covered.
     """
     scene, m = recording.plan.scene, recording.measures
     contact, _, _, g = _met(recording)
@@ -328,7 +328,7 @@ def rubbing(recording: Recording) -> list[Check]:
 
 @applies(needs.surface, needs.on_tip, needs.friction, needs.moves, needs.gravity)
 def resting_tip(recording: Recording) -> list[Check]:
-    """Check the mean precession in the second half, when the tip rests: that of a pinned top."""
+    """Compare the mean precession in the second half, when the tip rests, with that of a pinned top."""
     scene, m = recording.plan.scene, recording.measures
     body, g = scene.body, gravity(recording)
     tip = body.particle("tip")
@@ -345,7 +345,7 @@ def resting_tip(recording: Recording) -> list[Check]:
     constants = (*axial_moments(body, body.positions[tip]), body.mass * g * arm)
     doubt = math.inf
     if _alone(recording) and moved < CREEP:
-        # its tilt swings a little, and the rate with the square of that
+        # its tilt swings a little, which changes the rate to second order
         doubt = (
             spread(rate, *constants, by=slack(recording, spin))
             + rate(*constants) * float(np.ptp(tilt[late])) ** 2

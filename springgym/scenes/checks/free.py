@@ -1,4 +1,4 @@
-"""Bodies that turn freely, and what every motion keeps."""
+"""Checks of bodies that turn freely, and of conserved quantities."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from springgym.stability import automatic_step
 from springgym.theory import free_body, oscillation
 
 STIFF = 1e-3
-"""Share of theory, of bodies whose stretch theory knows or that hardly stretch."""
+"""Relative tolerance for bodies whose stretch is in the theory, or that hardly stretch."""
 
 TWINNED = 0.05
-"""Share of the body's size. A strain of 1e-3 makes 2e-3 of the way, and in the 5 s of a nutating top that is
-some 15 sizes."""
+"""Tolerance relative to the body's size. A strain of 1e-3 makes 2e-3 of the path, which in the 5 s of a
+nutating top is some 15 sizes."""
 
 ROUNDED = 1e-8
-"""Share of what is kept exactly: round-off of 1e-15 a step in 1e7 steps."""
+"""Relative tolerance of exactly conserved quantities: round-off of 1e-15 per step in 1e7 steps."""
 
 BALANCED = 2e-3
-"""Share of the energy at stake: vibrations that hold all of it, at ω h = 0.12, make that."""
+"""Tolerance relative to the energy at stake: that of vibrations with all of this energy, at ω h = 0.12."""
 
 
 @applies(needs.free, needs.flips)
@@ -50,7 +50,7 @@ def flips(recording: Recording) -> list[Check]:
     expected = interval(*moments.tolist())
     by = slack(recording, float(np.linalg.norm(omega)))
     doubt = spread(interval, *moments.tolist(), by=by) if by < 1 else math.inf
-    # friction takes of the energy, and with it of the interval, which it makes shorter
+    # friction reduces the energy, which shortens the interval
     doubt += expected * float(m.damping_loss.max(initial=0.0)) / float(m.kinetic[0])
     return [Check("flip interval", expected, measured, STIFF * expected, "s", doubt)]
 
@@ -59,8 +59,8 @@ def flips(recording: Recording) -> list[Check]:
 def spun_length(recording: Recording) -> list[Check]:
     """Check the length and spin of a pair of masses on a spring, when its vibration has died away.
 
-    Both follow from the angular momentum it starts with, L = m Ω l²/2 with l = L₀/(1 − m Ω²/2k). Of the
-    vibration exp(−c t/m) is left (the reduced mass is m/2), all of it without a damper.
+    Both follow from the initial angular momentum, L = m Ω l²/2 with l = L₀/(1 − m Ω²/2k). The vibration
+    decays as exp(−c t/m) (the reduced mass is m/2), and not at all without a damper.
     """
     body = recording.plan.scene.body
     k, c, mass = float(body.stiffness[0]), float(body.damping[0]), float(body.masses[0])
@@ -78,10 +78,10 @@ def spun_length(recording: Recording) -> list[Check]:
 
 @applies()
 def momentum(recording: Recording) -> list[Check]:
-    """Check what is conserved: momentum and angular momentum of a free body, L_z of a pinned one.
+    """Check conservation of momentum and angular momentum of a free body, and of L_z of a pinned one.
 
-    To `ROUNDED` of Σ m |r| |v|, and of Σ m |v|, with the speeds of the start and those that gravity may add:
-    g t of a free body, 2 √(g r) of one that swings over its pin.
+    The tolerance is `ROUNDED` times Σ m |r| |v|, or Σ m |v|, with the initial speeds plus those that gravity
+    may add: g t for a free body, 2 √(g r) for one that swings over its pin.
     """
     m, scene = recording.measures, recording.plan.scene
     duration = float(recording.times[-1])
@@ -91,7 +91,7 @@ def momentum(recording: Recording) -> list[Check]:
     g = float(np.linalg.norm(pull))
     added = 2 * math.sqrt(g * float(arms.max())) if scene.pinned else g * duration
     speeds = np.linalg.norm(scene.velocities, axis=1) + added
-    doubt = 1e-15 * duration / recording.step / ROUNDED  # each step rounds by as much
+    doubt = 1e-15 * duration / recording.step / ROUNDED  # rounding of each step
 
     def kept(quantity: str, change: float, size: float, unit: str) -> Check:
         return Check(quantity, 0.0, change, ROUNDED * size, unit, doubt * ROUNDED * size)
@@ -113,23 +113,23 @@ def momentum(recording: Recording) -> list[Check]:
 def energy(recording: Recording) -> list[Check]:
     """Check that kinetic and potential energy plus losses are constant.
 
-    To `BALANCED` of the energy at stake. Verlet keeps another energy exactly, H − (h²/8) Σ m |a|² and more,
-    so that H varies with what vibrates: by a share (ω h)²/8 of its energy. A stiff body that only turns about
-    a pin is held to far less: see `of_turning`.
+    The tolerance is `BALANCED` times the energy at stake. Verlet conserves a shadow energy, H − (h²/8) Σ m
+    |a|² to leading order, so that H varies with vibrations by (ω h)²/8 of their energy. The tolerance is far
+    smaller for a stiff body that only turns about a pin, see `of_turning`.
     """
     m, plan = recording.measures, recording.plan
     drift = float(np.abs(m.balance - m.balance[0]).max())
-    step = automatic_step(plan.scene, recording.integrator)  # a run with larger ones is not given more
+    step = automatic_step(plan.scene, recording.integrator)  # a run with larger steps has no larger tolerance
     tolerance = min(BALANCED * at_stake(plan), of_turning(plan, step))
     return [Check("change of energy", 0.0, drift, tolerance, "J")]
 
 
 def of_turning(plan: Plan, step: float) -> float:
-    """Return by how much H may vary for a stiff body that turns about a pin and touches nothing [J]; else ∞.
+    """Return a bound of the variation of H [J] for a stiff body that turns about a pin; else ∞.
 
-    (h²/8) Σ m |a|² varies by (Ω h)² of the energy that takes other forms, and `BALANCED` of what does not
-    start as rotation. Ω is the quickest rotation that there can be: Ω² is at most ω² + 4 g/l, with ω at the
-    start, and l from the pin to the centre. The spin of a symmetric top takes no other form.
+    (h²/8) Σ m |a|² varies by (Ω h)² of the energy that changes its form, plus `BALANCED` of the energy that
+    is not rotation at the start. Ω is the fastest possible rotation: Ω² is at most ω² + 4 g/l, with ω at the
+    start, and l from the pin to the centre of mass. The energy of a symmetric top's spin keeps its form.
     """
     scene, body = plan.scene, plan.scene.bodies[0].body
     if len(scene.bodies) > 1 or scene.can_touch or body.floppy or not plan.stretched or not scene.pinned:
@@ -149,11 +149,11 @@ def of_turning(plan: Plan, step: float) -> float:
 
 
 def at_stake(plan: Plan) -> float:
-    """Return the energy that the motion of a scene may turn into other forms, by its start [J].
+    """Return the energy [J] that may change its form in a scene, from its start.
 
-    That is the kinetic energy, and what weight may add: down to below the pin, to the first surface, to the
-    lowest body that is held, or as far as it falls in the time there is. A body that starts unstretched
-    adds what its weight stores in its springs, (M g)²/2k each at the most.
+    It is the kinetic energy plus the work of weight: down to below the pin, to the first surface, to the
+    lowest pinned body, or as far as it falls in the run. For a body that starts unstretched, the energy that
+    its weight stores in its springs is added, at most (M g)²/2k each.
     """
     scene = plan.scene
     g = float(np.linalg.norm(scene.gravity or 0.0))
@@ -183,7 +183,7 @@ def at_stake(plan: Plan) -> float:
 def twin(recording: Recording) -> list[Check]:
     """Compare the path of the traced particle with that of the rigid twin: the largest distance.
 
-    It may by a share of the body's size. A share of the rate at which it moves adds up to that of its path.
+    The tolerance is relative to the body's size; the doubt, to the length of the path.
     """
     plan = recording.plan
     assert plan.trace is not None

@@ -1,6 +1,6 @@
 """Requirements of the checks on a scene.
 
-Each function raises `ValueError` if it is not, saying by what.
+Each function raises `ValueError` with the reason if a scene does not meet its requirement.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from springgym.scenes.plan import Plan
 from springgym.surfaces import Bowl, Contact, Pipe, Plane, scales
 
 TURNS_OVER = math.radians(45)
-"""A body flips if its angular momentum comes this near to its middle axis: from there on it is nearer to
-that than to the axis about which it spins."""
+"""A body flips if its angular momentum comes this near to its middle axis [rad]: it is then nearer to that
+than to the axis about which it spins."""
 
 
 def _need(holds: Callable[[Any], object], refusal: str, *before: Need) -> Need:
-    """Return a requirement: what it needs ``before``, and that something holds of the scene."""
+    """Return a requirement: those ``before``, and that ``holds`` is true for the scene."""
 
     def check(plan: Plan) -> None:
         for need in before:
@@ -42,7 +42,7 @@ def _need(holds: Callable[[Any], object], refusal: str, *before: Need) -> Need:
 
 
 def _contacts(scene: Scene) -> list[Contact]:
-    """Return the contacts of a scene, of surfaces and of bodies, but for those of the paper's method."""
+    """Return the contacts of a scene, with surfaces and between bodies, except paper contacts."""
     every = scene.contact, *(met.contact for met in scene.meetings)
     return [one for one in every if isinstance(one, Contact)]
 
@@ -200,7 +200,7 @@ def rigid_body(plan: Plan) -> None:
 
 
 def flips(plan: Plan) -> None:
-    """Refuse a body that does not spin near its middle axis.
+    """Raise ValueError unless a body's angular momentum comes near to its middle axis.
 
     On the polhode, H² = Σ Hᵢ² and 2T = Σ Hᵢ²/Iᵢ. The middle component is largest where that along the axis
     of least moment or, if H² < 2T I₂, of greatest moment is zero: H₂² (1/I₂ − 1/I_c) = 2T − H²/I_c with the
@@ -234,7 +234,7 @@ def symmetric(plan: Plan) -> None:
 
 
 def struck(plan: Plan) -> None:
-    """Refuse a body whose lowest vibrations are not excited, or that is turned away from its modes."""
+    """Raise ValueError if a body's lowest vibrations are not excited, or the body is rotated."""
     scene, body = plan.scene, plan.scene.body
     frequencies, modes = vibrations(body)
     lowest = modes[frequencies < frequencies[0] * (1 + 1e-6)]

@@ -18,31 +18,31 @@ from springgym.theory import contact as sliding
 from springgym.theory import rolling as theory
 
 THIN = 1e-4
-"""Share of the largest squared semi-axis below which the least is that of a disk."""
+"""Ratio of the least to the largest squared semi-axis below which a feature is a disk."""
 
 ROLLED = 1e-3
-"""Share of the acceleration or speed of a ball: it sags under its weight by m g/k, which its moment knows."""
+"""Relative tolerance of a ball's acceleration or speed: its sag by m g/k changes its moment."""
 
 SKIDDED = 0.01
-"""Share of the time of a skid: the ball settles on the floor while it does."""
+"""Relative tolerance of the time of a skid, during which the ball settles on the floor."""
 
 KEPT = 1e-3
-"""Share of Jellett's constant: what spins is wider by the square of ω/ω₁, and so is its sphere."""
+"""Relative tolerance of Jellett's constant: a spinning body, and its sphere, are wider by (ω/ω₁)²."""
 
 RISE = (math.radians(60), math.radians(20))
-"""Tilts of an egg between which its rise is timed: below, it slows down and does not arrive; above, it has
-not begun to slide one way."""
+"""Tilts of an egg between which its rise is timed [rad]: below, it slows down and does not arrive; above, it
+does not slide in a single direction yet."""
 
 RISEN = 0.03
-"""Share of the time of an egg's rise: theory neglects g against ω² a, which is some 1 % of a rigid one's."""
+"""Relative tolerance of an egg's rise time: theory neglects g against ω² a, some 1 % for a rigid egg."""
 
 TURNED = 0.01
-"""Share of the spin of a rattleback, of the height of a tippe-top, of the rate of Euler's disk: a contact
-that gives way and springs that stretch make half of it."""
+"""Relative tolerance of a rattleback's spin, a tippe-top's height and the rate of Euler's disk: yielding
+contacts and stretched springs make half of it."""
 
 
 def _only_feature(body: Body) -> Round:
-    """Return the one round feature of a body.
+    """Return the only round feature of a body.
 
     Raises
     ------
@@ -59,7 +59,7 @@ def _feature(plan: Plan) -> Round:
 
 
 def refuse_other_than_balls(body: Body) -> None:
-    """Refuse what is no ball, the same in all directions.
+    """Raise ValueError unless a body is a ball with equal moments of inertia.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def _ball(plan: Plan) -> None:
 
 
 def _tippe_top(plan: Plan) -> None:
-    """Refuse what is no sphere with a symmetric body, whose centre of mass is on its axis off the centre."""
+    """Raise ValueError unless a body is a symmetric sphere with its centre of mass off its centre."""
     feature, body = _feature(plan), plan.scene.body
     squares, arm = np.linalg.eigvalsh(feature.matrix), feature.centre - body.centre
     off = float(np.linalg.norm(arm))
@@ -96,7 +96,7 @@ def _tippe_top(plan: Plan) -> None:
 
 
 def _disk(plan: Plan) -> None:
-    """Refuse what is no flat round feature about the centre of mass."""
+    """Raise ValueError unless a body has one flat round feature about its centre of mass."""
     feature, body = _feature(plan), plan.scene.body
     squares = np.linalg.eigvalsh(feature.matrix)
     off = float(np.linalg.norm(feature.centre - body.centre))
@@ -105,14 +105,14 @@ def _disk(plan: Plan) -> None:
 
 
 def _solid(plan: Plan) -> None:
-    """Refuse what has a flat feature, of which nothing is said."""
+    """Raise ValueError for a flat feature, which the theory does not cover."""
     squares = np.linalg.eigvalsh(_feature(plan).matrix)
     if not squares[0] > THIN * squares[2]:
         raise ValueError(f"the round feature of body {plan.scene.body.name!r} is flat")
 
 
 def _egg(plan: Plan) -> None:
-    """Refuse what is no prolate spheroid about the centre of mass, with a body of the same symmetry."""
+    """Raise ValueError unless a body is a prolate spheroid about its centre of mass, of the same symmetry."""
     feature, body = _feature(plan), plan.scene.body
     squares, axes = np.linalg.eigh(feature.matrix)
     off = float(np.linalg.norm(feature.centre - body.centre))
@@ -131,7 +131,7 @@ def moment_share(body: Body) -> tuple[float, float]:
 
 @applies(_ball, needs.slope, needs.gravity, needs.coulomb)
 def rolling(recording: Recording) -> list[Check]:
-    """Compare the acceleration of a ball on a slope with theory: it rolls if friction suffices, or skids."""
+    """Compare the acceleration of a ball on a slope with theory: it rolls, or skids for lack of friction."""
     scene, (_, share) = recording.plan.scene, moment_share(recording.plan.scene.body)
     surface, contact = scene.surfaces[0], scene.contact
     assert isinstance(surface, Plane)
@@ -148,7 +148,7 @@ def rolling(recording: Recording) -> list[Check]:
 
 
 def _sag(recording: Recording) -> float:
-    """Return the share by which springs that give way change the moments of a body that rolls."""
+    """Return the relative change of a rolling body's moments by the sag of its springs."""
     return 2 * float(recording.measures.strain[len(recording.times) // 2 :].max(initial=0.0))
 
 
@@ -174,7 +174,7 @@ def skidding(recording: Recording) -> list[Check]:
 
 
 def _resisted(plan: Plan) -> None:
-    """Refuse a ball without rolling resistance, and one that does not roll from the start until it stops."""
+    """Raise ValueError unless a ball has rolling resistance, and rolls from the start until it stops."""
     contact, (radius, share) = plan.scene.contact, moment_share(plan.scene.body)
     if not isinstance(contact, Contact) or not contact.rolling_resistance > 0:
         raise ValueError("nothing resists its rolling")
@@ -190,7 +190,7 @@ def _resisted(plan: Plan) -> None:
 
 @applies(_ball, needs.level, needs.moves, needs.gravity, _resisted)
 def rolling_resistance(recording: Recording) -> list[Check]:
-    """Compare with theory the distance and the time in which a rolling ball stops."""
+    """Compare the distance and the time in which a rolling ball stops with theory."""
     contact, m = recording.plan.scene.contact, recording.measures
     assert isinstance(contact, Contact)
     radius, share = moment_share(recording.plan.scene.body)
@@ -211,7 +211,7 @@ def rolling_resistance(recording: Recording) -> list[Check]:
 
 @applies(_tippe_top, needs.level, needs.moves, needs.gravity)
 def tippe_top(recording: Recording) -> list[Check]:
-    """Compare Jellett's constant of a tippe-top with its start, and how high its centre of mass comes."""
+    """Compare Jellett's constant of a tippe-top with its start, and check the rise of its centre of mass."""
     scene, m = recording.plan.scene, recording.measures
     feature, body = _feature(recording.plan), scene.body
     arm = feature.centre - body.centre
@@ -262,10 +262,10 @@ def _rolled(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
 
 @applies(_solid, needs.level, needs.friction, needs.moves, needs.gravity)
 def rattleback(recording: Recording) -> list[Check]:
-    """Compare the spin about the vertical of what rolls with that of a rigid body (Kane & Levinson 1982).
+    """Compare the vertical spin of a rolling body with that of a rigid one (Kane & Levinson 1982).
 
-    In the mean of the end, as spin and rattling take turns; and when it turns back, or the least that it has
-    if it does not.
+    Compared are its mean at the end, as spin and rattling alternate, and the time of its reversal, or its
+    least value without one.
     """
     m = recording.measures
     spins, _ = _rolled(recording)
@@ -290,7 +290,7 @@ def rattleback(recording: Recording) -> list[Check]:
 
 @applies(_disk, needs.level, needs.friction, needs.moves, needs.gravity)
 def euler_disk(recording: Recording) -> list[Check]:
-    """Compare the rate at which a disk rolls round on its rim with theory, by its mean tilt."""
+    """Compare the rate at which a disk rolls on its rim with theory, from its mean tilt."""
     scene, m = recording.plan.scene, recording.measures
     feature, body = _feature(recording.plan), scene.body
     tilt = np.arccos(np.clip(np.abs(m.axis[:, 2]), 0.0, 1.0))
@@ -305,7 +305,7 @@ def euler_disk(recording: Recording) -> list[Check]:
 
 @applies(_solid, needs.level, needs.friction, needs.moves, needs.gravity)
 def walking(recording: Recording) -> list[Check]:
-    """Compare how far what rolls walks with a rigid body's way, and where it gets (Kane & Levinson 1982)."""
+    """Compare path length and displacement of a rolling body with a rigid one (Kane & Levinson 1982)."""
     m, times = recording.measures, recording.times
     _, velocities = _rolled(recording)
     mean = 0.5 * (velocities[1:] + velocities[:-1])
@@ -323,7 +323,7 @@ def walking(recording: Recording) -> list[Check]:
 
 @applies(_egg, needs.level, needs.friction, needs.moves, needs.gravity)
 def egg(recording: Recording) -> list[Check]:
-    """Compare the time in which a spinning egg rises with theory, and how high its centre of mass comes.
+    """Compare the time in which a spinning egg rises, and the height of its centre of mass, with theory.
 
     Theory is of an egg that slides all the time, spins fast, and does not leave the floor.
     """

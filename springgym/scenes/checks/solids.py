@@ -1,4 +1,4 @@
-"""Bodies made from a material against the solids they stand for."""
+"""Checks of bodies made from a material against the solids that they model."""
 
 from __future__ import annotations
 
@@ -16,32 +16,32 @@ from springgym.scenes.recording import Recording
 from springgym.theory import rope, top
 
 EXACT = 1e-12
-"""Share of what a network has exactly of its solid: round-off."""
+"""Relative tolerance of properties that a network has exactly: round-off."""
 
 TUNED = 2e-4
-"""Share of the lowest frequency, to which springs are calibrated; half of it is how a period is read."""
+"""Relative tolerance of the lowest frequency, to which springs are calibrated; half is due to sampling."""
 
 DAMPED = 0.01
-"""Share of the damping ratio: peaks that fall are read to half of it."""
+"""Relative tolerance of the damping ratio, half of which is the measurement of decaying peaks."""
 
 GAP = 0.02
-"""Share of the gap between elastic and rigid precession: of rubber at 300 rad/s theory leaves out 1.9e-2."""
+"""Relative tolerance of the gap of the precession: theory neglects 1.9e-2 for rubber at 300 rad/s."""
 
 SMALL = 0.14
-"""[rad] Up to this tilt a wobble is small: what is left out of its growth goes with the square."""
+"""Largest tilt of a small wobble [rad]: the neglected part of its growth is of second order."""
 
 WOBBLE = 0.02
-"""Share of the growth of a wobble: `SMALL`²."""
+"""Relative tolerance of the growth of a wobble: `SMALL`²."""
 
 STRETCH = 0.02
-"""Share of the mean stretch of a cable: it dies away by ζ = 0.015 in a radian, of nylon."""
+"""Relative tolerance of the mean stretch of a cable: bounces decay by ζ = 0.015 per radian in nylon."""
 
 BOUNCE = 1e-3
-"""Share of the frequency of a cable: 20 springs for a continuous one make less than 1e-4."""
+"""Relative tolerance of a cable's frequency: 20 springs for a continuous one make less than 1e-4."""
 
 
 def _solid(recording: Recording) -> Elastic:
-    """Return the solid that the body of a recording stands for; `needs` make sure that there is one."""
+    """Return the solid that the body of a recording models; `needs` ensure that there is one."""
     solid = recording.plan.scene.body.solid
     assert isinstance(solid, Elastic)
     return solid
@@ -113,12 +113,12 @@ def ring_down(recording: Recording) -> list[Check]:
 
 @applies(needs.solid, needs.top)
 def spin_gap(recording: Recording) -> list[Check]:
-    """Share by which an elastic top precesses slower than the rigid one, for the stretch of its spin.
+    """Check the fraction by which an elastic top precesses slower than the rigid one, by its stretch.
 
-    Theory is of a body that is stretched as at rest. Where loads turn through the body, those of weight and
-    precession, vibrations answer by (ω₃/ω₁)² more; they are of the share s = I₁ Ω/(I₃ ω₃) of those of spin,
-    which stand still in it. The gap itself is small to first order, and since the top starts at the rigid
-    body's rate it nutates a little, which makes s².
+    Theory is of a body with static stretch. To loads that rotate relative to the body, those of weight and
+    precession, the response is larger by (ω₃/ω₁)²; they are a fraction s = I₁ Ω/(I₃ ω₃) of the load of spin,
+    which is constant in the body. The gap itself is small to first order, and since the top starts at the
+    rigid body's rate it nutates a little, which makes s².
     """
     scene = recording.plan.scene
     solid, (rigid, state) = _solid(recording), rigid_top(recording)
@@ -155,10 +155,10 @@ def wobble(recording: Recording) -> list[Check]:
 
 @applies(needs.cable, needs.rope, needs.gravity)
 def cable(recording: Recording) -> list[Check]:
-    """Check the mean stretch of a cable that bounces under a load, and how fast, against a continuous cable.
+    """Compare mean stretch and frequency of a cable that bounces under a load with a continuous cable.
 
-    In its lowest mode the cable has a phase x = ω L √(ρ/E); n springs of a share x/n each are off by
-    (x/n)²/24. Of a bounce that dies away as exp(−γ t) the mean of a period is off by the share γ/ω.
+    In its lowest mode the cable has a phase x = ω L √(ρ/E); n springs of phase x/n each have the relative
+    error (x/n)²/24. For a bounce that decays as exp(−γ t), the mean over a period has the relative error γ/ω.
     """
     scene = recording.plan.scene
     made = scene.body.solid

@@ -1,4 +1,4 @@
-"""Pendulums and ropes against theory."""
+"""Checks of pendulums and ropes against theory."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ from springgym.theory import pendulum as theory
 from springgym.theory import rope
 
 PENDULUM = 1e-3
-"""Share of the period of a stiff body: strains of 5e-5 make 1e-4 of its moments, and at 150° six times as
-much of the period."""
+"""Relative tolerance of the period of a stiff body: strains of 5e-5 change its moments by 1e-4, and its
+period at 150° by six times as much."""
 
 SMALL = 0.01
-"""Share of the frequencies of small swings: rotations of 0.1 do not commute, which makes 0.1² of them."""
+"""Relative tolerance of the frequencies of small swings: rotations by 0.1 do not commute, by 0.1²."""
 
 HANGING = 1e-6
-"""Share of the length of a rope that hangs still, of which theory is exact: what is left of its bounce."""
+"""Relative tolerance of the length of a rope at rest, where theory is exact: the rest of its bounce."""
 
 BOUNCE = 0.02
-"""Share of the frequency of its bounce: beads of 1 % of the mass shift the first passages by as much."""
+"""Relative tolerance of the frequency of its bounce: beads of 1 % of the mass shift it by as much."""
 
 MODES = 5e-3
-"""Share of the frequencies of a rope's modes: steps make (ω h)²/24 of it, 1e-3 of the highest."""
+"""Relative tolerance of the frequencies of a rope's modes: steps make (ω h)²/24, 1e-3 for the highest."""
 
 SWING = 0.01
-"""Share of the period of a rope that swings: it is stretched by 1.2 %, and more or less so as it swings."""
+"""Relative tolerance of the period of a swinging rope: its stretch, about 1.2 %, varies as it swings."""
 
 DEPTH = 0.01
-"""Share of the depth of a jump: a cord of 1.4 % of the mass gains as much of the energy as it falls, and
-dampers take 1 %; of the depth that is half."""
+"""Relative tolerance of the depth of a jump: a cord with 1.4 % of the mass takes as much of the energy as it
+falls, and dampers take 1 %; the depth changes by half of that."""
 
 
 def _pin(recording: Recording) -> np.ndarray:
@@ -57,8 +57,8 @@ def pendulum(recording: Recording) -> list[Check]:
     mgl = body.mass * gravity(recording) * float(np.linalg.norm(arm[0]))
     expected = theory.period(inertia, mgl, amplitude)
     measured = period(recording.times, -angle)
-    rate = 2 * math.sqrt(mgl / inertia)  # of the longest swing through the lowest point
-    # near the top the period depends on the amplitude as its logarithm does: 1/(π − θ₀) at the most
+    rate = 2 * math.sqrt(mgl / inertia)  # of the widest swing, at the lowest point
+    # near the top the period depends on the amplitude logarithmically: by 1/(π − θ₀) at most
     by = slack(recording, rate) * (1 + amplitude / (math.pi - amplitude))
     quantity = f"period at {math.degrees(amplitude):.0f}°"
     by += float(recording.measures.damping_loss.max(initial=0.0)) / (mgl * (1 - math.cos(amplitude)))
@@ -69,7 +69,7 @@ def pendulum(recording: Recording) -> list[Check]:
 def small_swings(recording: Recording) -> list[Check]:
     """Check both frequencies of small swings of a body of any shape about its pin.
 
-    Rotated by a small vector φ from hanging, I φ̈ = −K φ with K = M g l (1 − ẑ ẑᵀ), I about the pin.
+    For a rotation by a small vector φ from hanging, I φ̈ = −K φ with K = M g l (1 − ẑ ẑᵀ), I about the pin.
     """
     body, pin = recording.plan.scene.body, _pin(recording)
     hanging = _hanging(recording)
@@ -84,7 +84,7 @@ def small_swings(recording: Recording) -> list[Check]:
     for n, name in ((1, "slower swing"), (2, "quicker swing")):
         coordinate = turned @ inertia @ root.T @ shapes[:, n]
         frequency = math.sqrt(squares[n])
-        # rotations do not commute: modes meet at the second order of the amplitude
+        # rotations do not commute: modes couple at second order in the amplitude
         by = slack(recording, frequency) + amplitude**2
         measured = 2 * math.pi / period(recording.times, coordinate)
         checks.append(within(SMALL, name, frequency, measured, "rad/s", by))
@@ -102,7 +102,7 @@ def _hanging(recording: Recording) -> np.ndarray:
 
 
 def _rotations(shape: np.ndarray, placed: np.ndarray, masses: np.ndarray) -> np.ndarray:
-    """Return small rotation vectors (T, 3) that best take a shape (N, 3) to where it is placed (T, N, 3)."""
+    """Return small rotation vectors (T, 3) that best fit a shape (N, 3) to placed positions (T, N, 3)."""
     moment = np.einsum("n,tni,nj->tij", masses, placed, shape)
     inertia = np.trace(moment, axis1=1, axis2=2)[:, None, None] * np.eye(3) - moment
     skew = np.stack(
@@ -118,9 +118,9 @@ def _rotations(shape: np.ndarray, placed: np.ndarray, masses: np.ndarray) -> np.
 
 @applies(needs.rope, needs.gravity)
 def rope_stretch(recording: Recording) -> list[Check]:
-    """Check lengths of the springs of a rope that hangs still, and how it bounced before.
+    """Check the lengths of the springs of a rope at rest, and its bounce before.
 
-    A mode of frequency ω decays as exp(−γ t), γ = c ω²/2k; so what is left of the bounce is known.
+    A mode of frequency ω decays as exp(−γ t), γ = c ω²/2k; so the rest of the bounce is known.
     """
     body = recording.plan.scene.body
     k, c, g = float(body.stiffness[0]), float(body.damping[0]), gravity(recording)
@@ -133,7 +133,7 @@ def rope_stretch(recording: Recording) -> list[Check]:
     total, bounce = lengths.sum(axis=1), math.sqrt(max(lowest**2 - decay**2, 0.0))
     kept = recording.times < 12 / max(decay, 1e-300)  # above round-off
     measured = 2 * math.pi / period(recording.times[kept], (total - expected.sum())[kept])
-    # the beads' own modes shift the first passages by their share of the mass
+    # the beads' own modes shift the first crossings by their fraction of the mass
     by = (bounce * recording.step) ** 2 + float(body.masses[1:-1].sum() / body.mass)
     whole, top = float(expected.sum()), float(expected[0])
     return [
@@ -175,7 +175,7 @@ def rope_swing(recording: Recording) -> list[Check]:
     slower = theory.period(1.0, 1.0, amplitude) / theory.small_period(1.0, 1.0)
     expected = 2 * math.pi / float(modes.frequencies[0]) * slower
     stretched = rope.stretched_lengths(masses, body.lengths, body.stiffness, g).sum() / body.lengths.sum() - 1
-    # swinging changes the stretch by its own share of the amplitude's square; light beads do not follow it
+    # swinging changes the stretch in proportion to the amplitude's square; light beads do not follow it
     by = stretched * amplitude**2 + float(masses[:-1].sum() / body.mass) * amplitude**2
     measured = period(recording.times, -angle)
     by += (float(modes.frequencies[0]) * recording.step) ** recording.integrator.order
@@ -186,8 +186,8 @@ def rope_swing(recording: Recording) -> list[Check]:
 def bungee(recording: Recording) -> list[Check]:
     """Compare the depth of a jump on a light cord with theory: weight and stretch balance the energy.
 
-    Of the cord's own energy, at the most its fall along itself, some is left in vibration, and dampers take
-    some: both make the fall shorter by their share of the force at the lowest point.
+    Part of the cord's own energy, at most that of its fall, remains in vibration, and dampers dissipate some:
+    both shorten the fall by their energy over the force at the lowest point.
     """
     scene, m, g = recording.plan.scene, recording.measures, gravity(recording)
     body, top = scene.body, float(scene.positions[0, 2])

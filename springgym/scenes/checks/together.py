@@ -1,4 +1,4 @@
-"""Bodies that collide: what all of them do together, against theory."""
+"""Checks of all bodies that collide, together, against theory."""
 
 from __future__ import annotations
 
@@ -18,30 +18,30 @@ from springgym.theory import dominoes
 from springgym.theory.rope import tensions
 
 MET = 0.01
-"""Share of the speed of approach. Balls are larger by up to the reach, 1 % of their distance; off the line of
-their centres this turns the normal, and up to 0.8 % of the speed with it."""
+"""Tolerance relative to the speed of approach. Balls are effectively larger by up to Δ, 1 % of their
+distance; in oblique impacts this turns the normal, which changes up to 0.8 % of the speed."""
 
 EQUAL = 1e-6
-"""The same of equal balls in line, which exchange all: contact solves its equation to 1e-10."""
+"""The same for equal balls in line, which exchange velocities: contact solves its equation to 1e-10."""
 
 DRAPED = 0.02
-"""Share of the tension of a rope that hangs: its ends go on swinging by 0.1, whose square is half of it."""
+"""Relative tolerance of the tension of a hanging rope: its ends swing by 0.1, whose square is half of it."""
 
 SLID = 1e-3
-"""[m] A rope that stays draped moves less, in half the run."""
+"""Largest motion of a rope that stays draped, in half of the run [m]."""
 
 WAVE = 0.03
-"""Share of the speed of a wave of dominoes: the reach is 2 % of their free space, and restitution keeps 0.5 %
-of what impacts of theory lose."""
+"""Relative tolerance of the speed of a wave of dominoes: Δ is 2 % of their free space, and restitution keeps
+0.5 % of the energy lost in theory's impacts."""
 
 TURNED = 2e-5
-"""Share of Σ m |r| |v| about the upright line through a bowl: (ω h)² of tops at 40 rad/s and 1e-4 s."""
+"""Tolerance relative to Σ m |r| |v| about a bowl's vertical axis: (ω h)² of tops at 40 rad/s and 1e-4 s."""
 
 TOPPLED = 0.01
-"""[rad] A domino that leans by this much has been hit."""
+"""Tilt of a domino from which on it counts as hit [rad]."""
 
 SETTLED = 8
-"""Dominoes behind the first from which on the speed of the wave is taken: before, it depends on the push."""
+"""Number of dominoes after which the speed of the wave is measured: before, it depends on the push."""
 
 
 def _met(recording: Recording) -> Meeting:
@@ -49,13 +49,13 @@ def _met(recording: Recording) -> Meeting:
 
 
 def _late(recording: Recording) -> np.ndarray:
-    """Select the last tenth of the states, two at the least."""
+    """Return a mask of the last tenth of the states, at least two."""
     return np.arange(min(int(0.9 * len(recording.times)), len(recording.times) - 2), len(recording.times))
 
 
 @applies(needs.collide, together=True)
 def counted(recording: Recording) -> list[Check]:
-    """Check that no contacts were found too late, were too fast or had no room."""
+    """Check that no contacts were found too late, were too fast or had no space."""
     pairs = recording.pairs
     wrong = sum(float(of[-1].sum()) for of in (pairs.misses, pairs.too_fast, pairs.overflow))
     return [Check("contacts too late, too fast or left out", 0.0, wrong, 0.5, "")]
@@ -63,10 +63,10 @@ def counted(recording: Recording) -> list[Check]:
 
 @applies(needs.two, together=True)
 def exchange(recording: Recording) -> list[Check]:
-    """Check speeds of two balls that met: (1 + e)/2 of it is exchanged along the line of their centres.
+    """Check the speeds of two balls after an impact of (1 + e) m v·n along the line of their centres.
 
-    They are like hard ones of a distance from that of their surfaces to Δ more, and turn on the way in steps
-    that are off by (v h/Δ)².
+    m is the reduced mass. The balls act like hard ones at a distance between that of their surfaces and Δ
+    more, and reverse in steps with the relative error (v h/Δ)².
     """
     scene, met = recording.plan.scene, _met(recording)
     masses = [scene.bodies[n].body.mass for n in (met.first, met.second)]
@@ -143,7 +143,7 @@ def stacked(recording: Recording) -> list[Check]:
     high = [float(m.centre[-1, 2]) for m in recording.bodies]
     time = float(np.ptp(recording.times[late]))
     impulse = recording.pairs.impulse[late]
-    # what does not balance the weight moves the bodies: m Δv in that time
+    # force that does not balance the weight moves the bodies: m Δv in that time
     moved = max(float(np.ptp(m.momentum[late, 2])) for m in recording.bodies) / time
     checks = []
     for n, met in enumerate(scene.meetings):
@@ -181,7 +181,7 @@ def pile(recording: Recording) -> list[Check]:
     off = float(np.abs(carried.mean(axis=0) - weights).max()) if told else math.nan
     whole = float(outside.mean()) if told else math.nan
     time = float(np.ptp(recording.times[late]))
-    moved = sum(np.ptp(m.momentum[late, 2]) for m in recording.bodies) / time  # what does not balance weight
+    moved = sum(np.ptp(m.momentum[late, 2]) for m in recording.bodies) / time  # unbalanced force
     return [
         within(WITHIN, "force of floor and walls", weights.sum(), whole, "N", moved / weights.sum()),
         Check("largest force that is not balanced", 0.0, off, WITHIN * weights.max(), "N", moved),
@@ -191,9 +191,9 @@ def pile(recording: Recording) -> list[Check]:
 
 @applies(needs.draped, together=True)
 def draped(recording: Recording) -> list[Check]:
-    """Check the tension of a rope where it leaves what it lies over: the weight that hangs below.
+    """Compare the tension of a rope where it leaves its support with the weight that hangs below.
 
-    Its ends go on swinging a little, which is the error of that; what lies in the middle rests.
+    Its ends swing a little, which is the error of theory; the middle is at rest.
     """
     scene, met = recording.plan.scene, _met(recording)
     over, cord = sorted((met.first, met.second), key=lambda n: not scene.bodies[n].pinned)
@@ -222,8 +222,8 @@ def draped(recording: Recording) -> list[Check]:
 def wave(recording: Recording) -> list[Check]:
     """Check the speed of the wave in a row of dominoes, see `springgym.theory.dominoes`.
 
-    Contact acts from Δ on, as if dominoes were as much thicker, and spaces narrower; half of it is taken.
-    Restitution e keeps a share e² of what the impacts of theory lose; states are told in intervals.
+    Contact acts below Δ, as if dominoes were thicker, and spaces narrower; half of Δ is used. Restitution e
+    keeps e² of the energy lost in theory's impacts; states have the interval's resolution.
     """
     scene = recording.plan.scene
     tilts = [np.arccos(np.clip(np.einsum("ti,i->t", m.axis, m.axis[0]), -1, 1)) for m in recording.bodies]
@@ -255,9 +255,9 @@ def wave(recording: Recording) -> list[Check]:
 
 @applies(needs.smooth_bowl, together=True)
 def bowl_turning(recording: Recording) -> list[Check]:
-    """Check that nothing turns bodies in a smooth bowl about the upright line through its centre.
+    """Check that a smooth bowl exerts no torque on bodies about the vertical line through its centre.
 
-    A way that the bowl bends in a step is off by (ω h)² of it.
+    The curvature of paths in the bowl makes a relative error (ω h)² per step.
     """
     scene = recording.plan.scene
     bowl = next(surface for surface in scene.surfaces if isinstance(surface, Bowl))

@@ -1,4 +1,4 @@
-"""Tops against Lagrange's theory: turning points, nutation, both precessions, sleep."""
+"""Checks of tops against Lagrange's theory: turning points, nutation, both precessions, sleep."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from springgym.theory import top as theory
 from springgym.theory.top import HeavyTop, TopState
 
 WITHIN = 0.015
-"""Share of theory. The paper's top stretches by 1e-3, and takes steps of 5e-4 s: its three constants are off
-by 2.4e-3, which makes 1.2e-2 of its nutation period."""
+"""Relative tolerance. The paper's top stretches by 1e-3, and has steps of 5e-4 s: its three constants have
+errors of 2.4e-3, and its nutation period of 1.2e-2."""
 
 ASLEEP = 0.1
-"""The same of the tilt of a sleeping top: 2 % from the threshold, 1.7e-3 of the constants make 50 times as
-much of the tilt."""
+"""The same for the tilt of a sleeping top: 2 % from the threshold, errors of the constants of 1.7e-3 make 50
+times as much in the tilt."""
 
 
 def rigid_top(recording: Recording) -> tuple[HeavyTop, TopState]:
-    """Return the rigid top of a recording, and the motion it starts with."""
+    """Return the rigid top of a recording, and its initial motion."""
     scene, m = recording.plan.scene, recording.measures
     axis, omega = m.axis[0], m.angular_velocity[0]
     tilt = math.atan2(math.hypot(axis[0], axis[1]), axis[2])
@@ -46,9 +46,9 @@ def angles(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
 
 
 def mean_rate(times: np.ndarray, angle: np.ndarray) -> float:
-    """Return the slope of an angle that also swings; NaN for fewer than five samples.
+    """Return the mean rate [rad/s] of an angle that also oscillates; NaN for fewer than five samples.
 
-    Weights that vanish at both ends leave little of the swing.
+    Weights that vanish at both ends suppress the oscillation.
     """
     if len(times) < 5:
         return math.nan
@@ -66,7 +66,7 @@ def _compared(
     by: float,
     unit: str,
 ) -> Check:
-    """Make a check whose doubt is the change of theory when each constant of the top is off by ``by``."""
+    """Return a check whose doubt is the change of theory for errors ``by`` of the top's constants."""
 
     def value(i1: float, i3: float, mgl: float) -> float:
         return of(HeavyTop(i1, i3, mgl))
@@ -102,7 +102,7 @@ def nutation(recording: Recording) -> list[Check]:
         _compared(WITHIN, "smallest tilt", turning(1), top, -_mean(highest), by, "rad"),
         _compared(WITHIN, "nutation period", duration, top, passed / max(len(times) - 1, 1), by, "s"),
     ]
-    if precession(top):  # else it swings in a plane, through the vertical, where its azimuth jumps
+    if precession(top):  # else it swings in a vertical plane, where its azimuth jumps
         checks.append(_compared(WITHIN, "mean precession", precession, top, rate, by, "rad/s"))
     return checks
 
@@ -142,7 +142,7 @@ def steady_precession(recording: Recording) -> list[Check]:
 
 @applies(needs.top)
 def sleep(recording: Recording) -> list[Check]:
-    """Check the largest tilt of a top that starts almost upright: whether it sleeps, or how far it falls."""
+    """Check the largest tilt of a top that starts almost upright: it sleeps, or falls to a known tilt."""
     top, state = rigid_top(recording)
     by = slack(recording, state.omega3)
     tilt, _ = angles(recording)
