@@ -1,5 +1,7 @@
 """User-defined forces: a named tuple with the parameters of a force, and two compiled functions.
 
+For example::
+
     class Tether(NamedTuple):
         particle: int
         anchor: np.ndarray

@@ -19,7 +19,7 @@ from springgym.theory.top import HeavyTop, steady_precession
 UPRIGHT = 1e-6
 """Least tilt of a top that precesses [rad]."""
 
-TURNS = 4
+POSITIONS = 4
 """Number of angles about its axis over which a top is averaged; wood is anisotropic."""
 
 
@@ -127,14 +127,14 @@ def _gap(of: ByValue, pin: int, pull: float, tilt: float, spin: float, rigid: fl
         """Return Ω that the moment of the weight gives, and ω₃, for an assumed Ω and spin about the tilt."""
         omega = rate * up + np.array([0.0, 0.0, relative])
         torque, momentum, spun = np.zeros(3), np.zeros(3), 0.0
-        for turn in 2 * np.pi * np.arange(TURNS) / TURNS + 0.1:
+        for turn in 2 * np.pi * np.arange(POSITIONS) / POSITIONS + 0.1:
             before, x, after = (shape(turn + step, omega) for step in (-1e-3, 0.0, 1e-3))
             v = np.cross(rate * up, x) + relative * (after - before) / 2e-3
             own_momentum = np.sum(mass * np.cross(x, v), axis=0)
             inertia = np.sum(mass * x * x) * np.eye(3) - (mass * x).T @ x
-            spun += np.linalg.solve(inertia, own_momentum)[2] / TURNS
-            momentum += own_momentum / TURNS
-            torque += np.cross(x, -pull * mass * up).sum(axis=0) / TURNS
+            spun += np.linalg.solve(inertia, own_momentum)[2] / POSITIONS
+            momentum += own_momentum / POSITIONS
+            torque += np.cross(x, -pull * mass * up).sum(axis=0) / POSITIONS
         return float(torque[1] / np.cross(up, momentum)[1]), float(spun)
 
     rate, relative = rigid, float(spin - rigid * np.cos(tilt))

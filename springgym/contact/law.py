@@ -37,7 +37,7 @@ SLOW = 0.004
 LEAST = 1e-9
 """The least gap at a step's beginning and end, in units of Δ; 1e-6 in single precision."""
 
-ROUNDS = 60
+ITERATIONS = 60
 """Largest number of Newton iterations for a gap; about three suffice where the bracket is not halved."""
 
 FOUND, EXACT = 1e-5, 1e-7
@@ -148,7 +148,7 @@ def last_gap(
     slow = select(beta > 0.0, zero + 1.0 / pace, 0.0)
     active = select(on, select(hard, one, 0.0), 0.0)
     if any_lane(active > 0.5):
-        for _ in range(ROUNDS):
+        for _ in range(ITERATIONS):
             here = maximum(end, least)
             n, d, n_slope, d_slope = mean_force(start, here, on)
             rate = (here - start) * pace

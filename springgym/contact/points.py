@@ -22,8 +22,8 @@ from springgym.core.lanes import any_lane, epsilon, load, maximum, minimum, sele
 from springgym.core.vectors import choose, dot, plus_scaled, row, set_row, unit
 from springgym.terms import Terms
 
-TURNS = 40
-"""Largest number of iterations (turns) that find the impulses of coupled surfaces."""
+ITERATIONS = 40
+"""Largest number of iterations that find the impulses of coupled surfaces."""
 
 AGREED = 1e-9
 """Iterations end when one changes no displacement by more than this fraction of Δ."""
@@ -31,13 +31,6 @@ AGREED = 1e-9
 ALMOST = 1.1
 """Gap in units of Δ below which a surface is near: a path that ends farther away is followed by one that
 begins beyond Δ, despite rounding."""
-
-
-@compiled
-def nothing_given(like: Vector) -> SurfaceImpulse:
-    """Return the zero impulse, of a particle that no surface is near."""
-    nothing = 0.0 * like
-    return SurfaceImpulse(nothing, nothing, nothing)
 
 
 @compiled
@@ -78,7 +71,7 @@ def impulses(
     mu, beta = coefficient(terms.friction, nothing[0]), coefficient(terms.loss, nothing[0])
     enough = (AGREED + 64 * epsilon(speed[0])) * reach
     active = select(near(begin, free, terms.surfaces), 1.0 + nothing[0], 0.0)
-    for turn in range(TURNS):
+    for turn in range(ITERATIONS):
         now, pressing = given, nothing
         left, first = speed + smooth, nothing
         pressed, touched = nothing[0], nothing[0]

@@ -289,11 +289,6 @@ MET, ROWS = range(2)
 """Indices in `ContactRows.length` of the number of pairs that have contacts, and of rows of contacts."""
 
 
-GOING, CHANGE = range(2)
-"""State of a copy: 1 while its impulses are iterated, else 0; and the largest change of a contact's speed
-since it was set to 0, over its Δ [1/s]."""
-
-
 Ends: TypeAlias = tuple[Vector, Vector, Vector, Vector]
 """A vector for each of the four ends of two edges."""
 

@@ -200,7 +200,7 @@ class SpringDetumbleEnv(SpringEnv, gym.Env, task=SpringDetumble):
     | `"frame"` | 0–2 | angular velocity in the body's axes | 4 rad/s |
     | | 3–5 | angular momentum in the body's axes | 1 kg·m²/s |
 
-    Small networks learn poorly the product of positions and velocities that the angular momentum is.
+    The angular momentum is a product of positions and velocities, which small networks learn poorly.
 
     ## Rewards
     With S = G(|ω|; 0.05, 2) E / 4, the reward is S [1 + 3 G(|ω|; 0.05, 0.2)] ([G, L,

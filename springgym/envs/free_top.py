@@ -230,8 +230,8 @@ class SpringFreeTopEnv(SpringEnv, gym.Env, task=SpringFreeTop):
     0.35 U G(e) and `reward_spin`, the rest.
 
     ## Starting State
-    The weight of the top rests on the tip, anywhere within 0.4 m of the middle. Tilt U(0.02, 0.12) rad, spin
-    U(5, 9) rad/s. Below 10 rad/s the upright top is unstable.
+    The top stands on its tip, anywhere within 0.4 m of the middle, with a tilt of U(0.02, 0.12) rad and a
+    spin of U(5, 9) rad/s. Below 10 rad/s the upright top is unstable.
     `reset(options={"tilt": …, "spin": …, "error": …})` sets them.
 
     ## Episode End

@@ -403,8 +403,8 @@ class SpringLabyrinthEnv(SpringEnv, gym.Env, task=SpringLabyrinth):
     The ball rests at the first point of the path, and the board is level. The path goes from a cell of 18 cm
     to a neighbour, twelve times, and visits no cell twice; all such paths are equally likely. The middle of
     each cell is shifted by U(−1.5, 1.5) cm along x and y, and the first leg is shorter by a share U(0, 0.6).
-    The holes, of radius 5.5 cm, lie half-way between the middles of two or four cells, where nearest to the
-    path.
+    The holes, of radius 5.5 cm, lie half-way between the middles of two or four cells, as near to the path as
+    these places can be.
 
     ## Episode End
     Termination: the ball falls, because its centre is above a hole, or more than 0.36 m from the middle along

@@ -200,7 +200,7 @@ class SpringRopeEnv(SpringEnv, gym.Env, task=SpringRope):
 
     ## Action Space
     Actions are held for a control period of 50 ms. The entries are the acceleration of the trolley along x
-    and y: at ±1 ±3 m/s². Its speed along each axis is limited to 3 m/s.
+    and y; ±1 is ±3 m/s². Its speed along each axis is limited to 3 m/s.
 
     ## Observation Space
     | `observation` | entries | meaning | scale |

@@ -30,7 +30,7 @@ third too low, and later episodes may be harder than those tried."""
 FINEST = 32
 """Largest number of steps that is tried, in units of the default number."""
 
-ROUNDS = 8
+TRIALS = 8
 """Largest number of trials for a method."""
 
 CLOSE = 1.1
@@ -110,7 +110,7 @@ def fewest_steps(wanted: float, usual: Episodes, trial: Callable[[str, int], Epi
     """
     method, most = usual.simulator.integrator, FINEST * usual.steps
     few, enough, best, episodes = 0, None, None, usual
-    for _ in range(ROUNDS):
+    for _ in range(TRIALS):
         tried = Choice(
             method.name, episodes.steps, largest_error(episodes), episodes.steps * method.evaluations
         )

@@ -294,8 +294,8 @@ class SpringTowerEnv(SpringEnv, gym.Env, task=SpringTower):
     | | 26–28 | centre of block 3, from its place | 0.5 m |
     | | 29, 30 | its third axis x, y | 0.2 |
 
-    Each further block adds 48 entries to `"particles"` and 5 to `"frame"`. Where the table says 4, it means
-    the number of blocks.
+    Each further block adds 48 entries to `"particles"` and 5 to `"frame"`. A "4" in the table is the
+    number of blocks.
 
     ## Rewards
     With the distance e of a block from its place and N(e) = [L(e; 0.03, 0.5) + G(e; 0.03, 0.3)]/2, the reward

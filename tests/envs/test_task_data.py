@@ -70,7 +70,7 @@ def test_limits_of_actions(row: Row) -> None:
             if line.mode == action:
                 told[line.first : line.last + 1] = number(line.told)
         if not lines:  # one mode, told in words
-            told[:] = number(documentation(row).split("at ±1 ±")[1])
+            told[:] = number(documentation(row).split("±1 is ±")[1])
         np.testing.assert_allclose(told, limits, rtol=0.03)  # as it is rounded there
 
 
