@@ -57,7 +57,7 @@ ENVIRONMENTS = (
     Row("SpringJuggle-v0", "juggle", "SpringJuggle", 500, 400.0, "standard"),
     Row("SpringLabyrinth-v0", "labyrinth", "SpringLabyrinth", 600, 240.0, "standard"),
     Row("SpringTower-v0", "tower", "SpringTower", 500, 250.0, "hard"),
-    Row("SpringBilliards-v0", "billiards", "SpringBilliards", 1, 0.7, "hard", "episode"),
+    Row("SpringBilliards-v0", "billiards", "SpringBilliards", 1, 0.7, "standard", "episode"),
     Row("SpringDuel-v0", "duel", "SpringDuel", 500, 0.7, "standard", "episode"),
 )
 
@@ -96,7 +96,7 @@ _CHANGED: tuple[tuple[str, str, dict[str, Any], Tier], ...] = (
     ("SpringPendulum", "Sparse", {"sparse": True}, "sparse"),
     ("SpringDetumble", "Sparse", {"sparse": True}, "sparse"),
     ("SpringRope", "Sparse", {"sparse": True}, "sparse"),
-    ("SpringDetumble", "Particles", {"momentum": False}, "hard"),
+    ("SpringDetumble", "Particles", {"momentum": False}, "harder"),
     ("SpringPendulum", "Weak", {"randomize": {"actuator": (0.5, 0.5)}}, "harder"),
     ("SpringTop", "Hard", {"hard": True}, "harder"),
     ("SpringTop", "ImpulseHard", {"action": "impulse", "hard": True}, "harder"),
@@ -106,10 +106,10 @@ _CHANGED: tuple[tuple[str, str, dict[str, Any], Tier], ...] = (
     ("SpringFreeTop", "Rough", {"friction": 0.1}, "hard"),
     ("SpringJuggle", "Two", {"balls": 2}, "standard"),
     ("SpringFreeTop", "Sparse", {"sparse": True}, "sparse"),
-    ("SpringShove", "Hard", {"hard": True}, "harder"),
+    ("SpringShove", "Hard", {"hard": True}, "hard"),
     ("SpringShove", "Sparse", {"sparse": True}, "sparse"),
     ("SpringLabyrinth", "Hard", {"hard": True}, "harder"),
-    ("SpringDuel", "Strong", {"opponent": "strong"}, "harder"),
+    ("SpringDuel", "Strong", {"opponent": "strong"}, "hard"),
 )
 
 VARIANTS = tuple(
