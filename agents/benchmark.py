@@ -429,13 +429,13 @@ def collected(
     cells: Sequence[Cell], plan: Plan, results: Iterator[Outcome | None], path: Path
 ) -> list[tuple[Cell, str]]:
     """Write rows as they come, show how far all has come, and return what failed."""
-    failed, open_cells = [], list(cells)
+    failed, left = [], {cell: config_of(cell, plan) for cell in cells}
     with tqdm(total=len(cells), unit="run", mininterval=1.0, smoothing=0.02) as bar:
         bar.update(0)
         for result in results:
             if result is not None:
                 cell, row = result
-                open_cells.remove(cell)
+                del left[cell]
                 if isinstance(row, str):
                     failed.append((cell, row))
                     tqdm.write(f"{cell}: failed: {row}")
@@ -446,17 +446,11 @@ def collected(
                         f"{cell}: success {success}, return {scale * row['mean_return']:.3f} per {unit}, "
                         f"{row['seconds']:.0f} s of processor time"
                     )
-            bar.n = round(
-                len(cells) - len(open_cells) + sum(share_done(cell, plan) for cell in open_cells), 2
-            )
+            begun = [(config, plan.folder(cell)) for cell, config in left.items() if config is not None]
+            done = sum(config.share_done(*last_row(folder)) for config, folder in begun)
+            bar.n = round(len(cells) - len(left) + done, 2)
             bar.update(0)
     return failed
-
-
-def share_done(cell: Cell, plan: Plan) -> float:
-    """Return how much of a run is done, from 0 to 1."""
-    config = config_of(cell, plan)
-    return 0.0 if config is None else config.share_done(*last_row(plan.folder(cell)))
 
 
 if __name__ == "__main__":
