@@ -115,25 +115,18 @@ def run_cell(cell: Cell, plan: Plan) -> dict[str, Any]:
         played = evaluate(agent, env_id, kwargs, plan.episodes)
     config = config_of(cell, plan)
     row = row_of(cell, config, steps, seconds, curve_of(folder) if config else [], played)
-    if config is not None and (begun := begun_at(folder)) != row["commit"]:
+    begun = (recorded(folder / "versions.json") or {}).get("git_revision")
+    if config is not None and begun != row["commit"]:
         row["commit"] = f"{begun}, {row['commit']}"  # which --check refuses
     return row
-
-
-def begun_at(folder: Path) -> str | None:
-    """Return the commit at which a run began; None if it is not known."""
-    try:
-        made: dict[str, str | None] = json.loads((folder / "versions.json").read_text(encoding="utf-8"))
-        return made["git_revision"]
-    except (OSError, ValueError, KeyError):
-        return None
 
 
 def training(cell: Cell, plan: Plan) -> list[str]:
     """Return the arguments of ``agents/train.py`` that begin or continue a run."""
     folder = plan.folder(cell)
     if (folder / "config.yaml").exists():
-        if config_of(cell, plan) == open_run(folder).config and same_probe(trained_for(folder), cell.task):
+        probed = recorded(folder / "probe.json")
+        if config_of(cell, plan) == open_run(folder).config and same_probe(probed, cell.task):
             return ["--resume", str(folder), "--episodes", "0"]
         put_away(folder)
     write_atomically(folder / "probe.json", json.dumps(probe(cell.task)) + "\n")
@@ -143,10 +136,10 @@ def training(cell: Cell, plan: Plan) -> list[str]:
     return [*arguments, "--episodes", "0", *(["--set", *plan.overrides] if plan.overrides else [])]
 
 
-def trained_for(folder: Path) -> object:
-    """Return the probe of the task when a run began; None if it is not known."""
+def recorded(path: Path) -> Any:
+    """Return the content of a JSON file in a run folder; None if it cannot be read."""
     try:
-        return json.loads((folder / "probe.json").read_text(encoding="utf-8"))
+        return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
 
@@ -315,7 +308,13 @@ def add_hyperparameters(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--configs", type=absolute, help="folder of hyperparameters (default: configs)")
     parser.add_argument(
-        "--set", dest="overrides", nargs="+", default=[], metavar="KEY=VALUE", help="change hyperparameters"
+        "--set",
+        dest="overrides",
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="KEY=VALUE",
+        help="change hyperparameters",
     )
 
 

@@ -54,8 +54,6 @@ PROGRESS_SEED = 2_000_000
 """First seed of the episodes that learning curves are of."""
 PUBLISHED_SEED = 2_500_000
 """First seed of the episodes that a chosen agent is reported on: none had a part in the choice."""
-MOST_REPORTED = 500_000
-"""Number of seeds between these ranges."""
 
 
 class Run(NamedTuple):

@@ -54,24 +54,18 @@ class Case(NamedTuple):
     twin: str
     """what is wrong when it is run ``broken``"""
     run: Callable[[bool], Outcome]
-    slow: bool = False
 
 
 CASES: list[Case] = []
 """All cases, in the order of their numbers."""
 
 
-def case(slow: bool = False) -> Callable[[Callable[[bool], Outcome]], Callable[[bool], Outcome]]:
+def case(function: Callable[[bool], Outcome]) -> Callable[[bool], Outcome]:
     """Add a function of ``broken`` to `CASES`: its docstring names the case, its criterion and its twin."""
-
-    def add(function: Callable[[bool], Outcome]) -> Callable[[bool], Outcome]:
-        name, criterion, twin = re.split(
-            r"\.\s+(?:Wanted|Broken): ", " ".join(str(function.__doc__).split()).removesuffix(".")
-        )
-        CASES.append(Case(len(CASES) + 1, name, criterion, twin, function, slow))
-        return function
-
-    return add
+    text = " ".join(str(function.__doc__).split()).removesuffix(".")
+    name, criterion, twin = re.split(r"\.\s+(?:Wanted|Broken): ", text)
+    CASES.append(Case(len(CASES) + 1, name, criterion, twin, function))
+    return function
 
 
 # --- What the cases share -----------------------------------------------------------------------------
@@ -126,7 +120,7 @@ def refused(make: Callable[[], Any], *words: str) -> bool:
 # --- Springs ------------------------------------------------------------------------------------------
 
 
-@case()
+@case
 def stability_limit(broken: bool) -> Outcome:
     """step at the stability limit.
 
@@ -169,7 +163,7 @@ def swung_cube(stiffness: float, seconds: float = 1.0, longer: float = 0.0) -> t
     return float(np.abs(simulator.positions[0] - rigid).max()), float(simulator.measure().strain[0])
 
 
-@case()
+@case
 def stiffness_range(broken: bool) -> Outcome:
     """stiffness from 1e3 to 1e9, automatic step.
 
@@ -185,7 +179,7 @@ def stiffness_range(broken: bool) -> Outcome:
     )
 
 
-@case(slow=True)
+@case
 def heavy_rope(broken: bool) -> Outcome:
     """rope, 0.1 and 0.01 kg beads under 70 kg.
 
@@ -227,7 +221,7 @@ def explicit(rates: np.ndarray, time: float) -> Decay:
     return Decay(*(time * rates))
 
 
-@case()
+@case
 def damping_range(broken: bool) -> Outcome:
     """damping 0, critical and 100 × critical.
 
@@ -248,7 +242,7 @@ def damping_range(broken: bool) -> Outcome:
     return Outcome(f"rise {worst:.1e}", worst < 0.01)
 
 
-@case()
+@case
 def fast_spin(broken: bool) -> Outcome:
     """50 rev/s for 10 s, undamped.
 
@@ -271,7 +265,7 @@ def fast_spin(broken: bool) -> Outcome:
     return Outcome(f"relative change {worst:.1e}", bool(worst < 1e-6 and moved))
 
 
-@case()
+@case
 def sleeping_top(broken: bool) -> Outcome:
     """sleeping top 2 % above and below the threshold.
 
@@ -300,7 +294,7 @@ def sleeping_top(broken: bool) -> Outcome:
     return Outcome(f"{largest[0]:.4f} rad above; {largest[1]:.3f} of {expected:.3f} rad below", passed)
 
 
-@case()
+@case
 def flips(broken: bool) -> Outcome:
     """flips about the middle axis (Dzhanibekov).
 
@@ -327,7 +321,7 @@ def flips(broken: bool) -> Outcome:
     return Outcome(f"{len(times) - 1} intervals, worst {worst:.1e}", len(times) == 21 and worst < 1e-3)
 
 
-@case()
+@case
 def million_steps(broken: bool) -> Outcome:
     """a million undamped steps.
 
@@ -358,7 +352,7 @@ def million_steps(broken: bool) -> Outcome:
     )
 
 
-@case()
+@case
 def printed_sign(broken: bool) -> Outcome:
     """equation 3 with the printed sign.
 
@@ -377,7 +371,7 @@ def printed_sign(broken: bool) -> Outcome:
     )
 
 
-@case()
+@case
 def squeezed(broken: bool) -> Outcome:
     """a spring of no length, a spring inside out.
 
@@ -412,7 +406,7 @@ def contact_simulator(scene: Scene, broken: bool) -> Simulator:
     return Simulator.paper(scene) if broken else Simulator(scene)
 
 
-@case()
+@case
 def fast_drop(broken: bool) -> Outcome:
     """drop at 20 m/s, speed · step > reach.
 
@@ -437,7 +431,7 @@ def fast_drop(broken: bool) -> Outcome:
     )
 
 
-@case()
+@case
 def below_and_corner(broken: bool) -> Outcome:
     """start below the floor, corner of two planes.
 
@@ -466,7 +460,7 @@ def below_and_corner(broken: bool) -> Outcome:
     )
 
 
-@case()
+@case
 def hundred_bounces(broken: bool) -> Outcome:
     """100 undamped bounces.
 
@@ -496,7 +490,7 @@ def pair(damping: float) -> Body:
     return Body("pair", x, np.ones(2), np.array([(0, 1)]), 100 * one, damping * one, floppy=True)
 
 
-@case()
+@case
 def restitution(broken: bool) -> Outcome:
     """restitution 0 … 1.
 
@@ -539,7 +533,7 @@ def drift(simulator: Simulator, seconds: float) -> float:
     return float(np.linalg.norm(simulator.measure().centre[0] - before))
 
 
-@case()
+@case
 def slope(broken: bool) -> Outcome:
     """slope at atan μ ± 1°.
 
@@ -564,7 +558,7 @@ def slope(broken: bool) -> Outcome:
     )
 
 
-@case()
+@case
 def rest(broken: bool) -> Outcome:
     """cube at rest for 60 s.
 
@@ -583,7 +577,7 @@ def rest(broken: bool) -> Outcome:
 # --- Bodies, numbers, batches -------------------------------------------------------------------------
 
 
-@case()
+@case
 def rings(broken: bool) -> Outcome:
     """rings of 6 to 48, automatic step.
 
@@ -616,7 +610,7 @@ def thrown_cube(metres_away: float, dtype: DTypeLike) -> np.ndarray:
     return simulator.positions[0].astype(float) - (metres_away, 0.0, 0.0)
 
 
-@case(slow=True)
+@case
 def single_precision(broken: bool) -> Outcome:
     """float32, and 1 km from the origin.
 
@@ -629,7 +623,7 @@ def single_precision(broken: bool) -> Outcome:
     return Outcome(f"float32 {single:.1e} m, 1 km {far:.1e} m", bool(single < 1e-4 and far < 1e-6))
 
 
-@case(slow=True)
+@case
 def wild_actions(broken: bool) -> Outcome:
     """largest random and bang-bang actions, 1e5 steps of every environment.
 
@@ -688,7 +682,7 @@ def moved_batch(copies: int, positions: np.ndarray, velocities: np.ndarray, thre
     return np.stack([simulator.positions, simulator.velocities], axis=1)
 
 
-@case(slow=True)
+@case
 def batches(broken: bool) -> Outcome:
     """batch, threads and resets against single copies.
 
@@ -711,7 +705,7 @@ def batches(broken: bool) -> Outcome:
     return Outcome(f"{differ} numbers differ", differ == 0)
 
 
-@case(slow=True)
+@case
 def diverging_copy(broken: bool) -> Outcome:
     """one copy of a batch diverges.
 
@@ -738,7 +732,7 @@ def diverging_copy(broken: bool) -> Outcome:
     return Outcome(f"{'named' if named else 'not named'}, {differ} numbers differ", named and differ == 0)
 
 
-@case(slow=True)
+@case
 def unbalanced(broken: bool) -> Outcome:
     """unbalanced top against its rigid twin.
 
@@ -763,7 +757,7 @@ def unbalanced(broken: bool) -> Outcome:
     return Outcome(f"p = {power:.3f}, gap {gaps[0]:.0e} … {gaps[-1]:.0e} m", abs(power + 1) < 0.02)
 
 
-@case()
+@case
 def degenerate(broken: bool) -> Outcome:
     """degenerate input.
 
@@ -888,7 +882,7 @@ def parted(simulator: Simulator, speed: float, most: float = 0.05) -> Outcome:
     )
 
 
-@case(slow=True)
+@case
 def random_impacts(broken: bool) -> Outcome:
     """random impacts of two cubes at 2 m/s.
 
@@ -940,7 +934,7 @@ def impacts_of_cubes(simulator: Simulator, broken: bool) -> tuple[str, float, bo
     return words, worst, bool(hit.sum() > 100 and moved < 1e-13 and not missed and depth == 0)
 
 
-@case(slow=True)
+@case
 def crossed_edges(broken: bool) -> Outcome:
     """crossed edges of two cubes at 10 m/s.
 
@@ -954,7 +948,7 @@ def crossed_edges(broken: bool) -> Outcome:
     return parted(simulator, 10.0, 0.1)
 
 
-@case(slow=True)
+@case
 def corners_and_faces(broken: bool) -> Outcome:
     """a corner into a corner, flush faces.
 
@@ -970,7 +964,7 @@ def corners_and_faces(broken: bool) -> Outcome:
     return parted(simulator, 5.0)
 
 
-@case(slow=True)
+@case
 def stack_at_rest(broken: bool) -> Outcome:
     """a stack of three at rest for 60 s, pulled aside by a twentieth of its weight.
 
@@ -1010,7 +1004,7 @@ def stack_at_rest(broken: bool) -> Outcome:
     )
 
 
-@case(slow=True)
+@case
 def heap(broken: bool) -> Outcome:
     """20 cubes and balls dropped into a bowl.
 

@@ -216,13 +216,6 @@ def best_known(task: str, by_cell: dict[tuple[str, str], list[dict[str, Any]]]) 
     return max(found, key=lambda runs: float(np.mean([run["mean_return"] for run in runs])), default=[])
 
 
-def ceiling(task: str, by_cell: dict[tuple[str, str], list[dict[str, Any]]]) -> str:
-    """Return a cell: the best known return of a task, and the algorithm that reaches it."""
-    runs = best_known(task, by_cell)
-    episodes = f"{len(runs)} × {runs[0]['episodes']} episodes"
-    return f"{earned(runs)}<br>{runs[0]['algorithm']}, {episodes}".replace(" ", "\N{NO-BREAK SPACE}")
-
-
 def means_of(runs: Sequence[dict[str, Any]]) -> list[str]:
     """Return what the rows of an algorithm in a task used, of `results.USED`."""
     algorithm: Any = runs[0]["algorithm"]

@@ -253,10 +253,6 @@ def _seconds(runs: list[Report]) -> str:
     return f"{min(found):.0f}–{max(found):.0f}"
 
 
-def _return(runs: list[Report]) -> str:
-    return f"{np.mean([own['mean_return'] for own in runs]):.2f}"
-
-
 def _learning(task: str, told: Callable[[Report], str]) -> Number:
     return lambda report: told(next(own for own in report["learning"] if own["task"] == task))
 

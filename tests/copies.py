@@ -46,22 +46,16 @@ def check_alone(
     v: np.ndarray,
     calls: Sequence[int],
     chosen: Sequence[int],
-    alone: int = 1,
-    calls_alone: Sequence[int] | None = None,
 ) -> Simulator:
-    """Compare chosen copies of a batch, advanced in several calls, with simulators of ``alone`` copies.
-
-    These are advanced in one call, if none are given.
-    """
+    """Compare chosen copies of a batch, advanced in several calls, with simulators of one copy and call."""
     batch = make(len(x))
     batch.place(x, v)
     for steps in calls:
         batch.advance(steps)
     for n in chosen:
-        one = make(alone)
+        one = make(1)
         one.place(x[n], v[n])
-        for steps in calls_alone or [sum(calls)]:
-            one.advance(steps)
+        one.advance(sum(calls))
         assert reported(one, 0) == reported(batch, n), n
     assert reported(batch, chosen[0]) != reported(batch, chosen[1])
     return batch

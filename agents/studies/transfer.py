@@ -21,7 +21,7 @@ from typing import Any
 import _path  # noqa: F401  (first)
 import matplotlib
 import numpy as np
-from benchmark import Plan, add_hyperparameters, parsed, run_cells, trained_for
+from benchmark import Plan, add_hyperparameters, parsed, recorded, run_cells
 from config import MENDABLE, ONLINE, ConfigError, command_line, config_path, load_config, making, whole
 from evaluate import evaluate, percent, task_kwargs
 from results import Cell, interval_of_returns
@@ -122,7 +122,7 @@ def played(options: argparse.Namespace, folder: Path) -> list[dict[str, Any]]:
                         "played": place,
                         "mean_return": found.return_per_step,
                         "success_rate": found.success_rate,
-                        "probe": trained_for(agent),
+                        "probe": recorded(agent / "probe.json"),
                     }
                 )
     return rows
@@ -195,7 +195,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def transfer(options: argparse.Namespace) -> int:
     """Train, play, tell."""
-    options.configs = options.configs and options.configs.absolute()
     folder = options.runs.absolute() / options.task.rpartition(":")[2]
     config = load_config(options.algo, options.task, options.overrides, config_file(options))
     for change in kinds().values():  # what cannot be made is told before anything is trained

@@ -1,5 +1,6 @@
 """The benchmark: a row for every run, none run twice, none lost by a kill."""
 
+import argparse
 import itertools
 import json
 import os
@@ -310,6 +311,12 @@ def test_a_probe_knows_of_controllers_and_of_whole_episodes(monkeypatch):
     assert after[2] != before[2]
     for wrong in (after, before[:2], 0.5):
         assert not results.same_probe(wrong, "SpringTop-v0")
+
+
+def test_set_may_be_given_several_times():
+    parser = argparse.ArgumentParser()
+    benchmark.add_hyperparameters(parser)
+    assert parser.parse_args(["--set", "a=1", "b=2", "--set", "c=3"]).overrides == ["a=1", "b=2", "c=3"]
 
 
 def test_digests_know_of_defaults():

@@ -216,17 +216,12 @@ class Stepped:
         copies: int = 2,
         dtype: Any = float,
         lean: bool = False,
-        threads: int = 1,
     ) -> None:
-        options: dict[str, Any] = {"step": step, "copies": copies, "dtype": dtype, "threads": threads}
+        options: dict[str, Any] = {"step": step, "copies": copies, "dtype": dtype}
         options |= {"unresolved": "count"}
         self.scene = scene if lean else with_all_terms(scene)
         self.simulator = Simulator(scene, **options) if lean else full(scene, **options)
         self.step = self.simulator.step
-
-    @property
-    def pairs(self) -> Pairs:
-        return self.simulator._terms.collisions.pairs
 
     def place(self, positions: np.ndarray, velocities: np.ndarray) -> None:
         self.simulator.place(positions, velocities)

@@ -98,18 +98,15 @@ def test_concordance() -> None:
     assert concordance(np.array([0.0, 0.6, 0.5, 1.0]), success) == pytest.approx(3 / 5)
 
 
-SLOW = pytest.mark.slow
-
-
 @pytest.mark.parametrize(
     ("env_id", "arguments"),
     [
         ("SpringRope-v0", {}),
-        pytest.param("SpringDetumble-v0", {}, marks=SLOW),
-        pytest.param("SpringDetumble-v0", {"start": "flat"}, marks=SLOW),
-        pytest.param("SpringPendulum-v0", {}, marks=SLOW),
-        pytest.param("SpringGyroscope-v0", {}, marks=SLOW),
-        pytest.param("SpringGyroscope-v0", {"hard": True}, marks=SLOW),
+        ("SpringDetumble-v0", {}),
+        ("SpringDetumble-v0", {"start": "flat"}),
+        ("SpringPendulum-v0", {}),
+        ("SpringGyroscope-v0", {}),
+        ("SpringGyroscope-v0", {"hard": True}),
     ],
 )
 @pytest.mark.slow

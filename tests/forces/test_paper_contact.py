@@ -141,9 +141,7 @@ def test_clamp_creates_energy_where_the_default_keeps_it(
         paper.advance(200)
         default.advance(200)
         worst = max(worst, abs(default.measure().energy[0] / start - 1))
-    grown = paper.measure().energy[0] / start
-    print(f"{height} m, c {strength}, Δ {reach}: paper {grown:.3g} E₀, default 1 ± {worst:.1g}")
-    assert grown > growth
+    assert paper.measure().energy[0] / start > growth
     assert worst < 2e-3
 
 
