@@ -360,9 +360,12 @@ def table_of_data(rows: Sequence[dict[str, Any]]) -> list[str]:
 
 
 def quartiles(scores: Sequence[np.ndarray]) -> str:
-    """Return the interquartile mean of scores (seeds,) of several tasks, and its interval, in per cent."""
+    """Return the interquartile mean of scores (seeds,) of tasks [%]; of several seeds, also its interval."""
+    mean = f"{100 * interquartile_mean(np.concatenate(scores)):.0f} %"
+    if max(map(len, scores)) == 1:
+        return mean
     low, high = interval(scores, interquartile_mean)
-    return f"{100 * interquartile_mean(np.concatenate(scores)):.0f} % ({100 * low:.0f}–{100 * high:.0f})"
+    return f"{mean} ({100 * low:.0f}–{100 * high:.0f})"
 
 
 def table_of_times(rows: Sequence[dict[str, Any]]) -> list[str]:
