@@ -137,7 +137,7 @@ def training(cell: Cell, plan: Plan) -> list[str]:
 
 
 def recorded(path: Path) -> Any:
-    """Return the content of a JSON file in a run folder; None if it cannot be read."""
+    """Read a JSON file of a run folder; return None if it is missing or damaged."""
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):

@@ -8,7 +8,7 @@ SOURCE = Path(__file__).resolve().parent.parent
 
 
 def install(extra: str) -> str:
-    """Return the command that installs an extra; in a clone, that for the clone, valid in any folder."""
+    """Return the shell command that installs an extra, from the clone if the package runs from one."""
     if (SOURCE / "pyproject.toml").is_file():
         return f'pip install -e "{SOURCE}[{extra}]"'
     return f'pip install "springgym[{extra}]"'

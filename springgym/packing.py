@@ -144,8 +144,8 @@ def _shared(scene: Scene, options: Options) -> Terms:
                 f"{sorted(unused)[0]!r} cannot vary: the scene has no surfaces"
                 + ("" if unused == {"strength"} else ", and no bodies that collide as its contact says")
             )
-        kept = {name: options.blocks(1) for name in varying & of_pairs}  # `varies` reads these
-        friction, loss = kept.get("friction"), kept.get("restitution")
+        blocks = {name: options.blocks(1) for name in varying & of_pairs}  # `varies` reads these
+        friction, loss = blocks.get("friction"), blocks.get("restitution")
     else:
         kinds = (packed_kind(kind, [surfaces[n] for n in same]) for kind, same in by_kind(surfaces).items())
         packed = Surfaces(tuple(kinds), np.zeros(1), 1.0, None, coupled(surfaces) or None)

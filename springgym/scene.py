@@ -37,8 +37,8 @@ MOST_SURFACES = 100
 MOST_BODIES = 1000
 """Largest number of bodies of a scene."""
 
-MOST_TOLD = 20
-"""Largest number of bodies, and of pairs of them, that the `repr` of a scene lists."""
+MOST_LISTED = 20
+"""The `repr` of a scene lists at most this many bodies, and this many pairs."""
 
 
 @dataclass(frozen=True)
@@ -526,7 +526,7 @@ class Scene(ReadOnly):
 
     @cached_property
     def faithful_speed(self) -> float:
-        """The speed [m/s] up to which all impacts meet their restitution to about 0.02; infinite without
+        """Largest speed [m/s] at which every impact has its restitution, to about 0.02; infinite without
         impacts.
 
         It is determined by the softest body, see `springgym.surfaces.contact.faithful_speed`. Faster impacts
@@ -728,13 +728,13 @@ class Scene(ReadOnly):
 
     def _pairs(self) -> str:
         """Return the names of the bodies that may collide, or the number of pairs if they are many."""
-        if len(self.meetings) > MOST_TOLD:
+        if len(self.meetings) > MOST_LISTED:
             return f"{len(self.meetings)} pairs"
         return ", ".join(f"{met.first}–{met.second}" for met in self.meetings)
 
     def _kinds(self) -> str:
         """Return the reprs of the bodies or, if they are many, how many there are of each kind."""
-        if len(self.bodies) <= MOST_TOLD:
+        if len(self.bodies) <= MOST_LISTED:
             return " | ".join(map(repr, self.bodies))
         counts = Counter(repr(replace(placed, name=placed.body.name)) for placed in self.bodies)
         return " | ".join(f"{count} × {kind}" for kind, count in counts.items())

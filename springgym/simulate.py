@@ -15,7 +15,7 @@ import numpy as np
 from springgym.cli import INTERRUPTED, check_ending, whole_file
 from springgym.contact.totals import PairReadings
 from springgym.integrators import METHODS
-from springgym.scene import MOST_TOLD
+from springgym.scene import MOST_LISTED
 from springgym.scenes.checks import NOT_COVERED, Check, check, fitting
 from springgym.scenes.checks.basis import two_figures
 from springgym.scenes.plan import LEAST, Plan
@@ -143,7 +143,7 @@ def _between(recording: Recording) -> Iterator[str]:
     scene, pairs = recording.plan.scene, recording.pairs
     told = pairs.impulse[-1] + pairs.misses[-1] + pairs.too_fast[-1] + pairs.overflow[-1]
     met = np.flatnonzero(told > 0).tolist()
-    if len(met) > MOST_TOLD:
+    if len(met) > MOST_LISTED:
         yield f"{len(met)} pairs of bodies: {_of_pairs(pairs, met)}"
         return
     for n in met:

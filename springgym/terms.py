@@ -124,7 +124,7 @@ class LastNode(NamedTuple):
     """Data of the last node that dampers need where contact acts: see `springgym.integrators.node`."""
 
     given: np.ndarray
-    """(N, 3) half of the change of velocity by contact at the last node [m/s], the prediction for the next"""
+    """(N, 3) half of the velocity change by contact at the last node [m/s]; it predicts that of the next"""
     sweep: np.ndarray
     """(1,) 0 if the next sweep of dampers comes before the actuators, 1 if after them"""
 
@@ -165,7 +165,7 @@ class Terms(NamedTuple):
     collisions: Collisions | None = None
     """bodies that collide"""
     rounds: Rounds | None = None
-    """round features, with which a body that has some touches surfaces"""
+    """spheres, ellipsoids and disks with which bodies touch surfaces"""
     own: tuple[OfBody, ...] | None = None
     """user-defined forces of all bodies"""
     body: int = 0

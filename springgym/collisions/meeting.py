@@ -76,9 +76,9 @@ class Meetings(ReadOnly):
     first: np.ndarray
     second: np.ndarray
     contacts: tuple[Contact, ...]
-    """the different contacts of the pairs"""
+    """contact parameters of the pairs, each object once"""
     how: np.ndarray
-    """the index of each pair's contact"""
+    """the index in `contacts` of each pair's parameters"""
     strength: np.ndarray
     """c [N·m²]"""
     reach: np.ndarray

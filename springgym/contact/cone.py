@@ -31,7 +31,7 @@ ROLLING, SPINNING = range(2)
 
 @compiled
 def within_cone(wanted: Vector, limit: Number) -> Vector:
-    """Return the tangential impulse ``wanted``, shortened to the ``limit`` μ J if it is longer.
+    """Return the tangential impulse ``wanted``, scaled down to the length ``limit``, μ J, if it is longer.
 
     Both are in N·s, or both per mass.
     """

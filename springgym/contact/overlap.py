@@ -1,4 +1,4 @@
-"""Detect bodies that overlap in a state, by geometry alone, whatever contacts were found.
+"""Detect bodies that overlap, from the positions of their particles alone.
 
 Contacts are of corners, faces and sharp edges. Overlaps of other features, such as edges that are flat at
 rest and crease as the body bends, and those due to too coarse steps, are detected here when a state is read.

@@ -195,13 +195,13 @@ class Neighbours(NamedTuple):
     close: np.ndarray
     """(pairs,) list of the watched pairs that may touch at this node"""
     length: np.ndarray
-    """(2,) the numbers of pairs that are `WATCHED` and `CLOSE`"""
+    """(2,) the lengths of the lists `watched` and `close`, at the indices `WATCHED` and `CLOSE`"""
     kept: np.ndarray
     """(1,) whether the lists of all pairs are stored"""
     used: np.ndarray
     """(4,) the numbers of rows of vertices, triangles, edges and candidates in use"""
     ends: np.ndarray
-    """(pairs, 3, 3) vertices, triangles and edges: first row of the first body, of the second, and the end"""
+    """(pairs, 3, 3) of vertices, triangles and edges: first rows of the first and second body, and the end"""
     vertex: np.ndarray
     """(V,) list of the vertices of a pair that lie between the two bodies: the first body's come first"""
     vertex_particle: np.ndarray
@@ -299,7 +299,7 @@ class Turning(NamedTuple):
     turns: np.ndarray
     """(bodies,) whether contacts turn a body as one"""
     balls: np.ndarray
-    """(bodies,) whether a body is a ball, which contacts represent by its centre of mass"""
+    """(bodies,) True for a ball, whose contacts are found from its centre of mass"""
     first: np.ndarray
     """(bodies,) the index of the row that holds its velocity; the next row holds its angular momentum"""
     pivot: np.ndarray
@@ -331,7 +331,7 @@ class ContactRows(NamedTuple):
     surface: np.ndarray
     """(rows,) the index of the surface; −1 between bodies"""
     feature: np.ndarray
-    """(rows,) the index of the round feature at a surface; −1 of a particle"""
+    """(rows,) the index of the round feature that touches a surface; −1 for a particle"""
     members: np.ndarray
     """(rows,) the number of particles of the contact, the same in all copies"""
     loose: np.ndarray
@@ -392,7 +392,7 @@ class ContactRows(NamedTuple):
     going: np.ndarray
     """(1,) 1 while the impulses of a copy are iterated, else 0"""
     change: np.ndarray
-    """(1,) the largest change of a contact's displacement in a sweep, over its Δ [1]"""
+    """(1,) the largest change of a displacement in a sweep, divided by the Δ of its contact [1]"""
     turning: Turning | None
     """the bodies that turn as one; None if none do"""
 

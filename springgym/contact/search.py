@@ -86,7 +86,7 @@ PATIENT = 20.0
 """or, if larger, its motion in this many steps: until a body has moved by it, no other pairs are checked."""
 
 SKEW = 1e-3
-"""sin² of the angle between edges above which the distance of their lines is used."""
+"""Least sin² of the angle between two edges for which the distance of their lines is used."""
 
 VERTICES, TRIANGLES, EDGES, CANDIDATES = range(4)
 """Kinds of lists."""

@@ -245,7 +245,7 @@ class WholeTuple(models.TupleModel):
 
 @register_model(numba.types.NamedTuple)
 def _tuple_model(manager: DataModelManager, kind: numba.types.NamedTuple) -> models.TupleModel:
-    """Return the data model of a named tuple: `WholeTuple` for this package's own.
+    """Return how Numba stores a named tuple: as a `WholeTuple` if it belongs to this package.
 
     Tuples of other packages keep Numba's model, which code compiled elsewhere expects.
     """

@@ -349,7 +349,7 @@ class Episodes:
         self.balance[copies] = self.measures.balance[copies]
 
     def _check_strain(self, positions: np.ndarray, drawn: Sequence[Mapping[str, float]]) -> None:
-        """Raise ValueError for starts (k, N, 3) whose strains exceed the limit of divergence."""
+        """Raise ValueError if positions (k, N, 3) at the start strain springs beyond the divergence limit."""
         if self.simulator.dynamics == "rigid":
             return
         scene = self.simulator.scene

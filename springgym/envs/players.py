@@ -175,7 +175,7 @@ class ParallelDuel(SingleEnv, ParallelEnv):
         return {"first": self.episodes.observe()[0], "second": second[0]}
 
     def _outcomes(self) -> np.ndarray:
-        """Return the outcomes of both agents by `Task.evaluate`, (2, columns)."""
+        """Return what `Task.evaluate` computes for both players, (2, columns)."""
         episodes, task = self.episodes, self.task
         out = np.zeros((2, len(task.outcome)))
         out[FIRST] = episodes.out[0]

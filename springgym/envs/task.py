@@ -108,7 +108,7 @@ class Task:
     period: ClassVar[float] = 0.02
     """control period [s]"""
     periods: ClassVar[int] = 1
-    """number of control periods in an environment step: an action may last for more than one"""
+    """number of control periods in an environment step, which takes one action"""
     finest: ClassVar[float] = math.inf
     """largest automatic step [s]: impacts may need shorter steps than stability"""
     damping_every: ClassVar[int] = 1

@@ -108,14 +108,14 @@ def solve_stage(
             set_row(change, i, load(particles.mass, i) * lacking)
         solve(matrix, change)
         seeking = largest > bound
-        found = 0.0 * bound
+        peak = 0.0 * bound
         for i in range(particles.mass.size):
             size = dot(row(change, i), row(change, i))
-            found = select(size < found, found, size)  # NaN if one is NaN
+            peak = select(size < peak, peak, size)  # NaN if one is NaN
             set_row(v, i, choose(seeking, row(v, i) + row(change, i), row(v, i)))
         once = select(seeking, 1.0 + 0.0 * bound, 0.0 * bound)
         store(control.counts, ITERATIONS, load(control.counts, ITERATIONS) + once)
-        largest = select(seeking, found, largest)
+        largest = select(seeking, peak, largest)
         if not any_lane(largest > bound):
             break
     for i in range(particles.mass.size):

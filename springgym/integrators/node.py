@@ -182,7 +182,7 @@ def expect(i: int, half: Vector, last: LastNode | None) -> None:
 
 @compiled
 def record_cross_work(ledger: Ledger, work: Number, dampers: Dampers | None) -> None:
-    """Record the work of actuators and dampers due to the change of the mean velocity by contact."""
+    """Record the work of actuators and dampers that contact adds, by changing the mean velocity."""
     if dampers is None:
         record(ledger, WORK, work)
     else:

@@ -410,8 +410,8 @@ def leave_node(body: int, bodies: Phase, span: Times, space: Workspace, twin: Tw
     x, v, ledger = of_body(bodies, body)
     if twin[0].moves:
         node, solid = node_of(body, span, space, twin)
-        given = change_by_contact(body, node, space)
-        middle = sum_of(sum_of(node.before, span.lead, node.rate), 0.5, sum_of(node.thrown, 1.0, given))
+        change = change_by_contact(body, node, space)
+        middle = sum_of(sum_of(node.before, span.lead, node.rate), 0.5, sum_of(node.thrown, 1.0, change))
         record(ledger, WORK, product_of(node.thrown, middle, solid))
-        set_particles(x, v, leave(node, given, solid), solid)
+        set_particles(x, v, leave(node, change, solid), solid)
     record_losses(body, ledger, space.rows.contacts)

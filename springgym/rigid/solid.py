@@ -57,7 +57,7 @@ class Solid(NamedTuple):
     axes: Block
     """the principal axes in world coordinates where `State.q` is the identity"""
     centre: Vector
-    """the centre of mass in body coordinates [m]"""
+    """position of the centre of mass in body coordinates [m]"""
     total: Number
     """mass [kg]"""
     lightness: Number

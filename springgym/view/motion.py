@@ -28,7 +28,7 @@ class Arrows(NamedTuple):
     origins: np.ndarray
     """(T, 3) [m]"""
     vectors: np.ndarray
-    """(T, 3) in the length of drawing [m]; zero where there is none"""
+    """(T, 3) arrows as drawn [m]; zero where there is none"""
     color: Color
 
 
@@ -38,7 +38,7 @@ class Touches(NamedTuple):
     points: np.ndarray
     """(T, K, 3) [m]; NaN where there is none"""
     vectors: np.ndarray
-    """(T, K, 3) force on the first body, in the length of drawing [m]"""
+    """(T, K, 3) arrows of the force on the first body, as drawn [m]"""
     mutual: np.ndarray
     """(T, K) mask: True where two bodies touch, and the opposite force acts on the second"""
 

@@ -137,7 +137,7 @@ class Page:
         worker.join()
 
     def _advance(self, elapsed: float) -> None:
-        """Advance by an ``elapsed`` wall-clock time [s]."""
+        """Advance the motion by ``elapsed`` seconds of wall-clock time, times the chosen speed."""
         with self._lock:
             self.time += elapsed * float(Fraction(self._speed.value))
             if self.time > self.motion.times[-1]:

@@ -24,7 +24,7 @@ from springgym.cli import main
 from springgym.contact.totals import PairReadings
 from springgym.extras import install, missing
 from springgym.rendering.look import INK
-from springgym.scene import MOST_TOLD, Placed, Scene
+from springgym.scene import MOST_LISTED, Placed, Scene
 from springgym.scenes import load, names, plots
 from springgym.scenes.checks import CHECKS, Check
 from springgym.scenes.checks.basis import within
@@ -81,16 +81,16 @@ def test_pairs_of_bodies_are_told_one_by_one_or_together():
     bodies = [Placed(body, body.positions + n * apart, name=f"c{n}") for n in range(8)]
     made = Scene(bodies=bodies)
     values = np.ones((2, len(made.meetings)))
-    values[:, MOST_TOLD:] = 0.0
+    values[:, MOST_LISTED:] = 0.0
     of = PairReadings(*(values.copy() for _ in PairReadings._fields))
     recording = SimpleNamespace(plan=SimpleNamespace(scene=made), pairs=of)
     lines = list(simulate._between(recording))
-    assert len(lines) == MOST_TOLD
+    assert len(lines) == MOST_LISTED
     assert lines[0] == "c0 and c1: impulse 1 N·s, lost 2 J, 1 found too late, 1 too fast, 1 left out"
     of.impulse[-1] = 1.0
     assert list(simulate._between(recording)) == [
-        f"28 pairs of bodies: impulse 28 N·s, lost {2 * MOST_TOLD} J, {MOST_TOLD} found too late, "
-        f"{MOST_TOLD} too fast, {MOST_TOLD} left out"
+        f"28 pairs of bodies: impulse 28 N·s, lost {2 * MOST_LISTED} J, {MOST_LISTED} found too late, "
+        f"{MOST_LISTED} too fast, {MOST_LISTED} left out"
     ]
 
 

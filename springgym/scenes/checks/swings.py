@@ -20,10 +20,10 @@ SMALL = 0.01
 """Relative tolerance of the frequencies of small swings: rotations by 0.1 do not commute, by 0.1²."""
 
 HANGING = 1e-6
-"""Relative tolerance of the length of a rope at rest, where theory is exact: the rest of its bounce."""
+"""Relative tolerance of the length of a rope at rest, where theory is exact: what is left of its bounce."""
 
 BOUNCE = 0.02
-"""Relative tolerance of the frequency of its bounce: beads of 1 % of the mass shift it by as much."""
+"""Relative tolerance of the frequency of a hanging bounce: beads of 1 % of the mass shift it by as much."""
 
 MODES = 5e-3
 """Relative tolerance of the frequencies of a rope's modes: steps make (ω h)²/24, 1e-3 for the highest."""
