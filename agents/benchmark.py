@@ -10,8 +10,8 @@ Each run is one of ``agents/train.py`` with the same arguments, on one core and 
 do not count; with 0, for the steps that its configuration says. At the end, its agent plays 100 held-out
 episodes, and a result (a row) is added to ``--json``. The same command continues a stopped benchmark: it
 skips runs with a result and continues others from their newest checkpoint. A run is repeated if its
-configuration, its task or the protocol has changed. docs/benchmark.md holds the protocol and describes the
-results. Check those of others by
+configuration, its task or the protocol has changed; one that was stopped begins anew if the commit has
+changed. docs/benchmark.md holds the protocol and describes the results. Check those of others by
 
     python agents/benchmark.py --check rows.json --agents FOLDER
 
@@ -115,18 +115,18 @@ def run_cell(cell: Cell, plan: Plan) -> dict[str, Any]:
         played = evaluate(agent, env_id, kwargs, plan.episodes)
     config = config_of(cell, plan)
     row = row_of(cell, config, steps, seconds, curve_of(folder) if config else [], played)
-    begun = (recorded(folder / "versions.json") or {}).get("git_revision")
-    if config is not None and begun != row["commit"]:
+    if config is not None and (begun := commit_of(folder)) != row["commit"]:
         row["commit"] = f"{begun}, {row['commit']}"  # which --check refuses
     return row
 
 
 def training(cell: Cell, plan: Plan) -> list[str]:
-    """Return the arguments of ``agents/train.py`` that begin or continue a run."""
+    """Return the arguments of ``agents/train.py`` that continue a run of this commit, or begin one."""
     folder = plan.folder(cell)
     if (folder / "config.yaml").exists():
         probed = recorded(folder / "probe.json")
-        if config_of(cell, plan) == open_run(folder).config and same_probe(probed, cell.task):
+        same = config_of(cell, plan) == open_run(folder).config and same_probe(probed, cell.task)
+        if same and commit_of(folder) == versions()["git_revision"]:
             return ["--resume", str(folder), "--episodes", "0"]
         put_away(folder)
     write_atomically(folder / "probe.json", json.dumps(probe(cell.task)) + "\n")
@@ -144,8 +144,13 @@ def recorded(path: Path) -> Any:
         return None
 
 
+def commit_of(folder: Path) -> str | None:
+    """Return the commit at which a run was begun; None if nothing says so."""
+    return (recorded(folder / "versions.json") or {}).get("git_revision")
+
+
 def put_away(folder: Path) -> None:
-    """Keep a run of another configuration beside the new one."""
+    """Keep a run of another configuration or commit beside the new one."""
     n = 1
     while (old := folder.with_name(f"{folder.name}.old-{n}")).exists():
         n += 1

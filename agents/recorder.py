@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import csv
 import json
-import math
 import os
 import pickle
 import platform
@@ -62,6 +61,8 @@ PROGRESS = ("timesteps", "seconds", "return_per_step", "success_rate")
 """The columns of progress.csv: the results of the agent without noise."""
 PLAYED = 20
 """Number of episodes that the agent plays at each checkpoint."""
+STATE = ("seconds", "row_at", "steps", "episodes", "reward", "rows", "progress")
+"""The attributes of a recorder that a checkpoint holds."""
 SHORTEST, LONGEST = 1.0, 30.0
 """Seconds of learning between two checkpoints of a run that is measured in seconds: a tenth of those so far,
 within these bounds."""
@@ -78,61 +79,30 @@ class Recorder(BaseCallback):
         super().__init__()
         self.run, self.env, self.config = run, env, network_config(run)
         self.limit = time_limit(native_env(env).spec)
-        self.path = run.folder / "metrics.csv"
         self.seconds = self.seconds_at = 0.0
         self.is_over = False
         self.row_at = self.checkpoint_at = self.steps = self.episodes = 0
         self.reward = 0.0
+        self.rows: list[tuple[float | None, ...]] = []
         self.progress: list[tuple[int, float, float, float | None]] = []
 
     def state(self) -> dict[str, Any]:
-        """Return the state on which the following rows depend."""
-        names = ("seconds", "row_at", "steps", "episodes", "reward", "progress")
-        return {name: getattr(self, name) for name in names}
+        """Return the state on which the following rows depend, and the rows so far."""
+        return {name: getattr(self, name) for name in STATE}
 
     def restore(self, state: dict[str, Any]) -> None:
         """Continue from a checkpoint's state."""
-        self.__dict__.update(state)
+        for name in STATE:
+            setattr(self, name, state[name])
 
-    def drop_rows_after(self, timesteps: int) -> None:
-        """Keep the rows a checkpoint knows of; a kill may have left later ones, or half a row.
-
-        Raises
-        ------
-        ConfigError
-            If a row cannot be one of this run.
-        """
-        kept = [",".join(COLUMNS)]
-        reached = 0
-        for number, line in enumerate(self._lines(), start=2):
-            if not line.endswith("\n"):
-                break  # cut short
-            try:
-                cells = [float(cell) if cell else 0.0 for cell in line.rstrip("\n").split(",")]
-                steps = int(cells[0]) if len(cells) == len(COLUMNS) and all(map(math.isfinite, cells)) else 0
-            except ValueError:
-                steps = 0
-            if steps <= reached:
-                raise ConfigError(
-                    f"{self.path}:{number}: this is not a row of this run: "
-                    f"{line[:80]!r}; correct or delete it"
-                )
-            reached = steps
-            if steps <= timesteps:
-                kept.append(line.rstrip("\n"))
-        write_atomically(self.path, "\n".join(kept) + "\n")
-
-    def _lines(self) -> list[str]:
-        """Return the lines of metrics.csv below its head, with their ends."""
-        if not self.path.exists():
-            return []
-        try:
-            head, *lines = self.path.read_text(encoding="utf-8").splitlines(keepends=True) or [""]
-        except UnicodeDecodeError as error:
-            raise ConfigError(f"{self.path}: the file is not text: {error}") from error
-        if head.rstrip("\n") != ",".join(COLUMNS):
-            raise ConfigError(f"{self.path}:1: these are not the columns of this version: {head[:80]!r}")
-        return lines
+    def write_tables(self) -> None:
+        """Write metrics.csv and progress.csv, without what a stopped run wrote after its checkpoint."""
+        for name, columns, rows in (
+            ("metrics.csv", COLUMNS, self.rows),
+            ("progress.csv", PROGRESS, self.progress),
+        ):
+            lines = [",".join("" if cell is None else str(cell) for cell in row) for row in rows]
+            write_atomically(self.run.folder / name, "\n".join([",".join(columns), *lines]) + "\n")
 
     def _on_training_start(self) -> None:
         self.checkpoint_at, self.seconds_at = self.num_timesteps, self.seconds
@@ -187,29 +157,23 @@ class Recorder(BaseCallback):
         played = evaluate(str(self.run.folder), self.run.env_id, task, PLAYED, PROGRESS_SEED)
         reached = played.return_per_step, played.success_rate
         self.progress.append((self.num_timesteps, round(self.seconds, 2), *reached))
-        self.write_progress()
-
-    def write_progress(self) -> None:
-        """Write progress.csv."""
-        lines = [",".join("" if cell is None else str(cell) for cell in row) for row in self.progress]
-        write_atomically(self.run.folder / "progress.csv", "\n".join([",".join(PROGRESS), *lines]) + "\n")
+        self.write_tables()
 
     def write_row(self) -> None:
         """Append a row and start the next one."""
         reward_per_step = self.reward / self.steps
         episodes, successes = self.model.ep_info_buffer, self.model.ep_success_buffer
-        success_rate = safe_mean(successes) if successes else ""
         row = (
             self.num_timesteps,
             round(self.seconds, 2),
             reward_per_step,
             self.episodes,
-            safe_mean([episode["r"] for episode in episodes]) / self.limit if episodes else "",
-            safe_mean([episode["l"] for episode in episodes]) if episodes else "",
-            success_rate,
+            safe_mean([episode["r"] for episode in episodes]) / self.limit if episodes else None,
+            safe_mean([episode["l"] for episode in episodes]) if episodes else None,
+            safe_mean(successes) if successes else None,
         )
-        with open(self.path, "a", newline="") as file:
-            csv.writer(file, lineterminator="\n").writerow(row)
+        self.rows.append(row)
+        self.write_tables()
         self.logger.record("rollout/reward_per_step", reward_per_step)
         self.model.dump_logs()
         shown = {"reward/step": f"{reward_per_step:.3f}"}

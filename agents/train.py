@@ -101,7 +101,7 @@ def begin(options: argparse.Namespace) -> int:
     with locked(folder):
         create_run(run)
         recorder = Recorder(run, env)
-        recorder.drop_rows_after(0)
+        recorder.write_tables()
         model.set_logger(make_logger(run, 0))
         return finish(run, env, model, recorder, options.episodes)
 
@@ -139,8 +139,7 @@ def resume(options: argparse.Namespace) -> int:
                     f"--timesteps {options.timesteps}: the run has {model.num_timesteps} steps already"
                 )
             write_config(run)
-        recorder.drop_rows_after(model.num_timesteps)
-        recorder.write_progress()
+        recorder.write_tables()
         save_agent(run.agent, model)
         return finish(run, env, model, recorder, options.episodes)
 

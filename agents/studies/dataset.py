@@ -34,15 +34,12 @@ from evaluate import named, trained_kwargs, trained_on
 from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 from plan import planner_of
 from plan import play as play_plans
-from runs import load_policy, time_limit
+from runs import DATASET_SEED, load_policy, time_limit
 
 import springgym  # noqa: F401  (registers the environments)
 from springgym.cli import guarded
 from springgym.extras import missing
 from springgym.registration import find, spec_of
-
-FIRST_SEED = 2_000_000
-"""Seed of the first episode: neither agents learn from these seeds nor are they evaluated on them."""
 
 
 class Recorded(VectorWrapper):
@@ -176,7 +173,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "agents", nargs="+", help="run folders; the environment's id; zero, random, classical, planner"
     )
     parser.add_argument("--episodes", type=whole(1, 100_000), default=100, help="of each (default: 100)")
-    parser.add_argument("--seed", type=whole(0, 2**31), default=FIRST_SEED, help="seed of the first episode")
+    parser.add_argument(
+        "--seed", type=whole(0, 2**31), default=DATASET_SEED, help="seed of the first episode"
+    )
     parser.add_argument("--noise", type=number(0, 1), default=0.0, help="of actions, 1 for half their range")
     add_overrides(parser)
     options = parser.parse_args(arguments)

@@ -83,7 +83,6 @@ def measure(env_id: str, seed: int, config: Config) -> dict[str, Any]:
         model = new_model(run, env)
         model.set_logger(make_logger(run, 0))
         watch = Stopwatch(run, env)
-        watch.drop_rows_after(0)
         begin_with_imitation(run, model, watch)
         watch.physics = 0.0
         total = run.config.total_timesteps

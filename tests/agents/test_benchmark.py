@@ -202,18 +202,26 @@ def test_another_configuration_is_another_run(done, configs, tmp_path):
     assert len(rows(folder / "Toy-v0-ppo-0.old-1")) == 24
 
 
+@pytest.mark.parametrize("what", ["task", "commit"])
 @pytest.mark.slow
-def test_a_changed_task_is_another_run(done, configs, tmp_path, capsys):
-    """The probe of a row differs from that of the task: its agent was trained on something else."""
+def test_a_changed_task_or_commit_is_another_run(what, done, configs, tmp_path, capsys):
+    """A probe that differs from that of the task: its agent was trained on something else."""
     folder = tmp_path / "runs"
     shutil.copytree(done, folder)
-    content = (folder / "baselines.json").read_text().replace('"probe": [0.', '"probe": [1.')
-    (folder / "baselines.json").write_text(content)
-    (folder / "Toy-v0-linear-0" / "probe.json").write_text("[0.5, 40.0]\n")
+    run, found = folder / "Toy-v0-linear-0", folder / "baselines.json"
+    if what == "task":
+        found.write_text(found.read_text().replace('"probe": [0.', '"probe": [1.'))
+        (run / "probe.json").write_text("[0.5, 40.0]\n")
+    else:  # stopped, and continued at another
+        found.write_text("[]")
+        made = json.loads((run / "versions.json").read_text())
+        (run / "versions.json").write_text(json.dumps(made | {"git_revision": "0" * 40}))
     assert benchmark.main(command(folder, configs, "--seeds", "1", algorithms=["linear"])) == 0
     assert "1 runs, 1 of them to do" in capsys.readouterr().out
     assert (folder / "Toy-v0-linear-0.old-1").is_dir()
-    assert table(folder)["linear", 0]["probe"] == results.probe(TOY)
+    row = table(folder)["linear", 0]
+    assert row["probe"] == results.probe(TOY)
+    assert row["commit"] == benchmark.versions()["git_revision"]
 
 
 def test_a_damaged_table(tmp_path, configs, capsys):

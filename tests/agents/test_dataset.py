@@ -34,7 +34,7 @@ def test_recorded_episodes_can_be_played_again(minari, monkeypatch, capsys):
         env = data.recover_environment()
         assert env.spec.kwargs.get("observation") == ("frame" if "classical" in agent else None)
         for n, episode in enumerate(data.iterate_episodes()):
-            seen, _ = env.reset(seed=dataset.FIRST_SEED + n)
+            seen, _ = env.reset(seed=dataset.DATASET_SEED + n)
             for k, action in enumerate(episode.actions):
                 np.testing.assert_array_equal(seen, episode.observations[k])
                 seen, reward, terminated, truncated, _ = env.step(action)

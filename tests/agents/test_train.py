@@ -335,25 +335,6 @@ def test_fewer_steps_than_there_are_cannot_be_asked_for(copied, capsys):
     assert "the run has 12288 steps already" in refused(copied, capsys, "--timesteps", "100")
 
 
-METRICS = {
-    "text": (b"1024,0.1,x,1,1,1,1\n", "metrics.csv:26: this is not a row of this run: '1024,0.1,x,1,1,1,1"),
-    "two rows mixed": (b"12800,0.1,0.5,3,0.512800,0.1\n", "metrics.csv:26: this is not a row of this run"),
-    "back in time": (b"1024,0.1,0.5,3,0.5,40,0.5\n", "metrics.csv:26: this is not a row of this run"),
-    "nan": (b"12800,nan,0.5,3,0.5,40,0.5\n", "metrics.csv:26: this is not a row of this run"),
-    "another head": (None, "metrics.csv:1: these are not the columns of this version: 'a,b"),
-    "no text": (b"\xff\xfe\n", "metrics.csv: the file is not text"),
-}
-"""What is added to the rows of a run, and what is said of it."""
-
-
-@pytest.mark.parametrize("what", METRICS)
-def test_mangled_rows_are_told_in_a_line(what, copied, capsys):
-    added, says = METRICS[what]
-    path = copied / "metrics.csv"
-    path.write_bytes(b"a,b\n" if added is None else path.read_bytes() + added)
-    assert says in refused(copied, capsys)
-
-
 def test_a_full_disk_is_told_in_a_line_and_leaves_the_old_checkpoint(tmp_path, monkeypatch, capsys):
     folder = tmp_path / "run"
     save, saved = PPO.save, []
