@@ -1,4 +1,4 @@
-"""Ways around a task that agents have found do not pay, and what succeeds more often returns more."""
+"""Ways around a task that agents have found do not pay."""
 
 from __future__ import annotations
 
@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 from controllers import make_controller
 
-from springgym.registration import ALL_IDS, find
-from tests.envs.cases import KINDS, task_type
+from tests.envs.cases import task_type
 from tests.envs.playing import Played, Policy, play
-from tests.params import slow_unless
 
 COPIES = 8
 
@@ -114,50 +112,3 @@ def test_spin_at_the_edge_of_the_band_does_not_pay(honest_top: Played) -> None:
     assert (cheat.lengths == 500).all()
     assert cheat.returns.max() < 0.6 * honest_top.returns.min()
     assert not cheat.successes.any()
-
-
-def degraded(policy: Policy, noise: float, bias: float) -> Policy:
-    """A controller whose actions are in part random, for five steps at a time, and whose eyes are off."""
-    rng, step, wrong, held = np.random.default_rng(0), 0, 0.0, 0.0
-
-    def act(seen: np.ndarray) -> np.ndarray:
-        nonlocal step, wrong, held
-        wrong = bias * rng.standard_normal(seen.shape) if step == 0 else wrong
-        actions = policy(seen + wrong)
-        held = rng.uniform(-1.0, 1.0, actions.shape) if step % 5 == 0 else held
-        step += 1
-        return np.clip((1.0 - noise) * actions + noise * held, -1.0, 1.0).astype(np.float32)
-
-    return act
-
-
-@pytest.mark.parametrize(
-    "env_id", [pytest.param(one, marks=slow_unless(one in KINDS)) for one in ALL_IDS if "Sparse" not in one]
-)
-def test_returns_rank_as_successes_do(env_id: str) -> None:
-    """Of pairs of agents whose rates of success in 50 episodes differ by two standard errors or more."""
-    row, _ = find(env_id)  # type: ignore[misc]
-    kinds = [(0.0, 0.0), (0.1, 0.0), (0.2, 0.0), (0.4, 0.0), (1.0, 0.0), (0.0, 0.05), (0.0, 0.1), (0.0, 0.2)]
-    exact = make_controller("classical", env_id, {}, task_type(row.id)().action_space)
-    played = [play(env_id, degraded(exact, *own), 50, observation="frame") for own in kinds]
-    success, earned = (
-        np.array([getattr(own, of).mean() for own in played]) for of in ("successes", "returns")
-    )
-    more = success[:, None] - success > 0.2
-    assert np.count_nonzero(more) >= 5
-    ranked = np.sign(earned[:, None] - earned)[more]
-    assert ranked.mean() >= 0.9  # Goodman and Kruskal's γ
-
-
-@pytest.mark.parametrize(
-    "env_id",
-    [
-        "SpringTopHard-v0",
-        "SpringTopImpulseHard-v0",
-        pytest.param("SpringFreeTopRough-v0", marks=pytest.mark.slow),
-    ],
-)
-def test_starts_can_be_met(env_id: str) -> None:
-    """Slow tops that lean too far fall whatever is done, and a tip that sticks has to be pushed off."""
-    exact = make_controller("classical", env_id, {}, task_type("SpringTop-v0")().action_space)
-    assert play(env_id, exact, 200, observation="frame").successes.mean() >= 0.97
