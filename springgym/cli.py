@@ -101,14 +101,14 @@ def guarded(
         return NO_READER
     except mendable as error:
         _give_up_stdout()
-        print(f"{program}: error: {_told(error, extra)}", file=sys.stderr)
+        print(f"{program}: error: {_message(error, extra)}", file=sys.stderr)
         return WRONG_USE
     except KeyboardInterrupt:
         print(f"{program}: interrupted", file=sys.stderr)
         return INTERRUPTED
 
 
-def _told(error: Exception, extra: str) -> str:
+def _message(error: Exception, extra: str) -> str:
     """Return the message of an error, in one line."""
     message: object = error.args[0] if isinstance(error, KeyError) and error.args else error
     if isinstance(error, ModuleNotFoundError) and extra:

@@ -210,7 +210,7 @@ def _with_surfaces(scene: Scene, here: Here) -> Contacts:
         slope = gradients(one, at[mine], reach[particle[mine]])
         normal[mine] = slope / np.linalg.norm(slope, axis=1, keepdims=True)
     gap = heights[surface, 1, lane, particle]
-    impulse = _told_apart(lane * len(reach) + particle, normal, given[lane, particle])
+    impulse = _divided(lane * len(reach) + particle, normal, given[lane, particle])
     point = at - (0.5 * gap + radius[particle])[:, None] * normal
     body = np.searchsorted(scene.starts, particle, side="right") - 1
     order = np.lexsort((surface, particle, lane))
@@ -243,7 +243,7 @@ def _ways(scene: Scene, here: Here) -> tuple[np.ndarray, ...]:
     return tuple(np.moveaxis(of, -1, 0) for of in ways)
 
 
-def _told_apart(particle: np.ndarray, normal: np.ndarray, given: np.ndarray) -> np.ndarray:
+def _divided(particle: np.ndarray, normal: np.ndarray, given: np.ndarray) -> np.ndarray:
     """Divide the impulse of surfaces on particles (n, 3) among the near surfaces, with normals (n, 3).
 
     The pushes are the smallest ones along the normals that add up to the part of the impulse in their span.

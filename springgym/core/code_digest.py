@@ -34,7 +34,7 @@ IMPORTED = time.time_ns()
 KNOWN = frozenset({"numpy", "numba", "llvmlite", "builtins", *sys.stdlib_module_names} - {"__main__"})
 """Packages whose contents follow from a name and their versions."""
 
-TEACHERS = [
+EXTENDING = [
     value
     for name, value in vars(extending).items()
     if name.startswith(("lower_", "overload", "register_model", "typeof_impl"))
@@ -323,9 +323,9 @@ def _names(code: types.CodeType) -> set[str]:
 
 
 def _teaches(module: types.ModuleType) -> bool:
-    """Return whether a module uses one of `TEACHERS`, imported by name or as ``numba.extending``."""
+    """Return whether a module uses one of `EXTENDING`, imported by name or as ``numba.extending``."""
     values = list(vars(module).values())
-    if any(value is one for value in values for one in (*TEACHERS, extending)):
+    if any(value is one for value in values for one in (*EXTENDING, extending)):
         return True
     return any(value is numba for value in values) and "extending" in _names(_source(module.__name__))
 

@@ -282,7 +282,7 @@ COLLECTED = 20_000
 """Number of new objects after which Python searches for reference cycles while a kernel is compiled."""
 
 
-class Kept(type(SAMPLE)):  # type: ignore[misc]
+class CachedDispatcher(type(SAMPLE)):  # type: ignore[misc]
     """A compiled function that Python calls, whose code is cached."""
 
     def compile(self, sig: Asked) -> Callable[..., Any]:
@@ -478,7 +478,7 @@ def kernel(function: Callable[..., Any]) -> Any:
     dispatcher = numba.njit(**OPTIONS, **OUTER, nogil=True, no_cfunc_wrapper=True)(function)
     if not LACKING:
         dispatcher._cache = DigestKeyedCache(function)
-        dispatcher.__class__ = Kept
+        dispatcher.__class__ = CachedDispatcher
     return dispatcher
 
 

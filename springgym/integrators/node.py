@@ -149,7 +149,7 @@ def free_velocity(i: int, span: Times, own: Bodies) -> Vector:
 
 
 @compiled
-def give_expected(own: Bodies, last: LastNode | None) -> None:
+def add_predicted(own: Bodies, last: LastNode | None) -> None:
     """Add half of the predicted change by contact to the velocities of busy particles."""
     if last is not None:
         space = own.space
@@ -159,8 +159,8 @@ def give_expected(own: Bodies, last: LastNode | None) -> None:
 
 
 @compiled
-def take_back_expected(own: Bodies, span: Times, last: LastNode | None) -> None:
-    """Subtract it again before contact acts, and record its cross work with the impulses in between."""
+def subtract_predicted(own: Bodies, span: Times, last: LastNode | None) -> None:
+    """Subtract it before contact acts, and record its cross work with the impulses in between."""
     if last is not None:
         space, work = own.space, 0.0 * span.out
         for i in range(own.x.shape[0]):
@@ -174,7 +174,7 @@ def take_back_expected(own: Bodies, span: Times, last: LastNode | None) -> None:
 
 
 @compiled
-def expect(i: int, half: Vector, last: LastNode | None) -> None:
+def store_predicted(i: int, half: Vector, last: LastNode | None) -> None:
     """Store ``half`` of the change of velocity of particle ``i`` by contact for the next node."""
     if last is not None:
         set_row(last.given, i, half)
@@ -199,9 +199,9 @@ def pass_particles(own: Bodies, span: Times) -> None:
     The path of a particle that was beyond Δ of all surfaces begins where that of the last node ended.
     """
     x, v, space, terms = own.x, own.v, own.space, own.terms
-    give_expected(own, terms.last)
+    add_predicted(own, terms.last)
     act_and_damp(own, span.whole)
-    take_back_expected(own, span, terms.last)
+    subtract_predicted(own, span, terms.last)
     for i in range(x.shape[0]):
         place, was, after = row(x, i), space.busy[i], free_velocity(i, span, own)
         end = plus_scaled(place, span.out, after)
@@ -212,7 +212,7 @@ def pass_particles(own: Bodies, span: Times) -> None:
         if space.busy[i]:
             after = kick_by_surfaces(i, after, span, own)
         elif was:
-            expect(i, vec(0.0, 0.0, 0.0), terms.last)
+            store_predicted(i, vec(0.0, 0.0, 0.0), terms.last)
         set_row(v, i, after)
         set_row(x, i, plus_scaled(place, span.out, after))
 
@@ -238,5 +238,5 @@ def kick_by_surfaces(i: int, free: Vector, span: Times, own: Bodies) -> Vector:
     lost = dot(given.force, gone) / span.whole - dot(given.change, mean)
     record(ledger, CONTACT, select(coefficient(terms.loss, 0.0 * lost) > 0.0, mass * lost, 0.0))
     record(ledger, FRICTION, -1.0 * mass * dot(given.rub, mean))
-    expect(i, 0.5 * change, terms.last)
+    store_predicted(i, 0.5 * change, terms.last)
     return after

@@ -46,12 +46,12 @@ from springgym.forces.ledger import CONTACT, FRICTION, record
 from springgym.integrators.node import (
     Bodies,
     act_and_damp,
+    add_predicted,
     before_contact,
-    expect,
     free_velocity,
-    give_expected,
     record_cross_work,
-    take_back_expected,
+    store_predicted,
+    subtract_predicted,
 )
 
 SWEEPS = 2
@@ -191,9 +191,9 @@ def see_balls(of: Any, mass: Any, space: RowSpace, turning: Turning | None) -> N
 @compiled
 def set_free(n: int, own: Bodies, span: Times, x: Rows, space: RowSpace) -> None:
     """Apply all forces except contact to a body."""
-    give_expected(own, own.terms.last)
+    add_predicted(own, own.terms.last)
     act_and_damp(own, span.whole)
-    take_back_expected(own, span, own.terms.last)
+    subtract_predicted(own, span, own.terms.last)
     first = first_row(x, n)
     for i in range(own.x.shape[0]):
         # avoids −0, to which contacts of other copies would add 0
@@ -262,9 +262,9 @@ def leave(
             others = before_contact(i, own.v, span, own)
             others = others - plus_scaled(row(own.v, i), span.lead, row(own.space.a, i))
             work = work + load(mass, i) * dot(others, change)
-            expect(i, 0.5 * change, last)
+            store_predicted(i, 0.5 * change, last)
         elif was:
-            expect(i, vec(0.0, 0.0, 0.0), last)
+            store_predicted(i, vec(0.0, 0.0, 0.0), last)
         set_row(own.v, i, after)
         set_row(own.x, i, plus_scaled(row(own.x, i), span.out, after))
     if active:

@@ -59,7 +59,7 @@ class Renderer:
         self.mode = mode
         self.fps = fps
         self._trace: deque[Array] = deque(maxlen=look.trace_length)
-        self._told = False
+        self._followed = False
         self._drawn_for: tuple[Camera, Scenery] | None = None
         self._canvas: Canvas | None = None
         self._window: Any = None
@@ -97,7 +97,7 @@ class Renderer:
         springs = len(np.asarray(look.springs))
         if s is not None and s.shape != (springs,):
             raise ValueError(f"strain must have shape ({springs},), got {s.shape}")
-        if not self._told:
+        if not self._followed:
             self._leave(x)
         with np.errstate(invalid="ignore", over="ignore"):  # values that are not finite are not drawn
             picture = self._paint(look.points(x), marks if marks is not None else Marks(), s)
@@ -114,7 +114,7 @@ class Renderer:
         positions : (N, 3) array_like
             Particles, m.
         """
-        self._told = True
+        self._followed = True
         self._leave(np.asarray(positions, dtype=float))
 
     def _leave(self, x: Array) -> None:
@@ -124,7 +124,7 @@ class Renderer:
     def reset(self) -> None:
         """Delete the trace."""
         self._trace.clear()
-        self._told = False
+        self._followed = False
 
     def close(self) -> None:
         """Close the window, if there is one, and free the surfaces. May be called again."""

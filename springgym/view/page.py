@@ -124,9 +124,9 @@ class Page:
         while not self._stopped.wait(max(0.0, last + 1 / FPS - clock.perf_counter())):
             now = clock.perf_counter()
             for name in list(self._due):
-                self._told(self._due.pop(name))
+                self._tried(self._due.pop(name))
             if self._begun is None:
-                if self.playing and not self._told(partial(self._advance, now - last)):
+                if self.playing and not self._tried(partial(self._advance, now - last)):
                     self.play(False)
             else:
                 with self._lock:
@@ -145,7 +145,7 @@ class Page:
             self._draw(read=self._frame % READ_EVERY == 0)
             self._frame += 1
 
-    def _told(self, action: Callable[[], None]) -> bool:
+    def _tried(self, action: Callable[[], None]) -> bool:
         """Call ``action``, show any error on the page, and return whether there was none."""
         try:
             action()
@@ -376,7 +376,7 @@ class Page:
         while self._asked.wait() and not self._stopped.is_set():
             self._asked.clear()
             wanted, self._wanted = self._wanted, None
-            if wanted is not None and not self._told(partial(self._make, *wanted)):
+            if wanted is not None and not self._tried(partial(self._make, *wanted)):
                 self._clear()
 
     def _make(self, name: str, changes: Changes) -> None:
