@@ -36,7 +36,7 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any
 
-from config import MENDABLE, ONLINE, Config, ConfigError, config_path, load_config, number, whole
+from config import MENDABLE, ONLINE, Config, ConfigError, config_path, load_config, new_file, number, whole
 from controllers import UNTRAINED, controllers_of
 from evaluate import evaluate, find_task, percent, score
 from results import (
@@ -383,7 +383,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         help="episodes of the evaluation (default: 100)",
     )
     parser.add_argument("--runs", type=Path, default=Path("runs/benchmark"), help="parent of the run folders")
-    parser.add_argument("--json", type=Path, help="results file (default: RUNS/baselines.json)")
+    parser.add_argument("--json", type=new_file(), help="results file (default: RUNS/baselines.json)")
     parser.add_argument("--check", type=Path, metavar="FILE", help="only check the results of this file")
     parser.add_argument(
         "--agents",

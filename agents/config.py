@@ -19,6 +19,7 @@ from typing import Any, Literal
 
 import gymnasium as gym
 
+from springgym.cli import check_new
 from springgym.envs.agent import Algorithm
 from springgym.registration import UnknownEnvironment, find, spec_of
 from springgym.strict_yaml import Tree, YamlError, build, parse_yaml, read_yaml
@@ -61,6 +62,19 @@ def number(low: float, high: float) -> Callable[[str], float]:
         if not low <= value <= high:
             raise argparse.ArgumentTypeError(f"{text!r} must be a number from {low} to {high}")
         return value
+
+    return parse
+
+
+def new_file(*endings: str) -> Callable[[str], Path]:
+    """Return a function that reads an argument of a command as the path of a file to write."""
+
+    def parse(text: str) -> Path:
+        try:
+            check_new(path := Path(text), endings)
+        except ValueError as error:
+            raise argparse.ArgumentTypeError(str(error)) from error
+        return path
 
     return parse
 

@@ -22,7 +22,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from config import MENDABLE, Config, ConfigError, add_overrides, load_config, making, parse_assignments, whole
+from config import (
+    MENDABLE,
+    Config,
+    ConfigError,
+    add_overrides,
+    load_config,
+    making,
+    new_file,
+    parse_assignments,
+    whole,
+)
 from controllers import UNTRAINED, controller_env_kwargs, make_controller
 from runs import HELD_OUT_SEED, Run, load_policy, open_run, time_limit, write_atomically
 
@@ -234,10 +244,8 @@ def main(arguments: Sequence[str] | None = None, program: str = "evaluate.py") -
         "--seed", type=whole(0, LAST_SEED), default=HELD_OUT_SEED, help="seed of the first episode"
     )
     add_overrides(parser)
-    parser.add_argument("--json", type=Path, help="write the evaluations to this file")
+    parser.add_argument("--json", type=new_file(), help="write the evaluations to this file")
     options = parser.parse_args(arguments)
-    if options.json and not options.json.absolute().parent.is_dir():
-        parser.error(f"--json {options.json}: there is no folder {options.json.absolute().parent}")
     return guarded(program, lambda: _compare(options), MENDABLE)
 
 

@@ -32,7 +32,7 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from config import MENDABLE, command_line, making, number, whole
+from config import MENDABLE, command_line, making, new_file, number, whole
 from evaluate import percent, score
 from gymnasium.vector import AutoresetMode, VectorEnv
 from results import (
@@ -346,7 +346,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--tasks", nargs="+", default=every, metavar="ID", help="environment ids (default: all)"
     )
-    parser.add_argument("--json", type=Path, help="file of rows, in the form of agents/benchmark.py")
+    parser.add_argument("--json", type=new_file(), help="file of rows, in the form of agents/benchmark.py")
     parser.add_argument(
         "--episodes", type=whole(1, 10_000), default=AT_ONCE, help=f"number of episodes (default: {AT_ONCE})"
     )

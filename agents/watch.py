@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
-from config import MENDABLE, ConfigError, add_overrides, command_line, making, whole
+from config import MENDABLE, ConfigError, add_overrides, command_line, making, new_file, whole
 from controllers import controller_env_kwargs, make_controller
 from evaluate import LAST_SEED, find_task, named, trained_kwargs, trained_on
 from runs import HELD_OUT_SEED, load_policy
@@ -121,17 +121,15 @@ def main(arguments: Sequence[str] | None = None, program: str = "watch.py") -> i
     parser.add_argument("--env", help="environment id (default: that of the agent)")
     parser.add_argument("--seed", type=whole(0, LAST_SEED), default=HELD_OUT_SEED)
     parser.add_argument(
-        "--out", type=Path, help="write a video (.gif, .mp4) or a page (.html) instead of opening a window"
+        "--out",
+        type=new_file(".gif", ".mp4", PAGE),
+        help="write a video (.gif, .mp4) or a page (.html) instead of opening a window",
     )
     parser.add_argument("--browser", action="store_true", help="show the agent in the browser")
     add_overrides(parser)
     options = parser.parse_args(arguments)
     if options.out and options.browser:
         parser.error("pass either --out or --browser, not both")
-    if options.out and options.out.suffix.lower() not in (".gif", ".mp4", PAGE):
-        parser.error(f"--out {options.out}: the name must end in .gif, .mp4 or {PAGE}")
-    if options.out and not options.out.absolute().parent.is_dir():
-        parser.error(f"--out {options.out}: there is no folder {options.out.absolute().parent}")
     paged = options.browser or (options.out and options.out.suffix.lower() == PAGE)
     mendable = (*MENDABLE, ValueError, ImportError) if paged else MENDABLE  # what the view refuses
     return guarded(program, lambda: _watch(options), mendable, "view")

@@ -31,7 +31,7 @@ from benchmarks.ratios import ratios
 from benchmarks.timing import Case, Row, measured
 from springgym.bodies import Body, cube, start
 from springgym.bodies.distances import rms_distance
-from springgym.cli import check_ending, guarded, whole_file
+from springgym.cli import check_new, guarded, whole_file
 from springgym.core.blocks import block_array
 from springgym.scene import DriveActuator, Placed, Scene, ThrustActuator, WrenchActuator
 from springgym.simulator import PAPER_STEP
@@ -363,14 +363,13 @@ def run(args: argparse.Namespace) -> int:
 
 def _check_files(args: argparse.Namespace) -> None:
     """Make the folders of files, and refuse what cannot be written, before the work is done."""
-    if args.figure is not None:
-        check_ending("figure", args.figure, FIGURES)
     for option in ("out", "figure"):
         path: Path | None = getattr(args, option)
         if path is not None and path.is_dir():
             raise ValueError(f"--{option} {path}: it is a folder; it must be a file")
         if path is not None:
             path.parent.mkdir(parents=True, exist_ok=True)
+            check_new(path, FIGURES if option == "figure" else ())
 
 
 if __name__ == "__main__":

@@ -365,7 +365,7 @@ assert 0 < info["step_error"] < 1e-3
 - In float32 both runs round, so the estimate does not fall below some 1e-7.
 - In impacts it is less reliable: the method is of first order there, and an impact may fall into one of the
   two runs alone.
-- Environments with `dopri5` or `rodas3`, which choose their own steps, refuse `error=True`.
+- Environments with `dopri5`, which chooses its own steps, refuse `error=True`.
 """
 
 
@@ -424,7 +424,7 @@ In all environments, `info` holds, besides the entries of the page:
 | `pairs_missed` | number of contacts since the start that were found too late |
 | `too_fast` | number of contacts since the start that the sub-step does not resolve well |
 
-All environments have these arguments, which `springgym.envs.base.SpringEnv` describes:
+All environments have these arguments (see `springgym.envs.base.SpringEnv`):
 
 | argument | default | meaning |
 |---|---|---|
@@ -463,8 +463,8 @@ environment of a batch. You can randomise {", ".join(f"`{n}`" for n in RANDOMIZA
 - `info["randomization"]` holds the factors. `reset(options={{"randomize": {{"masses": 1.1}}}})` sets some.
 - The default step is stable for the stiffest and lightest body of the ranges. A step that you choose is
   checked against it.
-- A parameter that has no effect raises a ValueError: gravity in free fall, friction and restitution without
-  a surface, stiffness and damping of rigid bodies.
+- Gravity in free fall, friction and restitution without a surface, and stiffness and damping of rigid bodies
+  raise a ValueError. Stiffness, damping and scale of a body without springs change nothing.
 """
 
 GOALS = """## Goals

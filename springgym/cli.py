@@ -149,16 +149,18 @@ def whole_file(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-def check_ending(option: str, path: Path, endings: Sequence[str]) -> None:
-    """Raise ValueError for a file whose name has none of some endings.
+def check_new(path: Path, endings: Sequence[str] = ()) -> None:
+    """Check the name and the folder of a file that is to be written, before any work is done.
 
     Raises
     ------
     ValueError
-        The message names the option.
+        If its name has none of the endings, or its folder is missing.
     """
-    if path.suffix.lower() not in endings:
-        raise ValueError(f"--{option} {path}: the name must end in {' or '.join(endings)}")
+    if endings and path.suffix.lower() not in endings:
+        raise ValueError(f"{path}: the name must end in {' or '.join(endings)}")
+    if not path.absolute().parent.is_dir():
+        raise ValueError(f"{path}: there is no folder {path.absolute().parent}")
 
 
 def significant(number: float, figures: int) -> str:

@@ -194,7 +194,7 @@ def _of_rows(scene: Scene, here: Here) -> Contacts:
 
 def _with_surfaces(scene: Scene, here: Here) -> Contacts:
     """Return contacts with surfaces, from their impulse on each particle, divided among them."""
-    begin, x, end, given = _ways(scene, here)
+    begin, x, end, given = _ways(here)
     reach, radius = scene.of_particles(
         [(scales(scene.contact, placed.body)[1], placed.body.radius) for placed in scene.bodies]
     ).T
@@ -221,7 +221,7 @@ def _with_surfaces(scene: Scene, here: Here) -> Contacts:
     return Contacts(*(of[order] for of in found))
 
 
-def _ways(scene: Scene, here: Here) -> tuple[np.ndarray, ...]:
+def _ways(here: Here) -> tuple[np.ndarray, ...]:
     """Return the positions of particles where the step begins, at its node and where it ends, and the impulse
     of surfaces on them.
 

@@ -136,7 +136,9 @@ def _shared(scene: Scene, options: Options) -> Terms:
     gravity = None
     if scene.gravity is not None:
         gravity = options.parameter({"gravity"}, np.array(scene.gravity, float))
-    packed = friction = loss = law = resistance = None
+    elif "gravity" in varying:
+        raise ValueError("'gravity' cannot vary: the scene has none")
+    packed = friction = loss = law = None
     if not surfaces:
         of_pairs = {"friction", "restitution"} if _as_the_scene_says(scene).any() else set()
         if unused := varying & {"friction", "restitution", "strength"} - of_pairs:
@@ -155,16 +157,13 @@ def _shared(scene: Scene, options: Options) -> Terms:
             if "restitution" in varying:
                 raise ValueError("'restitution' cannot vary: the paper's contact has no restitution")
             law = PaperLaw(contact.damping, options.step)
-        else:
-            resistance = resistance_of(*(np.array([getattr(contact, name)]) for name in RESISTANCES))
-            if contact.restitution < 1 or "restitution" in varying:
-                loss = options.parameter({"restitution"}, loss_factor([contact.restitution]))
+        elif contact.restitution < 1 or "restitution" in varying:
+            loss = options.parameter({"restitution"}, loss_factor([contact.restitution]))
     return Terms(
         None,  # type: ignore[arg-type]
         gravity=gravity,
         surfaces=packed,
         friction=friction,
-        resistance=resistance,
         loss=loss,
         paper_law=law,
         own=tuple(own) or None,

@@ -152,7 +152,7 @@ def spec_of(env_id: str) -> EnvSpec:
         if module:
             import_module(module)
             why = f"The module {module} does not register it"
-    except (ImportError, ValueError) as error:
+    except (ImportError, ValueError, TypeError) as error:  # of a relative name
         why = str(error)
     if name in gym.registry:
         return gym.registry[name]

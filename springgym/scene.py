@@ -535,24 +535,29 @@ class Scene(ReadOnly):
         """
         found = [math.inf]
         if self.surfaces and isinstance(self.contact, Contact) and self.contact.restitution > 0:
-            for body in self._different:
-                found.append(faithful_speed(scales(self.contact, body)[1], body))
+            strained = [body for body in self._moving if not shape(body).turns]
+            found += [faithful_speed(scales(self.contact, body)[1], body) for body in strained]
         for met in self._different_meetings():
-            if met.contact.restitution > 0:
-                pair = [self.bodies[n] for n in met[:2]]
-                moving = [placed.body for placed in pair if placed.free.any()]
-                strained = [body for body in moving if not shape(body).turns]
-                if strained:
-                    found.append(faithful_speed(met.reach, *strained))
+            pair = [self.bodies[n] for n in met[:2]]
+            moving = [placed.body for placed in pair if placed.free.any()]
+            strained = [body for body in moving if not shape(body).turns]
+            if strained and met.contact.restitution > 0:
+                found.append(faithful_speed(met.reach, *strained))
         return min(found)
 
     @cached_property
     def least_reach(self) -> float:
-        """The least reach Δ [m] of contact between bodies and with surfaces; infinite without contact."""
+        """The least reach Δ [m] of a `Contact` between bodies or with surfaces; infinite without any."""
         found = [float(self.meetings.reach.min())] if self.meetings else [math.inf]
-        if self.surfaces:
-            found += [scales(self.contact, body)[1] for body in self._different]
+        if self.surfaces and isinstance(self.contact, Contact):
+            found += [scales(self.contact, body)[1] for body in self._moving]
         return min(found)
+
+    @property
+    def _moving(self) -> list[Body]:
+        """Return the different bodies that are not all pinned."""
+        kinds = {kind for kind, own in zip(self.kinds, self.bodies, strict=True) if own.free.any()}
+        return [self._different[kind] for kind in sorted(kinds)]
 
     def _different_meetings(self) -> list[Meeting]:
         """Return one pair for each combination of bodies' kinds, ability to move, and contact."""

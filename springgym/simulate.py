@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from springgym.cli import INTERRUPTED, check_ending, whole_file
+from springgym.cli import INTERRUPTED, check_new, whole_file
 from springgym.contact.totals import PairReadings
 from springgym.integrators import METHODS
 from springgym.scene import MOST_LISTED
@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="paper: the paper's method, rk4 at 5e-4 s, with its clamp and capped friction",
     )
     parser.add_argument("--trace", type=Path, metavar="FILE", help="write all states (.npz or .csv)")
-    parser.add_argument("--plot", type=Path, metavar="FILE", help="write a figure (.png or .svg)")
+    parser.add_argument("--plot", type=Path, metavar="FILE", help="write a figure (.png, .svg or .pdf)")
     parser.add_argument("--video", type=Path, metavar="FILE", help="write a video (.mp4 or .gif)")
     parser.add_argument(
         "--check",
@@ -95,16 +95,10 @@ def run(args: argparse.Namespace) -> int:
 
 def _check_files(args: argparse.Namespace) -> None:
     """Raise ValueError for a file of the wrong kind, before any work is done."""
-    for option, suffixes in {
-        "trace": (".npz", ".csv"),
-        "plot": (".png", ".svg", ".pdf"),
-        "video": (".mp4", ".gif"),
-    }.items():
-        path: Path | None = getattr(args, option)
-        if path is not None:
-            check_ending(option, path, suffixes)
-        if path is not None and not path.absolute().parent.is_dir():
-            raise ValueError(f"--{option} {path}: there is no folder {path.absolute().parent}")
+    plots, videos = (".png", ".svg", ".pdf"), (".mp4", ".gif")
+    for option, suffixes in (("trace", (".npz", ".csv")), ("plot", plots), ("video", videos)):
+        if (path := getattr(args, option)) is not None:
+            check_new(path, suffixes)
 
 
 def _changed(plan: Plan, args: argparse.Namespace) -> Plan:
@@ -112,6 +106,8 @@ def _changed(plan: Plan, args: argparse.Namespace) -> Plan:
     for option in ("duration", "step"):
         if (seconds := getattr(args, option)) is not None and not LEAST[option] <= seconds < np.inf:
             raise ValueError(f"--{option} {seconds:g}: it must be at least {LEAST[option]:g} s, and finite")
+    if args.integrator is not None and args.method == "paper":
+        raise ValueError(f"--integrator {args.integrator}: the paper's method is rk4; leave one of them out")
     if args.integrator is not None:
         plan = replace(plan, integrator=args.integrator, step=None)
     if args.method == "paper":
@@ -182,16 +178,17 @@ def save_trace(recording: Recording, path: Path) -> None:
     energies = {name: getattr(recording.measures, name) for name in ENERGIES}
     if path.suffix.lower() == ".npz":
         scene = recording.plan.scene
-        np.savez_compressed(
-            path,
-            times=recording.times,
-            positions=recording.positions,
-            velocities=recording.velocities,
-            masses=scene.masses,
-            springs=scene.springs,
-            **{f"pairs_{name}": of for name, of in recording.pairs._asdict().items()},
-            **energies,
-        )
+        with path.open("wb") as file:  # to a path, NumPy would add a second .npz after .NPZ
+            np.savez_compressed(
+                file,
+                times=recording.times,
+                positions=recording.positions,
+                velocities=recording.velocities,
+                masses=scene.masses,
+                springs=scene.springs,
+                **{f"pairs_{name}": of for name, of in recording.pairs._asdict().items()},
+                **energies,
+            )
         return
     count = recording.positions.shape[1]
     names = [f"{kind}{axis}{n}" for kind in ("", "v") for n in range(count) for axis in "xyz"]

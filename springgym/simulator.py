@@ -337,8 +337,7 @@ class Simulator:
         It is that of the scene, and at most 0.2 Δ per step, with the least Δ: faster impacts have a larger
         restitution. Infinite without impacts.
         """
-        faithful = self.scene.faithful_speed
-        return min(faithful, QUICK * self.scene.least_reach / self.step) if faithful < math.inf else faithful
+        return min(self.scene.faithful_speed, QUICK * self.scene.least_reach / self.step)
 
     @cached_property
     def _phase(self) -> Phase:
@@ -518,7 +517,7 @@ class Simulator:
         """Move some copies to the rigid shape in rigid dynamics, with unchanged momenta."""
         if not self._kind.settled:
             return
-        width = numbers(self._x).shape[-1]
+        width = self.width
         blocks, row = np.unique(index // width, return_inverse=True)
         placed = np.zeros((len(blocks), width), bool)
         placed[row, index % width] = True
@@ -722,8 +721,8 @@ class Simulator:
         """Take over the state of another simulator of the same scene, and continue with other steps.
 
         The state is bit-identical, except for the decay by dampers in a step. This decay follows from the
-        step of this simulator and from `vary`. In scenes with surfaces the copies start as if they had been
-        placed.
+        step of this simulator and from `vary`. With contact, or dampers that act once in several steps, the
+        copies start as if they had been placed.
 
         Raises
         ------
@@ -1174,7 +1173,7 @@ class Simulator:
             )
         raise ValueError(
             f"a step of {step:g} s is unstable: {self.integrator.name} on this body allows {most}. Take a "
-            "smaller step, softer springs or heavier particles"
+            f"smaller step{'' if self._kind.rigid else ', softer springs or heavier particles'}"
         )
 
     def _checked_cycle(self, every: int) -> int:

@@ -121,7 +121,7 @@ class Vibrations(NamedTuple):
 
 def vibrations(scene: Scene) -> Vibrations:
     """Return the vibrations of all bodies. The coupling by dampers is neglected."""
-    frequencies, rates, slowness = [], [], 0.0
+    frequencies, rates = [], []
     for part in _different(scene):
         squares, modes = np.linalg.eigh(_weighted(part, part.body.stiffness))
         swings = squares > RIGID * squares[-1]

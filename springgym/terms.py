@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from springgym.contact.records import Collisions, Resistance, Rounds, Surfaces
+from springgym.contact.records import Collisions, Rounds, Surfaces
 from springgym.core.kinds import Numbers
 from springgym.own_forces import OfBody
 
@@ -152,8 +152,6 @@ class Terms(NamedTuple):
     surfaces: Surfaces | None = None
     friction: np.ndarray | None = None
     """μ of the surfaces [1], (1,)"""
-    resistance: Resistance | None = None
-    """rolling and torsional resistance of round features on surfaces"""
     loss: np.ndarray | None = None
     """β of the surfaces [1], (1,)"""
     paper_law: PaperLaw | None = None

@@ -20,13 +20,12 @@ import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Literal
 
 import _path  # noqa: F401  (first)
 import gymnasium as gym
 import numpy as np
-from config import MENDABLE, ConfigError, add_overrides, command_line, making, whole
+from config import MENDABLE, ConfigError, add_overrides, command_line, making, new_file, whole
 from evaluate import LAST_SEED, MOST_EPISODES, Evaluation, evaluate, find_task, named, percent, score
 from runs import HELD_OUT_SEED, write_atomically
 
@@ -167,10 +166,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--seed", type=whole(0, LAST_SEED), default=HELD_OUT_SEED, help="seed of the first episode"
     )
     add_overrides(parser)
-    parser.add_argument("--json", type=Path, help="write the findings to this file")
+    parser.add_argument("--json", type=new_file(), help="write the findings to this file")
     options = parser.parse_args(arguments)
-    if options.json and not options.json.absolute().parent.is_dir():
-        parser.error(f"--json {options.json}: there is no folder {options.json.absolute().parent}")
     return guarded("audit.py", lambda: _audit(options), MENDABLE)
 
 

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import _path  # noqa: F401  (first)
-from config import MENDABLE, ConfigError, command_line, making, whole
+from config import MENDABLE, ConfigError, command_line, making, new_file, whole
 from controllers import CLASSICAL
 from evaluate import MOST_EPISODES, evaluate, find_task, percent
 from results import PROTOCOL, interval_of_returns, made_with, probe
@@ -115,10 +115,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         default=100,
         help=f"episodes to play, from seed {HELD_OUT_SEED} on (default: 100)",
     )
-    parser.add_argument("--rows", type=Path, help="JSON file of rows, to be continued")
+    parser.add_argument("--rows", type=new_file(), help="JSON file of rows, to be continued")
     options = parser.parse_args(arguments)
-    if options.rows and not options.rows.absolute().parent.is_dir():
-        parser.error(f"--rows {options.rows}: there is no folder {options.rows.absolute().parent}")
     return guarded("generalize.py", lambda: _generalize(options), MENDABLE)
 
 

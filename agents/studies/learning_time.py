@@ -23,7 +23,7 @@ from typing import Any
 import _path  # noqa: F401  (first)
 import numpy as np
 import torch
-from config import CONFIG_FOLDER, DEFAULT, MENDABLE, Config, command_line, load_config, whole
+from config import CONFIG_FOLDER, DEFAULT, MENDABLE, Config, command_line, load_config, new_file, whole
 from learner import make_training_env, native_env, new_model
 from recorder import Recorder, make_logger
 from runs import HELD_OUT_SEED, Run, create_run, write_rows
@@ -125,7 +125,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--config", type=Path, default=CONFIG_FOLDER / "ppo.yaml", help="hyperparameters")
     parser.add_argument("--seed", type=whole(0, HELD_OUT_SEED - 1), default=0)
     parser.add_argument(
-        "--json", type=Path, help="write the rows to this file, in place of those of the same tasks"
+        "--json", type=new_file(), help="write the rows to this file, in place of those of the same runs"
     )
     options = parser.parse_args(arguments)
     torch.set_num_threads(1)

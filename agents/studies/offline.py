@@ -27,7 +27,7 @@ import _path  # noqa: F401  (first)
 import numpy as np
 import torch
 from agent import ACTIVATIONS
-from config import MENDABLE, ConfigError, IQLConfig, add_overrides, command_line, load_config, whole
+from config import MENDABLE, ConfigError, IQLConfig, add_overrides, command_line, load_config, new_file, whole
 from evaluate import evaluate, table, task_kwargs
 from gymnasium import spaces
 from results import EPISODES, Cell, add_row, folder_name, read_rows, row_of
@@ -265,7 +265,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--config", type=Path, help="file of hyperparameters (default: configs/iql.yaml)")
     add_overrides(parser, "change hyperparameters")
     parser.add_argument("--run", type=Path, help="run folder (default: in runs/offline, named after the run)")
-    parser.add_argument("--rows", type=Path, help="file to which the row of this run is added")
+    parser.add_argument("--rows", type=new_file(), help="file to which the row of this run is added")
     options = parser.parse_args(arguments)
 
     def run() -> int:

@@ -155,7 +155,7 @@ def read_mesh(path: str | Path, scale: float) -> tuple[str, np.ndarray, np.ndarr
     scale = number("scale", scale, low=TINY)
     path = Path(instance("path", path, str, PathLike))
     if why := unreadable(path, LARGEST):
-        raise FileNotFoundError(f"there is no mesh file {path}: {why}")
+        raise FileNotFoundError(f"mesh file {path}: {why}")
     try:
         mesh = trimesh.load_mesh(path)
     except Exception as error:  # its readers raise errors of any kind
@@ -204,7 +204,8 @@ def union(bodies: Sequence[Body], name: str = "union") -> Body:
     Raises
     ------
     ValueError
-        If two bodies have the same name, a body touches no other, or `Body` refuses the whole.
+        If two bodies have the same name, a body touches no other, or has what a union does not take over: no
+        springs or strained ones, a radius or round features.
     """
     if isinstance(bodies, (str, Body)) or not isinstance(bodies, Sequence) or not bodies:
         raise TypeError(f"bodies is {shown(bodies)}; it must be a list of bodies, at least one")
@@ -214,8 +215,15 @@ def union(bodies: Sequence[Body], name: str = "union") -> Body:
         raise ValueError(f"bodies have {count} particles together; they must have at most {MOST_VERTICES}")
     instance("name", name, str)
     for body in bodies:
-        if body.rounds:
-            raise ValueError(f"body {body.name!r} has round features, which a union does not take over")
+        has = {
+            "round features": body.rounds,
+            "a radius": body.radius,
+            "no shape, as it is floppy": body.floppy,
+            "no springs": not len(body.springs),
+            "springs of other lengths": not np.allclose(body.lengths, body.with_(lengths=None).lengths),
+        }
+        if what := next((name for name, holds in has.items() if holds), ""):
+            raise ValueError(f"body {body.name!r} has {what}, which a union does not take over")
     names = [body.name for body in bodies]
     if len(set(names)) < len(names):
         raise ValueError(f"bodies have the names {', '.join(names)}; they must differ")
@@ -281,7 +289,7 @@ def convex_hull(points: np.ndarray) -> np.ndarray:
         edges = dict.fromkeys((f[n], f[(n + 1) % 3]) for f in faces if f in seen for n in range(3))
         rim = [(a, b) for a, b in edges if (b, a) not in edges]
         faces = [face for face in faces if face not in seen] + [(a, b, int(p)) for a, b in rim]
-        if len(faces) > 2 * MOST_VERTICES:  # a hull of V corners has 2 V − 4
+        if len(faces) > 2 * MOST_VERTICES - 4:  # a hull of V corners has 2 V − 4
             raise ValueError(f"the hull of the points has more than {MOST_VERTICES} corners")
     return np.array(faces)
 

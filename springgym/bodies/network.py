@@ -126,7 +126,7 @@ def response(network: Network, stiffness: np.ndarray, axes: np.ndarray) -> Respo
     stretch, spun, moved = np.zeros(3), np.zeros((3, len(springs))), np.zeros((3, *positions.shape))
     for n, axis in enumerate(axes.T):
         across = arm - np.outer(arm @ axis, axis)
-        load = modes.T @ (np.repeat(np.sqrt(masses), 3) * across.ravel())
+        load = modes.T @ (root * across.ravel())
         inertia = np.sum(masses[:, None] * across**2)
         stretch[n] = 2 * np.sum(load**2 / squares) / inertia
         spun[n] = 2 * (elongation @ (load / squares)) ** 2 / inertia

@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from springgym.bodies.body import Body, ByValue, rigidity_matrix
+from springgym.bodies.body import Body, ByValue, inertia, rigidity_matrix
 from springgym.bodies.elasticity import spring_force_and_jacobian
 from springgym.bodies.equilibrium import balanced, relative_equilibrium
 from springgym.bodies.rotations import axes, rotation, skew
@@ -131,8 +131,7 @@ def _gap(of: ByValue, pin: int, pull: float, tilt: float, spin: float, rigid: fl
             before, x, after = (shape(turn + step, omega) for step in (-1e-3, 0.0, 1e-3))
             v = np.cross(rate * up, x) + relative * (after - before) / 2e-3
             own_momentum = np.sum(mass * np.cross(x, v), axis=0)
-            inertia = np.sum(mass * x * x) * np.eye(3) - (mass * x).T @ x
-            spun += np.linalg.solve(inertia, own_momentum)[2] / POSITIONS
+            spun += np.linalg.solve(inertia(x, mass[:, 0]), own_momentum)[2] / POSITIONS
             momentum += own_momentum / POSITIONS
             torque += np.cross(x, -pull * mass * up).sum(axis=0) / POSITIONS
         return float(torque[1] / np.cross(up, momentum)[1]), float(spun)

@@ -56,7 +56,7 @@ def rolling_ball(
     Raises
     ------
     ValueError
-        If a value is not positive, or the moment is larger than that of a hollow ball.
+        If a value is not positive, or the moment is below 1e-3 or larger than that of a hollow ball.
     """
     feature, mass = sphere(radius), number("mass", mass, low=TINY)
     radius = feature.extent
@@ -136,7 +136,7 @@ def disk(
     Raises
     ------
     ValueError
-        If a value is not positive, or the disk is thinner than R/100.
+        If a value is not positive, or the disk is thinner than R/100 or thicker than 2 R.
     """
     radius, mass = number("radius", radius, low=TINY), number("mass", mass, low=TINY)
     thickness = number("thickness", thickness, radius / 100, 2 * radius)

@@ -141,7 +141,7 @@ def meetings(collisions: Collisions, contact: Contact | PaperContact, bodies: Se
         first, second, how = first[move], second[move], np.zeros(np.count_nonzero(move), int)
     else:
         if isinstance(collisions, str) or not isinstance(collisions, Sequence):
-            raise TypeError(
+            raise (ValueError if isinstance(collisions, str) else TypeError)(
                 f"collisions is {shown(collisions)}; it must be {ALL!r}, None, a Contact, or a tuple of Pair"
             )
         named = _numbered(collisions, bodies)
@@ -170,6 +170,8 @@ def _numbered(pairs: Sequence[Any], bodies: Sequence[BodyRef]) -> list[tuple[int
         i, j = sorted(numbers[of] if isinstance(of, str) else of for of in (pair.first, pair.second))
         if i == j:
             raise ValueError(f"{what} pairs {bodies[i].name!r} with itself; it must name two bodies")
+        if not (bodies[i].moves or bodies[j].moves):
+            raise ValueError(f"{what} is of {bodies[i].name!r} and {bodies[j].name!r}, which are both pinned")
         if (i, j) in found:
             raise ValueError(
                 f"{what} is of {bodies[i].name!r} and {bodies[j].name!r}, which were paired before"

@@ -6,10 +6,10 @@ At a gap h < Δ with the rate ḣ, both sides of a contact are pushed apart alon
 
 F_el is equation 8 of McDonald's paper; its energy is U(h) = c (Δ − h)²/(h Δ²). L is the loss. Far above the
 speed w, L is 1 + β on the way in and 1 − β on the way out: half of m v₀² is (1 + β) U at the turn, and half
-of m v₁² is (1 − β) U, so that v₁/v₀ = √((1 − β)/(1 + β)) = e, at every speed and for every c, Δ and m. Below
-w the loss is that of a damper, so that slow contacts come to rest. As 0 ≤ L ≤ 2, contact never pulls, and a
-restitution of 0 is a finite loss. (Hunt and Crossley's loss, J. Appl. Mech. 42 (1975) 440, which grows with
-ḣ, has a restitution that falls with the speed of impact.)
+of m v₁² is (1 − β) U, so that v₁/v₀ = √((1 − β)/(1 + β)) = e, for every c, Δ and m. Near the turn, and below
+w, the loss is that of a damper: slow impacts lose less, and resting contact is damped. As 0 ≤ L ≤ 2, contact
+never pulls, and a restitution of 0 is a finite loss. (Hunt and Crossley's loss, J. Appl. Mech. 42 (1975) 440,
+which grows with ḣ, has a restitution that falls with the speed of impact.)
 
 No integrator samples this force. In a step of τ seconds from gap h₀ to h₁ it has the size of the exact
 discrete gradient F̄ = −(U(h₁) − U(h₀))/(h₁ − h₀), so that its work is −(U(h₁) − U(h₀)) whatever other forces
@@ -32,7 +32,7 @@ from springgym.core.kinds import Mask, Number
 from springgym.core.lanes import any_lane, epsilon, maximum, minimum, select, sqrt
 
 SLOW = 0.004
-"""w [m/s]: slower contacts are damped and do not rebound."""
+"""w [m/s]: the loss of slower contacts is that of a damper."""
 
 LEAST = 1e-9
 """The least gap at a step's beginning and end, in units of Δ; 1e-6 in single precision."""

@@ -27,7 +27,7 @@ from springgym.contact.surfaces import count, normal_at
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Number, Rows, Vector
 from springgym.core.lanes import load, sqrt
-from springgym.core.vectors import TINY, dot, plus_scaled, row, vec
+from springgym.core.vectors import TINY, apply, block, dot, plus_scaled, row
 
 BENDS = 6
 """Number of iterations that find a point and the normal of a curved surface from each other."""
@@ -104,11 +104,7 @@ def support(e: int, n: Vector, way: Way, rounds: Rounds) -> Vector:
     g = 0.0 * row(way.rows, 0)
     for c in range(rounds.first[e], rounds.behind[e]):
         g = plus_scaled(g, dot(n, moved(rounds.particle[c], way, way.v)), row(rounds.slope, c))
-    pull = vec(
-        dot(row(rounds.matrix, 3 * e), g),
-        dot(row(rounds.matrix, 3 * e + 1), g),
-        dot(row(rounds.matrix, 3 * e + 2), g),
-    )
+    pull = apply(block(rounds.matrix, e), g)
     return -1.0 / sqrt(dot(g, pull) + TINY) * pull
 
 

@@ -82,9 +82,9 @@ LOW = 0.02
 residuals of sweeps can bring contacts nearer than solved for, and their energy is unbounded."""
 
 ROLLED, TAKEN = 1e-5, 0.2
-"""The same for rolling contacts. A gap below the first fraction of Δ counts as missed: its point of contact
-moved so far over the skin in a step, as on a coin that falls flat, that it is behind the surface. It is
-raised to the second, so that it is pushed out gently, and not within a step."""
+"""A gap of a rolling contact below the first fraction of Δ is raised to the second, others remain: its point
+of contact moved so far over the skin in a step, as on a coin that falls flat, that it is behind the surface.
+So it is pushed out gently, and not within a step."""
 
 QUICK = 0.2
 """Largest motion of a contact in a step, as a fraction of Δ, that is resolved accurately."""

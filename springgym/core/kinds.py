@@ -22,6 +22,9 @@ Vector: TypeAlias = Any
 Tensor: TypeAlias = tuple[Number, Number, Number, Number, Number, Number]
 """A symmetric tensor: xx, yy, zz, xy, xz, yz."""
 
+Block: TypeAlias = tuple[Vector, Vector, Vector]
+"""A 3×3 matrix: its rows."""
+
 Numbers: TypeAlias = Any
 """An array of numbers: `load` and `store` take one."""
 

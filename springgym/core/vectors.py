@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from springgym.core.compiling import compiled
-from springgym.core.kinds import Mask, Number, Numbers, Rows, Tensor, Vector
+from springgym.core.kinds import Block, Mask, Number, Numbers, Rows, Tensor, Vector
 from springgym.core.lanes import epsilon as epsilon
 from springgym.core.lanes import load, load_each, multiply_add, select, sqrt, store, store_each
 from springgym.core.vec import vec as vec
@@ -61,6 +61,18 @@ def add_scaled(array: Rows, i: int, s: Number, u: Vector) -> None:
 def plus_scaled(w: Vector, s: Number, u: Vector) -> Vector:
     """Return w + s u, rounded once."""
     return vec(multiply_add(s, u[0], w[0]), multiply_add(s, u[1], w[1]), multiply_add(s, u[2], w[2]))
+
+
+@compiled
+def block(blocks: Rows, n: Number) -> Block:
+    """Return rows 3 n to 3 n + 2 of an array (rows, 3), as the rows of a matrix."""
+    return row(blocks, 3 * n), row(blocks, 3 * n + 1), row(blocks, 3 * n + 2)
+
+
+@compiled
+def apply(rows: Block, u: Vector) -> Vector:
+    """Return the product of a matrix, by its rows, and a vector."""
+    return vec(dot(rows[0], u), dot(rows[1], u), dot(rows[2], u))
 
 
 @compiled

@@ -115,7 +115,7 @@ def load_policy(
             )
     reach = float(np.minimum(np.abs([observation_space.low, observation_space.high]), SEEN).max())
     if network.normalize:
-        reach = _reach_of_statistics(path, *(arrays[name] for name in STATISTICS))
+        reach = _reach_of_statistics(path, *(arrays[name] for name in STATISTICS[1:]))
     _check_reach(path, [(arrays[weight], arrays[bias]) for weight, bias, _ in layers], network, reach)
     single = {name: arrays[name].astype(np.float32) for name in expected}
     weights = [(single[weight].T, single[bias]) for weight, bias, _ in layers]
@@ -165,7 +165,7 @@ def _of_parts(act: Policy, space: spaces.Dict) -> Policy:
     return of_parts
 
 
-def _reach_of_statistics(path: Path, mean: np.ndarray, variance: np.ndarray, limits: np.ndarray) -> float:
+def _reach_of_statistics(path: Path, variance: np.ndarray, limits: np.ndarray) -> float:
     """Return the largest normalised number."""
     epsilon, largest = limits.tolist()
     if not (variance >= 0).all() or not epsilon > 0 or not 0 < largest < MOST:

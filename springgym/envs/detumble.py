@@ -10,11 +10,10 @@ import numpy as np
 from springgym.bodies import Body, box, rigid_velocities
 from springgym.bodies.rotations import axes, cross
 from springgym.checks import chosen, flag
-from springgym.core.compiling import compiled, kernel
-from springgym.core.kinds import Vector
+from springgym.core.compiling import kernel
 from springgym.envs.arrows import torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.observation import Entry, ObservedParticles, Situation
+from springgym.envs.observation import Entry, ObservedParticles, Situation, along
 from springgym.envs.options import BodyOptions, EnvOptions, Modes, made, number
 from springgym.envs.rewards import gaussian, thrift
 from springgym.envs.starts import any_rotation, direction, principal_axes
@@ -33,21 +32,6 @@ THRUSTERS = ((1, (0, 0, 1)), (2, (0, 0, 1)), (4, (0, 1, 0)), (6, (0, 1, 0)))
 """Corners with a thruster, and its direction along the sides of the box; torques are strong in all
 directions."""
 FASTEST = 12.0  # largest initial angular velocity as a reset option [rad/s]
-
-
-@compiled
-def in_body(m: Measures, c: int, u: Vector, axis: int) -> float:
-    """Return the component of a world vector (3,) along the body's first, second or third axis."""
-    e1, e3 = m.side[c], m.axis[c]
-    if axis == 0:
-        return u[0] * e1[0] + u[1] * e1[1] + u[2] * e1[2]
-    if axis == 2:
-        return u[0] * e3[0] + u[1] * e3[1] + u[2] * e3[2]
-    return (
-        u[0] * (e3[1] * e1[2] - e3[2] * e1[1])
-        + u[1] * (e3[2] * e1[0] - e3[0] * e1[2])
-        + u[2] * (e3[0] * e1[1] - e3[1] * e1[0])
-    )
 
 
 @kernel
@@ -69,8 +53,9 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
 def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
         for axis in range(3):
-            observation[c, axis] = in_body(m, c, m.angular_velocity[c], axis) / TURNING_UNIT
-            observation[c, 3 + axis] = in_body(m, c, m.angular_momentum[c], axis)
+            turning = along(m.angular_velocity[c], m.side[c], m.axis[c], axis)
+            observation[c, axis] = turning / TURNING_UNIT
+            observation[c, 3 + axis] = along(m.angular_momentum[c], m.side[c], m.axis[c], axis)
 
 
 class SpringDetumble(Task, kernels=(evaluate, compact)):

@@ -171,10 +171,8 @@ def _of_each(scale: float | np.ndarray, particles: np.ndarray) -> np.ndarray:
 
 
 @compiled
-def along(row: np.ndarray, first: int, axis: int) -> float:
-    """Return the component, along an axis of the body's triad, of the vector that starts at column
-    ``first``."""
-    e1, e3 = row[measures.AT.side : measures.AT.side + 3], row[measures.AT.axis : measures.AT.axis + 3]
+def along(u: np.ndarray, e1: np.ndarray, e3: np.ndarray, axis: int) -> float:
+    """Return the component of a vector (3,) along an axis of a triad, given the first and the third."""
     total = 0.0
     for n in range(3):
         if axis == 0:
@@ -183,7 +181,7 @@ def along(row: np.ndarray, first: int, axis: int) -> float:
             part = e3[n]
         else:
             part = e3[(n + 1) % 3] * e1[(n + 2) % 3] - e3[(n + 2) % 3] * e1[(n + 1) % 3]
-        total += part * row[first + n]
+        total += part * u[n]
     return total
 
 
@@ -229,7 +227,8 @@ def write_measures(
 def measured_value(row: np.ndarray, n: int, measured: np.ndarray, turned: bool | None) -> float:
     if turned is None:
         return row[measured[n]]
-    return along(row, measured[n - n % 3], n % 3)
+    side, axis, first = measures.AT.side, measures.AT.axis, measured[n - n % 3]
+    return along(row[first : first + 3], row[side : side + 3], row[axis : axis + 3], n % 3)
 
 
 @kernel

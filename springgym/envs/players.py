@@ -38,7 +38,7 @@ class PlayerOptions(SimulationOptions, total=False):
 class ParallelOptions(PlayerOptions, total=False):
     """`ParallelDuel` takes these options, and no others."""
 
-    render_mode: Literal["human", "rgb_array"] | None
+    render_mode: Literal["human", "rgb_array", "rgb_array_list"] | None
     max_episode_steps: int
 
 
@@ -52,7 +52,7 @@ class ParallelDuel(SingleEnv, ParallelEnv):
     Parameters
     ----------
     render_mode
-        None, "rgb_array" or "human".
+        None, "rgb_array", "rgb_array_list" or "human".
     max_episode_steps
         Time limit.
     options
@@ -71,7 +71,7 @@ class ParallelDuel(SingleEnv, ParallelEnv):
     def __init__(
         self,
         *,
-        render_mode: Literal["human", "rgb_array"] | None = None,
+        render_mode: Literal["human", "rgb_array", "rgb_array_list"] | None = None,
         max_episode_steps: int = 500,
         **options: Unpack[PlayerOptions],
     ) -> None:

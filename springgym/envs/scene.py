@@ -20,6 +20,7 @@ from springgym import checks
 from springgym.checks import TINY, chosen, instance, suggestion
 from springgym.envs.arrows import torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
+from springgym.envs.episodes import OF_PAIRS
 from springgym.envs.goals import Aim, Goals, reach
 from springgym.envs.observation import BOUND, Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, RewardedOptions, mapping
@@ -28,7 +29,7 @@ from springgym.measures import Measures, MeasuresOfBodies
 from springgym.records import read_only
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
 from springgym.rendering.look import RED
-from springgym.scene import Scene, WrenchActuator
+from springgym.scene import GRAVITY, Scene, WrenchActuator
 from springgym.scenes import film
 from springgym.simulator import STRAIN_LIMIT
 
@@ -42,7 +43,8 @@ MarksFunction = Callable[[MeasuresOfBodies, Situation], Marks]
 Most = float | Sequence[float]
 """The force, torque or acceleration of an actuator at action 1: one number for all axes, or one for each."""
 
-RESERVED = ("is_success", "diverged", "energy", "energy_drift", "strain", "randomization", "met", "failed")
+OF_ALL = ("is_success", "diverged", "energy", "energy_drift", "strain", "randomization", "met", "failed")
+RESERVED = (*OF_ALL, "error_bound", *OF_PAIRS)
 """Names that ``info`` and outcomes use already, besides names that begin as below."""
 RESERVED_BEGINNINGS = ("reward_", "pairs_", "step_error", "_")
 
@@ -119,22 +121,23 @@ def make_scene_env(
 
     `gymnasium.make` and `gymnasium.make_vec` make the environment again from its ``spec``. It can be pickled
     if your functions belong to a module, but it cannot be written as JSON. This call calls ``start``,
-    ``reward``, ``observe``, ``metrics``, ``succeeded`` and ``failed`` once, to find out which names and how
-    many numbers they return.
+    ``reward``, ``observe``, ``metrics``, ``succeeded``, ``failed`` and ``achieved`` once, to find out which
+    names and how many numbers they return.
 
     Parameters
     ----------
     scene
         A `Scene`, the name of a scene of the package, or a YAML file.
     reward
-        A function ``reward(m, s)``. It is called after each step for all n copies together, and returns
-        their rewards (n,), or a dict of terms (n,) by name. The terms sum to the reward, and ``info``
-        contains them as ``reward_NAME``. ``m`` holds `springgym.measures.MeasuresOfBodies`:
-        ``m["box"].centre`` are the centres of mass (n, 3) of the body named "box", and ``m.centre`` those of
-        the only body. ``s`` is a `springgym.envs.observation.Situation`: positions ``s.x`` and velocities
-        ``s.v`` (n, N, 3), clipped actions ``s.action`` (n, A), goals ``s.goal`` (n, G), time in the episode
-        ``s.time`` (n,) and memory ``s.memory`` (n, K). These arrays are read-only and change with the next
-        step, so copy what you want to keep.
+        A function ``reward(m, s)``. It is called after each step for all n copies together, and returns their
+        rewards (n,), or a dict of terms (n,) by name. (With ``metrics`` it is also called when an episode
+        begins.) The terms sum to the reward, and ``info`` contains them as ``reward_NAME``. ``m`` holds
+        `springgym.measures.MeasuresOfBodies`: ``m["box"].centre`` are the centres of mass (n, 3) of the body
+        named "box", and ``m.centre`` those of the only body. ``s`` is a
+        `springgym.envs.observation.Situation`: positions ``s.x`` and velocities ``s.v`` (n, N, 3), clipped
+        actions ``s.action`` (n, A), goals ``s.goal`` (n, G), time in the episode ``s.time`` (n,) and memory
+        ``s.memory`` (n, K). These arrays are read-only and change with the next step, so copy what you want
+        to keep.
     actuators
         The actuators that actions drive, each with its strength at ±1: "force" [N], "torque" and
         "body_torque" [N·m] on the whole body (three entries each), "thrust" [N] (three for each
@@ -175,13 +178,13 @@ def make_scene_env(
         disable_env_checker=True,
         kwargs=dict(options),
     )
+    if max_episode_steps is not None:
+        checks.whole("max_episode_steps", max_episode_steps, 1)
     if num_envs is None:
         env: gym.Env = SceneEnv(**options)
         env.unwrapped.spec = spec
         env = OrderEnforcing(env)
-        if max_episode_steps is None:
-            return env
-        return TimeLimit(env, checks.whole("max_episode_steps", max_episode_steps, 1))
+        return env if max_episode_steps is None else TimeLimit(env, max_episode_steps)
     envs = SceneVectorEnv(num_envs, max_episode_steps=max_episode_steps, **options)
     spec.max_episode_steps = max_episode_steps
     spec.kwargs |= {"num_envs": num_envs, "vectorization_mode": "vector_entry_point"}
@@ -300,7 +303,7 @@ class SceneTask(Task):
         fastest = float(np.linalg.norm(scene.velocities, axis=1).max())
         self._scales = (
             self._extent if position_scale is None else checks.number("position_scale", position_scale, TINY),
-            max(fastest, math.sqrt(9.81 * self._extent))
+            max(fastest, math.sqrt(-GRAVITY[2] * self._extent))
             if velocity_scale is None
             else checks.number("velocity_scale", velocity_scale, TINY),
         )

@@ -88,7 +88,12 @@ def load_agent(agent: str | Path) -> Agent:
             raise ValueError(f"{folder} has no agent.npz yet: its training has not reached a checkpoint")
         return load_policy(path, network, env.observation_space, env.action_space)
 
-    kwargs = {**run.config.get("env_kwargs", {}), **run.config.get("eval_env_kwargs", {})}
+    kwargs: dict[str, Any] = {}
+    for name in ("env_kwargs", "eval_env_kwargs"):
+        given = run.config.get(name, {})
+        if not isinstance(given, dict):
+            raise YamlError(f"{folder / 'config.yaml'}: {name} is {shown(given)}; it must be a mapping")
+        kwargs |= given
     return Agent(folder.name, run.env_id, kwargs, policy)
 
 

@@ -8,18 +8,15 @@ particles are joined as much as a dense one.
 
 from __future__ import annotations
 
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import DTypeLike
 
 from springgym.core.blocks import aligned_zeros
 from springgym.core.compiling import compiled
-from springgym.core.kinds import Number, Rows, Vector
-from springgym.core.vectors import cross, dot, row, set_row, vec
-
-Block: TypeAlias = tuple[Vector, Vector, Vector]
-"""A 3×3 matrix: its rows."""
+from springgym.core.kinds import Block, Number, Rows, Vector
+from springgym.core.vectors import apply, block, cross, dot, row, set_row, vec
 
 
 class Envelope(NamedTuple):
@@ -44,12 +41,6 @@ def envelope(count: int, springs: np.ndarray, dtype: DTypeLike) -> Envelope:
 
 
 @compiled
-def block(blocks: Rows, n: Number) -> Block:
-    """Block ``n``: its three rows."""
-    return row(blocks, 3 * n), row(blocks, 3 * n + 1), row(blocks, 3 * n + 2)
-
-
-@compiled
 def set_block(blocks: Rows, n: Number, values: Block) -> None:
     set_row(blocks, 3 * n, values[0])
     set_row(blocks, 3 * n + 1, values[1])
@@ -60,12 +51,6 @@ def set_block(blocks: Rows, n: Number, values: Block) -> None:
 def combine(u: Vector, rows: Block) -> Vector:
     """Row vector × matrix."""
     return u[0] * rows[0] + u[1] * rows[1] + u[2] * rows[2]
-
-
-@compiled
-def apply(rows: Block, u: Vector) -> Vector:
-    """Matrix × vector."""
-    return vec(dot(rows[0], u), dot(rows[1], u), dot(rows[2], u))
 
 
 @compiled

@@ -9,10 +9,10 @@ import numpy as np
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Number, Rows
 from springgym.core.lanes import any_lane, load, select, store
-from springgym.core.vectors import choose, dot, row, set_row, vec
+from springgym.core.vectors import block, choose, dot, row, set_row, vec
 from springgym.forces import accelerate_and_damp, act, actuate
 from springgym.forces.springs import longest_spring, pull_jacobian
-from springgym.integrators.envelope import Envelope, add, block, factorise, set_block, solve, subtract
+from springgym.integrators.envelope import Envelope, add, factorise, set_block, solve, subtract
 from springgym.integrators.record import ITERATIONS, Control
 from springgym.terms import Dampers, Particles, Springs, Terms
 

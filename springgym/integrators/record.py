@@ -116,9 +116,7 @@ def workspace(method: Integrator, scene: Scene, dtype: DTypeLike) -> Nested:
     """Return the workspace of a method, with elements of ``dtype``: arrays and, if it is implicit, the matrix
     of each body."""
     bodies = [placed.body for placed in scene.bodies]
-    features = (len(body.rounds) * len(scene.surfaces) for body in bodies)
-    rows = max(*(max(len(body.masses), len(body.springs)) for body in bodies), *features)
-    rows = max(rows, 2)  # force and torque of a rigid body, even of one particle
+    rows = max(max(len(body.masses), len(body.springs)) for body in bodies)
     arrays = aligned_zeros((method.workspace, rows, 3), dtype)
     if not method.implicit:
         return arrays

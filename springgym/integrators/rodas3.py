@@ -7,10 +7,10 @@ import numpy as np
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Number, Rows
 from springgym.core.lanes import load
-from springgym.core.vectors import add_row, row, set_row
+from springgym.core.vectors import add_row, apply, row, set_row
 from springgym.forces import accelerate_and_damp, act, actuate
 from springgym.forces.springs import pull_jacobian
-from springgym.integrators.envelope import apply, solve
+from springgym.integrators.envelope import solve
 from springgym.integrators.newton import assemble, record_losses
 from springgym.integrators.record import Integrator
 from springgym.terms import Dampers, Particles, Springs, Terms

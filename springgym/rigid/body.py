@@ -11,12 +11,20 @@ reads particles reads rigid bodies, too.
 from __future__ import annotations
 
 from springgym.core.compiling import compiled
-from springgym.core.kinds import Numbers, Rows
+from springgym.core.kinds import Block, Numbers, Rows
 from springgym.core.lanes import load
-from springgym.core.vectors import angular_momentum, cross, mass_centre, row, set_row, triad, vec
-from springgym.integrators.envelope import Block
-from springgym.rigid.flight import angular_velocity, combine, components, turned
-from springgym.rigid.kick import rows
+from springgym.core.vectors import (
+    angular_momentum,
+    apply,
+    block,
+    cross,
+    mass_centre,
+    row,
+    set_row,
+    triad,
+    vec,
+)
+from springgym.rigid.flight import angular_velocity, combine, turned
 from springgym.rigid.solid import Rigid, Solid, State
 from springgym.terms import Terms
 
@@ -25,7 +33,7 @@ from springgym.terms import Terms
 def orientation(x: Rows, rigid: Rigid) -> Block:
     """Return the principal axes in world coordinates, from the triads of the particles and of the shape."""
     here = triad(x, rigid.markers)
-    e1, e2, e3 = rows(rigid.triad)
+    e1, e2, e3 = block(rigid.triad, 0)
     return (
         combine(here, vec(e1[0], e2[0], e3[0])),
         combine(here, vec(e1[1], e2[1], e3[1])),
@@ -59,7 +67,7 @@ def read_state(x: Rows, v: Rows, rigid: Rigid, asymmetry: Numbers, terms: Terms)
         velocity = mass_centre(v, mass)
     if rigid.turns:
         axes = orientation(x, rigid)
-        spin = components(axes, angular_momentum(x, v, mass, position))
+        spin = apply(axes, angular_momentum(x, v, mass, position))
     else:
         axes = (vec(1.0 + zero, zero, zero), vec(zero, 1.0 + zero, zero), vec(zero, zero, 1.0 + zero))
         spin = nothing

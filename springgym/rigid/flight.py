@@ -15,10 +15,9 @@ doi:10.1063/1.474310.
 from __future__ import annotations
 
 from springgym.core.compiling import compiled
-from springgym.core.kinds import Number, Numbers, Vector
+from springgym.core.kinds import Block, Number, Numbers, Vector
 from springgym.core.lanes import load
-from springgym.core.vectors import dot, vec, vector
-from springgym.integrators.envelope import Block
+from springgym.core.vectors import vec, vector
 from springgym.rigid.rotation import normalised, product, rotation_vector, sine_cosine, turn
 from springgym.rigid.solid import Rigid, State
 
@@ -27,11 +26,6 @@ from springgym.rigid.solid import Rigid, State
 def combine(axes: Block, u: Vector) -> Vector:
     """Σ uₙ × axis n."""
     return u[0] * axes[0] + (u[1] * axes[1] + u[2] * axes[2])
-
-
-@compiled
-def components(axes: Block, u: Vector) -> Vector:
-    return vec(dot(axes[0], u), dot(axes[1], u), dot(axes[2], u))
 
 
 @compiled

@@ -5,18 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 from springgym.core.compiling import compiled
-from springgym.core.kinds import Ledger, Number, Numbers, Rows, Vector
-from springgym.core.vectors import cross, dot, row, vector
+from springgym.core.kinds import Ledger, Number, Numbers, Vector
+from springgym.core.vectors import apply, block, cross, dot, row, vector
 from springgym.forces.ledger import WORK, record
-from springgym.rigid.flight import angular_velocity, combine, components
+from springgym.rigid.flight import angular_velocity, combine
 from springgym.rigid.rotation import turn, turn_back
 from springgym.rigid.solid import Solid, State
 from springgym.terms import Thrust, Wrench
-
-
-@compiled
-def rows(matrix: Rows) -> Any:
-    return row(matrix, 0), row(matrix, 1), row(matrix, 2)
 
 
 @compiled
@@ -28,7 +23,7 @@ def weight(q: Vector, tau: Number, gravity: Numbers, solid: Solid) -> Any:
         if solid.rigid.pivot < 0:
             push = push + tau * solid.total * vector(gravity)
         else:
-            down = turn_back(q, components(solid.axes, vector(gravity)))
+            down = turn_back(q, apply(solid.axes, vector(gravity)))
             twist = tau * solid.total * cross(solid.centre, down)
     return twist, push
 
@@ -62,18 +57,18 @@ def load_of_actuators(q: Vector, solid: Solid, wrench: Wrench | None, thrust: Th
     rigid, centre, axes = solid.rigid, solid.centre, solid.axes
     force = 0.0 * q[0] * centre
     torque = force
-    body = rows(rigid.triad)
+    body = block(rigid.triad, 0)
     if wrench is not None:
         e3 = body[2]
-        force = turn_back(q, components(axes, vector(wrench.force)))
-        torque = turn_back(q, components(axes, vector(wrench.torque)))
+        force = turn_back(q, apply(axes, vector(wrench.force)))
+        torque = turn_back(q, apply(axes, vector(wrench.torque)))
         torque = torque - (1.0 - wrench.axial) * dot(torque, e3) * e3
         torque = torque + combine(body, vector(wrench.body_torque))
         torque = torque + cross(centre, force)
     if thrust is not None:
         for n in range(thrust.particle.size):
             thrown = row(thrust.force, n)
-            local = combine(body, thrown) if thrust.turns else turn_back(q, components(axes, thrown))
+            local = combine(body, thrown) if thrust.turns else turn_back(q, apply(axes, thrown))
             force = force + local
             torque = torque + cross(row(rigid.shape, thrust.particle[n]), local)
     return force, torque

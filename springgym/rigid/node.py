@@ -30,15 +30,14 @@ from springgym.contact.solver import add_totals, prepare_row, reach_of, solve
 from springgym.contact.totals import list_changing
 from springgym.contact.warm import keep_impulses
 from springgym.core.compiling import compiled
-from springgym.core.kinds import Mask, Number, Rows, Vector
+from springgym.core.kinds import Block, Mask, Number, Rows, Vector
 from springgym.core.lanes import all_rows, any_lane, bodies_of, epsilon, load, maximum, of_body, select, store
-from springgym.core.vectors import choose, cross, dot, plus_scaled, row, set_row, vec
+from springgym.core.vectors import apply, choose, cross, dot, plus_scaled, row, set_row, vec
 from springgym.forces.ledger import WORK, record
-from springgym.integrators.envelope import Block
 from springgym.integrators.record import Phase
 from springgym.integrators.rows import begin_rows, enter_touching, fetch, find_among, first_row, record_losses
 from springgym.rigid.body import read_state, set_particles
-from springgym.rigid.flight import angular_velocity, combine, components, fly, turned
+from springgym.rigid.flight import angular_velocity, combine, fly, turned
 from springgym.rigid.kick import load_of_actuators, weight
 from springgym.rigid.solid import Motion, Rigid, Solid, State, Twin
 from springgym.terms import Thrust, Wrench
@@ -168,9 +167,9 @@ def thrown_by(b: Rows, tau: Number, solid: Solid, wrench: Wrench | None, thrust:
 def reach_node(state: State, span: Times, b: Rows, solid: Solid) -> RigidNode:
     """Return the node of a body; ``b`` is set by `set_loads`."""
     axes = turned(solid.axes, state.q)
-    before = (components(axes, state.velocity), state.spin)
+    before = (apply(axes, state.velocity), state.spin)
     twist, push = weight(state.q, 1.0, solid.terms.gravity, solid)
-    rate = (solid.lightness * components(axes, push), twist)
+    rate = (solid.lightness * apply(axes, push), twist)
     thrown = thrown_by(b, span.whole, solid, solid.terms.wrench, solid.terms.thrust)
     soon = sum_of(sum_of(before, span.whole, rate), 1.0, thrown)
     falling = plus_scaled(state.velocity, span.whole * solid.lightness, push)
@@ -267,9 +266,7 @@ def change_by_contact(body: int, node: RigidNode, space: Workspace) -> Motion:
     """Return the change of a body's motion by the current impulses of contact."""
     rows, n = space.rows, 2 * body
     faster = row(rows.velocity, n) - row(rows.free, n)
-    return components(node.axes, faster), components(
-        node.axes, row(rows.velocity, n + 1) - row(rows.free, n + 1)
-    )
+    return apply(node.axes, faster), apply(node.axes, row(rows.velocity, n + 1) - row(rows.free, n + 1))
 
 
 @compiled

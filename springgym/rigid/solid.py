@@ -6,8 +6,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from springgym.core.kinds import Number, Numbers, Vector
-from springgym.integrators.envelope import Block
+from springgym.core.kinds import Block, Number, Numbers, Vector
 from springgym.terms import Terms
 
 Motion: TypeAlias = tuple[Vector, Vector]

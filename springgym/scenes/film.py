@@ -14,7 +14,7 @@ import numpy as np
 
 from springgym.bodies import Body
 from springgym.bodies.round import points_of
-from springgym.checks import instance, whole_array
+from springgym.checks import TINY, instance, number, whole_array
 from springgym.collisions import shape
 from springgym.measures import Measures
 from springgym.rendering import Camera, Look, Marks, Renderer, Scenery, save_video, two_tone
@@ -85,7 +85,8 @@ def frames(
 ) -> Iterator[np.ndarray]:
     """Yield pictures (height, width, 3) of a recording, ``fps`` per second of the film, see `save_film`."""
     plan, x = recording.plan, recording.positions
-    pace = speed or plan.view.speed or visible_speed(turning(plan.scene, recording.bodies), fps)
+    pace = plan.view.speed if speed is None else number("speed", speed, TINY)
+    pace = pace or visible_speed(turning(plan.scene, recording.bodies), fps)
     drawn, strain = look(plan.scene, plan.trace), None
     if plan.view.strain:
         strain = strains(drawn, plan.scene.of_bodies("lengths"), x)
@@ -123,7 +124,7 @@ def round_up(value: float) -> float:
 
 def told(pace: float) -> str:
     """Return the speed of a film in words, as "1/8 of real time"."""
-    return f"{Fraction(pace)} {'of' if pace < 1 else '×'} real time"
+    return f"{Fraction(pace).limit_denominator(1000)} {'of' if pace < 1 else '×'} real time"
 
 
 def visible_speed(fastest: float, fps: float) -> float:
@@ -244,7 +245,8 @@ def look(scene: Scene, trace: int | None = None, colors: Mapping[str, Color] | N
     trace
         The particle, numbered among all, that leaves a trace.
     colors
-        Colours of bodies by name, as red, green and blue from 0 to 255. Other bodies are blue.
+        Colours of bodies by name, as red, green and blue from 0 to 255. Other bodies are blue,
+        and round ones among several have `BALLS`.
 
     Raises
     ------

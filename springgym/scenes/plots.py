@@ -74,7 +74,7 @@ def draw(recording: Recording) -> Figure:
     plan = recording.plan
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(11, 4.6 if plan.plot == "top" else 5.8), dpi=DPI, layout="constrained")
-        figure.suptitle(plan.title[0].upper() + plan.title[1:], fontsize=13)
+        figure.suptitle(plan.title[:1].upper() + plan.title[1:], fontsize=13)
         PLOTS[plan.plot](recording, figure)
     return figure
 
@@ -116,7 +116,7 @@ def _picture(
         _path_in(axes, camera, pixels, traced, TRACE, _part(recording))
     if len(moments) > 1:
         _clock(axes, recording, moments, camera, pixels)
-    _ruler(axes, camera, pixels, recording)
+    _ruler(axes, camera, pixels)
     axes.set(xlim=(0, pixels[0]), ylim=(pixels[1], 0))
     return axes
 
@@ -156,7 +156,7 @@ def _clock(
             _named(axes, x, y, time, CENTRE, (0, 7), ha="center", va="baseline")
 
 
-def _ruler(axes: Axes, camera: Camera, pixels: tuple[int, int], recording: Recording) -> None:
+def _ruler(axes: Axes, camera: Camera, pixels: tuple[int, int]) -> None:
     """Draw a length as it is seen in the middle of the picture."""
     distance = camera.distance
     a_metre = camera.pixels_per_radian(pixels[1]) / distance

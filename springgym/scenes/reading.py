@@ -39,7 +39,7 @@ def names() -> list[str]:
     )
 
 
-def load(scene: str, changes: Changes | None = None) -> Plan:
+def load(scene: str | Path, changes: Changes | None = None) -> Plan:
     """Read a scene.
 
     Parameters
@@ -62,14 +62,14 @@ def load(scene: str, changes: Changes | None = None) -> Plan:
         return read(path, changes)
 
 
-def document(scene: str) -> Tree:
+def document(scene: str | Path) -> Tree:
     """Return the tree of a scene file, unchecked; see `load`."""
     with _file(scene) as path:
         return read_yaml(path)
 
 
 @contextmanager
-def _file(scene: str) -> Iterator[Path]:
+def _file(scene: str | Path) -> Iterator[Path]:
     """Return the file of a scene."""
     if instance("scene", scene, str, Path) in names():
         with resources.as_file(_folder() / f"{scene}.yaml") as path:

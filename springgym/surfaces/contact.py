@@ -44,8 +44,8 @@ class Contact:
     friction
         μ, static and kinetic; 0 for ice.
     restitution
-        Rebound speed divided by impact speed, from 0 to 1, at every speed above
-        `springgym.contact.law.SLOW`. Slower bodies come to rest.
+        e, rebound speed divided by impact speed, from 0 to 1, of impacts far above w, 4 mm/s. Slower ones
+        rebound with more, see `springgym.theory.contact.rebound`, and resting contact is damped.
     strength, reach
         c [N·m²] and Δ [m]. By default Δ is `REACH` of `Body.swept`, and c is `derived_strength`.
     rolling_resistance, torsional_resistance
@@ -254,7 +254,7 @@ def resting(
 def coupled(surfaces: tuple[Surface, ...]) -> bool:
     """Return whether the impulse of a surface depends on other surfaces, or on the end of a particle's path.
 
-    It does not if all surfaces are planes, and any two of them are parallel or at a right angle.
+    It does not if all surfaces are planes, and any two of them face each other or are at a right angle.
     """
     flat = all(isinstance(surface, Plane) for surface in surfaces)
     return not flat or any(abs(dot) > 1e-12 and dot > -1 + 1e-12 for _, _, dot in _planes(surfaces))

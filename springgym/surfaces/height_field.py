@@ -214,6 +214,8 @@ class HeightField(Surface):
 
     @classmethod
     def packed(cls, surfaces: Sequence[Self]) -> HeightFields:
+        total = sum(len(field.heights) * len(field.heights[0]) for field in surfaces)
+        whole("number of heights of all fields of a scene", total, high=MOST)
         sizes = [field.coefficients.size for field in surfaces]
         return HeightFields(
             corner=np.array([(*field.corner, 0.0) for field in surfaces]),

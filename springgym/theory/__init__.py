@@ -2,7 +2,7 @@
 
 Every module is plain functions of floats and arrays in SI units, z up, with the equation, the
 units and the source in each docstring. Nothing here imports the simulator. Importing it needs only NumPy;
-functions that need SciPy say so and import it when called.
+functions that need SciPy import it when called.
 
 =============  ==================================================================================
 `top`          heavy symmetric (Lagrange) top with one point fixed

@@ -89,7 +89,7 @@ def _larger_root(energy: float, strength: float, reach: float, weight: float) ->
     stiff, half = _stiff(strength, reach, weight), strength / reach + energy / 2
     # half^2 - stiff c, without the cancellation of c^2 / Delta^2
     square = energy**2 / 4 + strength * (energy / reach - weight)
-    if square < 0:
+    if square < 0 or half < 0:
         least = 2 * (math.sqrt(stiff * strength) - strength / reach)
         raise ValueError(f"energy {energy} J is below {least:.6g} J, the energy of rest")
     return (half + math.sqrt(square)) / stiff
@@ -98,8 +98,8 @@ def _larger_root(energy: float, strength: float, reach: float, weight: float) ->
 def rebound(speed: float, restitution: float, slow: float) -> float:
     """Return rebound over impact speed v of the force F(h) (1 - beta h_dot / sqrt(h_dot^2 + w^2)).
 
-    With beta = (1 - e^2)/(1 + e^2), it is e for v well above w, and less for slower impacts. This holds
-    without weight, for any barrier F.
+    With beta = (1 - e^2)/(1 + e^2), it is e for v far above w, and more for slower impacts: 1 for v = 0.
+    This holds without weight, for any barrier F.
 
     Parameters
     ----------

@@ -86,8 +86,11 @@ def impacts(
     Raises
     ------
     ValueError
-        If a domino does not reach the next, or they are too far apart to hit each other.
+        If count is below 2, start is not positive, a domino does not reach the next, or they are too far
+        apart to hit each other.
     """
+    if not (count >= 2 and start > 0):
+        raise ValueError(f"count must be 2 or more and start positive, got {count!r} and {start!r} rad/s")
     if not 0 < space < height:
         raise ValueError(f"space is {space} m; it must be more than 0 and less than the height, {height} m")
     last = math.asin(space / height)

@@ -63,13 +63,15 @@ def impact(
     Raises
     ------
     ValueError
-        If it does not leave the floor within a hundred radians of its slowest vibration.
+        If it does not vibrate, or does not leave the floor within a hundred radians of its slowest vibration.
     """
     mass = np.repeat(np.asarray(masses, float), 3)[:, None]
     high = reach + np.asarray(heights, float)
     root = np.sqrt(mass)
     squares = np.linalg.eigvalsh(np.asarray(stiffness, float) / (root * root.T))
     quick = math.sqrt(squares[-1] + 2 * strength / (reach**3 * mass.min()))
+    if not squares[-1] > 0:
+        raise ValueError("the body does not vibrate; it needs a spring between two particles")
     slow = math.sqrt(squares[squares > 1e-9 * squares[-1]][0])
     springs, dampers = np.asarray(stiffness, float) / mass, np.asarray(damping, float) / mass
     vertical, step = slice(2, None, 3), RADIANS / quick

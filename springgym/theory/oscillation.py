@@ -81,8 +81,8 @@ def spun_pair_length(mass: float, stiffness: float, rest_length: float, omega: f
 def spun_pair(mass: float, stiffness: float, rest_length: float, momentum: float) -> tuple[float, float]:
     """Return the length, m, and the spin, rad/s, of two equal masses on a spring in steady spin.
 
-    m Omega L^2 / 2 is the momentum; L and Omega from `spun_pair_length` by bisection, since the momentum
-    grows with the spin.
+    m Omega L^2 / 2 is the momentum, of either sign; L and Omega from `spun_pair_length` by bisection, since
+    the momentum grows with the spin.
 
     Parameters
     ----------
@@ -92,8 +92,8 @@ def spun_pair(mass: float, stiffness: float, rest_length: float, momentum: float
     low, high = 0.0, math.sqrt(2 * stiffness / mass)
     while low < (spin := (low + high) / 2) < high:
         length = spun_pair_length(mass, stiffness, rest_length, spin)
-        low, high = (spin, high) if mass * spin * length**2 / 2 < momentum else (low, spin)
-    return spun_pair_length(mass, stiffness, rest_length, low), low
+        low, high = (spin, high) if mass * spin * length**2 / 2 < abs(momentum) else (low, spin)
+    return spun_pair_length(mass, stiffness, rest_length, low), math.copysign(low, momentum)
 
 
 def implicit_euler_spin(omega: float, step: float, t: ArrayLike) -> Floats:

@@ -129,7 +129,7 @@ def catenary(
     Raises
     ------
     ValueError
-        If span is not positive, an inextensible rope is too short, or a spring goes slack.
+        If span or weight is not positive, an inextensible rope is too short, or a spring goes slack.
 
     Source: Routh chapter X.
     """
@@ -138,6 +138,8 @@ def catenary(
     give = 1 / np.broadcast_to(np.asarray(stiffness, float), load.shape)
     if not span > 0:
         raise ValueError(f"span must be positive, got {span!r} m")
+    if not load[-1] > 0:
+        raise ValueError(f"the weight of the masses must be positive, got {load[-1]} N")
     if not give.any() and rest.sum() <= math.hypot(span, rise):
         raise ValueError(f"an inextensible rope of {rest.sum()} m cannot reach {math.hypot(span, rise)} m")
 
@@ -198,7 +200,7 @@ def cable_bounce(load: float, mass: float, young: float, section: float, length:
     """Return the lowest frequency of a hanging cable with a load along itself, rad/s: x tan x = m / M.
 
     The wave equation with u(0) = 0 and M u_tt = -E A u_x at the end, x = omega L / c,
-    c^2 = E A L / m; Newton's method from x = sqrt(m / (M + m / 3)), Rayleigh's estimate.
+    c^2 = E A L / m; bisection between 0 and pi/2, which is the root without a load.
 
     Parameters
     ----------
@@ -207,10 +209,7 @@ def cable_bounce(load: float, mass: float, young: float, section: float, length:
 
     Source: Rao, *Mechanical Vibrations*, 5th ed., section 8.3.
     """
-    x = math.sqrt(mass / (load + mass / 3))
-    for _ in range(50):
-        change = (x * math.tan(x) - mass / load) / (math.tan(x) + x / math.cos(x) ** 2)
-        x -= change
-        if abs(change) < 1e-15 * x:
-            break
+    low, high = 0.0, math.pi / 2
+    while low < (x := (low + high) / 2) < high:
+        low, high = (x, high) if load * x * math.sin(x) < mass * math.cos(x) else (low, x)
     return x * math.sqrt(young * section / (mass * length))

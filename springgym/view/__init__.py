@@ -20,6 +20,8 @@ from os.path import isfile
 from pathlib import Path
 from typing import Any
 
+from springgym.checks import TINY, number
+from springgym.cli import check_new
 from springgym.extras import missing
 from springgym.registration import nearest_id
 from springgym.scenes import load, names
@@ -30,6 +32,7 @@ from springgym.view.knobs import knobs
 from springgym.view.motion import Motion, of_recording
 from springgym.view.page import FPS, STYLE, TICKS, Changes, Page, Subject, key
 
+ENDINGS = (".html", ".viser")
 PORT = 8080
 
 
@@ -65,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
     if args.save is None:
         show(_subject(args), args.port, browser=not args.no_browser, address=args.address)
         return 0
-    _check_saved(args.save)
+    check_new(args.save, ENDINGS)
     subject = _subject(args)
     save_page(subject.make(subject.names[0], {}), args.save)
     print(f"wrote {args.save}")
@@ -160,7 +163,7 @@ def save_page(motion: Motion | Recording, path: str | Path, speed: float | None 
     from springgym.view.stage import record as play
 
     path = Path(path)
-    _check_saved(path)
+    check_new(path, ENDINGS)
     alone = path.suffix.lower() == ".html"
     if isinstance(motion, Recording):
         motion = of_recording(motion)
@@ -173,7 +176,7 @@ def save_page(motion: Motion | Recording, path: str | Path, speed: float | None 
             stage.show(springs=False, forces=False, rotation=False, contacts=False)
         stage.set_up(motion)
         look_from(server.initial_camera, stage.camera(motion))
-        pace = motion.speed(FPS) if speed is None else speed
+        pace = motion.speed(FPS) if speed is None else number("speed", speed, TINY)
         if pace != 1:
             stage.write(told(pace))
         serializer = play(server, stage, motion, FPS, pace)
@@ -196,14 +199,6 @@ def save_viewer(path: str | Path) -> None:
 
     page = Path(viser.__file__).parent / "client" / "build" / "index.html"
     Path(path).write_bytes(page.read_bytes())
-
-
-def _check_saved(path: Path) -> None:
-    """Raise ValueError for a file of the wrong kind, before any work is done."""
-    if path.suffix.lower() not in (".html", ".viser"):
-        raise ValueError(f"{path}: the name of a saved page must end in .html or .viser")
-    if not path.absolute().parent.is_dir():
-        raise ValueError(f"{path}: there is no folder {path.absolute().parent}")
 
 
 def _server(port: int) -> Any:

@@ -91,6 +91,8 @@ def played(agent: Agent, seed: int) -> Motion:
         env = gym.make(agent.env_id, **agent.env_kwargs)
     except gym.error.Error as error:
         raise ValueError(f"{agent.env_id}: {error}") from error
+    if env.spec is None or env.spec.max_episode_steps is None:
+        raise ValueError(f"{agent.env_id} has no time limit: register it with max_episode_steps")
     inner: Any = env.unwrapped
     if not hasattr(inner, "episodes"):
         raise ValueError(f"{agent.env_id} is no environment of springgym's")

@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
+from springgym.scene import GRAVITY
 from springgym.scenes.reading import KINDS, document
 
 MOST_BODIES = 40
@@ -44,12 +45,12 @@ class Knob(NamedTuple):
         return 10.0**shown if self.exponent else shown
 
 
-def _linear(unit: str, low: float, high: float, step: float) -> Callable[..., Knob]:
-    """Make a slider between bounds, or to twice the number in the file if that is larger."""
+def _linear(unit: str, low: float, high: float, step: float, most: float = math.inf) -> Callable[..., Knob]:
+    """Make a slider between bounds, or to twice the number in the file if that is larger, up to ``most``."""
 
     def knob(path: tuple[str, ...], value: float) -> Knob:
         label = f"{path[-1].replace('_', ' ')} {unit}".strip()
-        return Knob(path, label, value, min(low, 2 * value), max(high, 2 * value), step)
+        return Knob(path, label, value, min(low, 2 * value), min(max(high, 2 * value), most), step)
 
     return knob
 
@@ -98,7 +99,7 @@ KNOBS: dict[str, dict[str, Callable[..., Knob | None]]] = {
     },
     "contact": {
         "friction": _linear("μ", 0.0, 1.5, 0.01),
-        "restitution": _linear("", 0.0, 1.0, 0.01),
+        "restitution": _linear("", 0.0, 1.0, 0.01, 1.0),
         "rolling_resistance": _share("[m]"),
         "torsional_resistance": _share("[m]"),
     },
@@ -120,7 +121,7 @@ def _found(text: Mapping[str, Any]) -> Iterator[Knob]:
     yield from _of_body(text, ())
     if text.get("surfaces"):
         yield from _section(text, (), "contact", {"friction": 0.0, "restitution": 1.0})
-    gravity = text.get("gravity", 9.81)
+    gravity = text.get("gravity", -GRAVITY[2])
     if isinstance(gravity, (int, float)):
         yield _linear("[m/s²]", 0.0, 25.0, 0.1)(("gravity",), float(gravity))
     for n, surface in enumerate(text.get("surfaces") or ()):

@@ -78,13 +78,12 @@ class Stage:
             self._scene.remove_by_name(name) if self._motion is not None else None
         self._motion = motion
         self._strain = motion.strain
-        size = motion.extent
         self._ground = self._scene.add_frame("/ground", show_axes=False)
         self._world = self._scene.add_frame("/world", show_axes=False)
         self.strain_scale = strain_scale(self._strain)
         """the strain of full colour"""
         self._add_scenery(motion)
-        self._add_body(motion, size)
+        self._add_body(motion)
         self._nodes: dict[str, Any] = {}
         self._marked: dict[str, Any] = {}
         self._eye = np.asarray(self.camera(motion).eye)
@@ -213,7 +212,7 @@ class Stage:
             position=np.asarray(centre) + up,
         )
 
-    def _add_body(self, motion: Motion, size: float) -> None:
+    def _add_body(self, motion: Motion) -> None:
         look, x = motion.look, motion.look.points(motion.positions[0])
         triangles, colors = np.asarray(look.triangles), np.asarray(look.triangle_colors)
         self._faces: list[tuple[Any, np.ndarray]] = []

@@ -82,7 +82,7 @@ WRONG = [
     ("watch", ["clasical", "--env", TOY, "--out", "toy.gif"], "unknown controller 'clasical'"),
     ("watch", ["zero", "--out", "toy.gif"], "name the environment with --env"),
     ("watch", ["zero", "--env", "CartPole-v1", "--out", "a.gif"], "CartPole-v1 has no continuous actions"),
-    ("watch", ["zero", "--env", TOY, "--out", "a.avi"], "--out a.avi: the name must end in .gif, .mp4 or"),
+    ("watch", ["zero", "--env", TOY, "--out", "a.avi"], "--out: a.avi: the name must end in .gif or .mp4 or"),
     ("watch", ["zero", "--env", TOP, "--browser", "--out", "a.gif"], "pass either --out or --browser"),
 ]
 """Scripts, their arguments, and what is said of them; mistyped ids are in `test_ids.py`."""

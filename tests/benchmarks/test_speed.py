@@ -97,7 +97,7 @@ def test_unknown_section(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize(
     ("given", "says"),
     [
-        (["--figure", "x.txt"], "--figure x.txt: the name must end in .svg or .png or .pdf"),
+        (["--figure", "x.txt"], "x.txt: the name must end in .svg or .png or .pdf"),
         (["--figure", "HERE/x.svg"], "--figure .*x.svg: it is a folder; it must be a file"),
         (["--out", "HERE"], "--out .*: it is a folder; it must be a file"),
         (["--out", "HERE/file/x.json"], "file"),

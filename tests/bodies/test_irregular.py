@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
-from springgym.bodies import box, from_mesh, from_points, solid_mesh, union
+from springgym.bodies import ball, box, from_mesh, from_points, rolling_ball, rope, solid_mesh, union
 from springgym.bodies.irregular import braces, convex_hull
 
 trimesh = pytest.importorskip("trimesh")
@@ -130,7 +130,7 @@ def test_hollow_mesh_needs_area(mesh):
 
 
 def test_mesh_errors_name_the_file(tmp_path, mesh, monkeypatch):
-    with pytest.raises(FileNotFoundError, match=r"there is no mesh file .*nothing.stl"):
+    with pytest.raises(FileNotFoundError, match=r"mesh file .*nothing.stl: No such file"):
         from_mesh(tmp_path / "nothing.stl")
     (tmp_path / "bad.obj").write_text("no mesh")
     with pytest.raises(ValueError, match=r"bad\.obj"):
@@ -241,3 +241,12 @@ def test_union_errors_name_the_offender():
         union([box(), moved(box(), "other", (1, 0, 0)), moved(box(), "far", (5, 0, 0))])
     with pytest.raises(ValueError, match="they must differ"):
         union([box(), moved(box(), "box", (1, 0, 0))])
+    for body, has in (
+        (box().with_(radius=0.1, triangles=()), "a radius"),
+        (box().with_(lengths=0.9 * box().lengths), "springs of other lengths"),
+        (ball(0.1).with_(radius=0.0), "no springs"),
+        (rope(), "no shape"),
+        (rolling_ball(0.1), "round features"),
+    ):
+        with pytest.raises(ValueError, match=f"has {has}, which a union does not take over"):
+            union([body, moved(box(), "other", (1, 0, 0))])

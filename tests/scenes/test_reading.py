@@ -102,8 +102,8 @@ def test_what_a_small_file_means(read):
         (UNION % "{kind: box, name: a, length: 3}", "mine.yaml:5: unknown key 'length'"),
         (UNION % "{kind: box, name: a, at: 3}", "5: body.parts.0.at: expected a list of 3 values, got 3"),
         (UNION % "5", "mine.yaml:5: body.parts.0 must be a mapping with a kind"),
-        (MESH % "kind: mesh, file: no.stl", "mine.yaml:2: body: there is no mesh file "),
-        (MESH % "kind: solid_mesh, file: no.stl, material: steel", "2: body: there is no mesh file "),
+        (MESH % "kind: mesh, file: no.stl", "mine.yaml:2: body: mesh file "),
+        (MESH % "kind: solid_mesh, file: no.stl, material: steel", "2: body: mesh file "),
     ],
 )
 def test_error_names_file_line_and_key(read, text, message):

@@ -264,8 +264,8 @@ def test_papers_method_is_one_switch(monkeypatch, capsys):
         ([*SHORT, "--duration", "1e9"], "at intervals of 0.01 s are 1e+11 states of 6.4e+04 GB"),
         ([*SHORT, "--step", "1e-300"], "--step 1e-300: it must be at least 1e-09 s, and finite"),
         (["simulate", "bouncing-ball", "--duration", "0.1", "--step", "1"], "a step of 1 s is longer than"),
-        ([*SHORT, "--trace", "trace.txt"], "--trace trace.txt: the name must end in .npz or .csv"),
-        ([*SHORT, "--video", "film.avi"], "--video film.avi: the name must end in .mp4 or .gif"),
+        ([*SHORT, "--trace", "trace.txt"], "trace.txt: the name must end in .npz or .csv"),
+        ([*SHORT, "--video", "film.avi"], "film.avi: the name must end in .mp4 or .gif"),
         ([*SHORT, "--plot", "nowhere/plot.png"], "there is no folder"),
     ],
 )

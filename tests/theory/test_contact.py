@@ -53,6 +53,8 @@ def test_rest_height_balances_the_weight():
     assert contact.turning_point(least * (1 + 1e-12), C, REACH, WEIGHT) == pytest.approx(height, rel=1e-5)
     with pytest.raises(ValueError, match=r"below .* the energy of rest"):
         contact.turning_point(least * (1 - 1e-9), C, REACH, WEIGHT)
+    with pytest.raises(ValueError, match="the energy of rest"):
+        contact.turning_point(-1e3 * C / REACH, C, REACH, WEIGHT)  # where the discriminant is positive again
 
 
 @pytest.mark.parametrize("speed", [0.1, 2.0, 20.0])

@@ -93,7 +93,7 @@ def test_implicit_euler_loses_spin_as_stated():
 
 
 def test_spun_pair_has_its_angular_momentum():
-    for momentum in (0.0, 1e-3, 7.5, 40.0):
+    for momentum in (0.0, 1e-3, 7.5, 40.0, -7.5):
         length, spin = oscillation.spun_pair(1.0, 1000.0, 1.0, momentum)
         assert spin * length**2 / 2 == pytest.approx(momentum, rel=1e-12)
         assert length == oscillation.spun_pair_length(1.0, 1000.0, 1.0, spin)

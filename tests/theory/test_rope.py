@@ -92,6 +92,14 @@ def test_fine_chain_swings_like_the_continuous_one():
     assert gaps[0] / gaps[1] == pytest.approx([2, 2, 2], rel=0.02)
 
 
+@pytest.mark.parametrize("load", [0.0, 0.01, 0.5, 100.0])
+def test_cable_bounces_at_the_lowest_root(load):
+    """x tan x = m / M has one root below π/2, with or without a load."""
+    x = rope.cable_bounce(load, 1.0, 1.0, 1.0, 1.0)
+    assert 0 < x <= math.pi / 2
+    assert load * x * math.sin(x) == pytest.approx(math.cos(x), abs=1e-15 * (1 + load))
+
+
 def test_bounce_estimate_is_high_by_a_sixth_of_the_bead_mass():
     exact = rope.bounce_modes(np.array([0.1] * 9 + [70.0]), 1e5).frequencies[0]
     estimate = math.sqrt(1e5 / (10 * 70.0))  # of springs in series

@@ -30,7 +30,7 @@ def test_an_episode_is_saved(tmp_path):
     ("arguments", "message"),
     [
         (["tpo"], "did you mean 'top'?"),
-        (["top", "--save", "page.gif"], "page.gif: the name of a saved page must end in .html or .viser"),
+        (["top", "--save", "page.gif"], "page.gif: the name must end in .html or .viser"),
         (["top", "--save", "nowhere/page.html"], "there is no folder"),
         (["SpringTop-v0", "--agent", "nobody"], "'nobody' is neither a run folder nor a published agent"),
         (["SpringTop-v0", "--agent", "classical"], "springgym watch classical --env SpringTop-v0 --browser"),
