@@ -36,7 +36,18 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any
 
-from config import MENDABLE, ONLINE, Config, ConfigError, config_path, load_config, new_file, number, whole
+from config import (
+    MENDABLE,
+    ONLINE,
+    Config,
+    ConfigError,
+    add_overrides,
+    config_path,
+    load_config,
+    new_file,
+    number,
+    whole,
+)
 from controllers import UNTRAINED, controllers_of
 from evaluate import evaluate, find_task, percent, score
 from results import (
@@ -85,8 +96,8 @@ class Plan:
     def folder(self, cell: Cell) -> Path:
         return self.runs / folder_name(cell.task, cell.algorithm, (), cell.seed)
 
-    def config(self, algorithm: Any) -> Path | None:
-        return config_path(algorithm, self.configs) if self.configs else None
+    def config(self, algorithm: Any) -> Path:
+        return config_path(algorithm, self.configs)
 
 
 # --- One cell, in a process of its own -----------------------------------------------------------------
@@ -100,6 +111,7 @@ def run_cell(cell: Cell, plan: Plan) -> dict[str, Any]:
     torch.set_num_threads(1)
     folder = plan.folder(cell)
     folder.mkdir(parents=True, exist_ok=True)
+    arguments = [] if cell.algorithm in UNTRAINED else training(cell, plan)
     with open(folder / "log.txt", "a", encoding="utf-8") as log, redirect_stdout(log), redirect_stderr(log):
         steps, seconds = 0, 0.0
         if cell.algorithm in UNTRAINED:
@@ -107,7 +119,7 @@ def run_cell(cell: Cell, plan: Plan) -> dict[str, Any]:
             env_id, kwargs = find_task([], cell.task, [])
         else:
             agent = str(folder)
-            if train.main(training(cell, plan)):
+            if train.main(arguments):
                 lines = (folder / "log.txt").read_text(encoding="utf-8").splitlines()
                 raise ConfigError(lines[-1] if lines else f"{folder}: it wrote no error message")
             steps, seconds = last_row(folder)
@@ -131,8 +143,7 @@ def training(cell: Cell, plan: Plan) -> list[str]:
         put_away(folder)
     write_atomically(folder / "probe.json", json.dumps(probe(cell.task)) + "\n")
     arguments = [cell.task, "--algo", cell.algorithm, "--seed", str(cell.seed), "--run", str(folder)]
-    if config := plan.config(cell.algorithm):
-        arguments += ["--config", str(config)]
+    arguments += ["--config", str(plan.config(cell.algorithm))]
     return [*arguments, "--episodes", "0", *(["--set", *plan.overrides] if plan.overrides else [])]
 
 
@@ -283,8 +294,9 @@ def outcome(result: Callable[[], dict[str, Any]]) -> dict[str, Any] | str:
         return " ".join(f"{type(cause).__name__}: {cause}".split())[:300]
 
 
-def planned(tasks: Sequence[str], algorithms: Sequence[str], seeds: int) -> list[Cell]:
+def planned(tasks: Sequence[str], algorithms: Sequence[str], seeds: int, plan: Plan) -> list[Cell]:
     """Order the cells, one seed of all before the next, so that an unfinished run is a whole table."""
+    goals = read_yaml(plan.config("her")).value if "her" in algorithms else ()
     return [
         Cell(task, algorithm, seed)
         for seed in range(seeds)
@@ -292,7 +304,7 @@ def planned(tasks: Sequence[str], algorithms: Sequence[str], seeds: int) -> list
         for task in tasks
         if seed == 0 or algorithm not in UNTRAINED
         if algorithm != "classical" or controllers_of(task)
-        if algorithm != "her" or task in read_yaml(config_path("her")).value
+        if algorithm != "her" or task in goals
     ]
 
 
@@ -312,15 +324,7 @@ def add_hyperparameters(parser: argparse.ArgumentParser) -> None:
         help=f"processor time of learning of a run (default: {SECONDS:g}); 0: the configuration's steps",
     )
     parser.add_argument("--configs", type=absolute, help="folder of hyperparameters (default: configs)")
-    parser.add_argument(
-        "--set",
-        dest="overrides",
-        nargs="+",
-        action="extend",
-        default=[],
-        metavar="KEY=VALUE",
-        help="change hyperparameters",
-    )
+    add_overrides(parser, "change hyperparameters")
 
 
 def absolute(path: str) -> Path:
@@ -407,7 +411,9 @@ def benchmark(options: argparse.Namespace) -> int:
     plan = Plan(runs, options.episodes, overrides_of(options), options.configs)
     for task in options.tasks:
         spec_of(task)
-    cells = planned(options.tasks, options.algorithms, options.seeds)
+    cells = planned(options.tasks, options.algorithms, options.seeds, plan)
+    if not cells:
+        raise ConfigError(f"none of {', '.join(options.algorithms)} has settings for these tasks")
     for cell in cells:
         config_of(cell, plan)  # what is wrong is told before anything runs
     with locked(runs):

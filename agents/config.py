@@ -268,9 +268,9 @@ DEFAULT = "default"
 """Key of the entry for environments that a file does not name."""
 
 
-def config_path(algo: Algorithm, folder: Path = CONFIG_FOLDER) -> Path:
-    """Return the file of an algorithm's hyperparameters."""
-    return folder / f"{algo}.yaml"
+def config_path(algo: Algorithm, folder: Path | None = None) -> Path:
+    """Return the file of an algorithm's hyperparameters, in ``configs`` or another folder."""
+    return (folder or CONFIG_FOLDER) / f"{algo}.yaml"
 
 
 def load_config(
@@ -312,7 +312,7 @@ def load_config(
     if env_id not in tree.value:
         raise ConfigError(f"{path}: no entry for {env_id!r}; it has {', '.join(tree.value)}")
     for override in overrides:
-        _assign(tree, (env_id,), override)
+        assign(tree, (env_id,), override)
     return build_config(algo, tree, (env_id,))
 
 
@@ -366,11 +366,11 @@ def parse_assignments(assignments: Iterable[str]) -> dict[str, Any]:
     """Read ``"key=value"`` texts, values as YAML, into a dict."""
     tree = Tree({}, {})
     for assignment in assignments:
-        _assign(tree, (), assignment)
+        assign(tree, (), assignment)
     return tree.value
 
 
-def _assign(tree: Tree, root: tuple[str, ...], assignment: str) -> None:
+def assign(tree: Tree, root: tuple[str, ...], assignment: str) -> None:
     """Write one ``key=value`` into a document below ``root``; dots in the key reach deeper."""
     source = f"--set {assignment}"
     key, equals, text = assignment.partition("=")

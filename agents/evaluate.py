@@ -45,7 +45,7 @@ from springgym.registration import find, nearest_id, spec_of
 #: Keyword arguments of an environment that belong to the agent and not to the task.
 INTERFACE = ("observation", "action", "goals")
 
-MOST_EPISODES = 1_000_000
+MOST_EPISODES = 500_000
 LAST_SEED = 2**31 - 1 - MOST_EPISODES
 
 

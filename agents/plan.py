@@ -83,7 +83,7 @@ class Planner:
     arXiv:1509.01149)"""
 
     def periods(self, period: float) -> tuple[int, int]:
-        """Return the number of actions of a plan, and the number of steps [s] between two of them."""
+        """Return the number of a plan's actions, and of steps, of ``period`` seconds, between two of them."""
         between = max(1, round(self.spacing / period))
         return max(1, round(self.horizon / (between * period))), between
 
@@ -319,7 +319,7 @@ def plan_tasks(options: argparse.Namespace) -> int:
         spec_of(task)
     for task in options.tasks:
         planner = planner_of(task, **given)
-        planner = replace(planner, elites=min(planner.elites, planner.samples))
+        planner = replace(planner, elites=min(planner.elites, planner.samples // 2))
         if options.json:
             now = {"protocol": PROTOCOL, "config": digest(planner), "episodes": options.episodes}
             run = {"task": task, "algorithm": "planner", "seed": 0}

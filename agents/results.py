@@ -165,8 +165,10 @@ def identity(row: Row) -> tuple[Any, ...]:
     return row["task"], row["algorithm"], tuple(learned_from(row)), row["seed"]
 
 
-def read_rows(path: Path) -> dict[tuple[Any, ...], dict[str, Any]]:
-    """Read the rows of a file by their `identity`; a file that is absent has none.
+def read_rows(
+    path: Path, key: Callable[[dict[str, Any]], Any] = identity
+) -> dict[tuple[Any, ...], dict[str, Any]]:
+    """Read the rows of a file by their ``key``; a file that is absent has none.
 
     Raises
     ------
@@ -176,7 +178,7 @@ def read_rows(path: Path) -> dict[tuple[Any, ...], dict[str, Any]]:
     if not path.exists():
         return {}
     try:
-        return {identity(row): row for row in json.loads(path.read_text(encoding="utf-8"))}
+        return {key(row): row for row in json.loads(path.read_text(encoding="utf-8"))}
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ConfigError(f"{path}: the file does not hold rows of results: {error!r}") from error
 
@@ -387,13 +389,13 @@ def reached(row: Row, column: int, budget: float) -> float | None:
     """Return the return per step that a run had reached after a budget of steps (column 0) or seconds (1).
 
     At its end it is that of the held-out episodes, before that of the learning curve, between whose points it
-    is interpolated. None if the run was shorter than the budget.
+    is interpolated. None if the run was shorter than the budget, or its curve begins later.
     """
     spent = row[("steps", "seconds")[column]]
     if abs(spent / budget - 1.0) <= ENOUGH:
         return float(row["mean_return"])
     points = np.array([point[:3] for point in row["curve"]], float)
-    if spent < budget or not len(points):
+    if spent < budget or not len(points) or budget < points[0, column]:
         return None
     return float(np.interp(budget, points[:, column], points[:, 2]))
 

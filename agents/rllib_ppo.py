@@ -4,9 +4,9 @@
     python agents/rllib_ppo.py SpringTop-v0 --runners 62 --address auto --timesteps 10_000_000
 
 RLlib requires a certain version of Gymnasium, so use an environment with agents/rllib-constraints.txt. Each
-runner steps --copies copies by one call, on its own core; on a cluster, on any node. The network is that of
-configs/ppo.yaml. The run folder holds RLlib's checkpoints and metrics.csv. --resume continues from the newest
-checkpoint.
+runner steps --copies copies by one call, on its own core; on a cluster, on any node. Hyperparameters are
+those of configs/ppo.yaml but for normalize, imitate and log_std_init. The run folder holds RLlib's
+checkpoints and metrics.csv. --resume continues from the newest checkpoint.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 from config import MENDABLE, ConfigError, PPOConfig, command_line, load_config, making, whole
+from runs import HELD_OUT_SEED
 
 from springgym.cli import INTERRUPTED, guarded
 from springgym.envs.starts import spawned
 
 ROOT = Path(__file__).resolve().parent.parent
-HELD_OUT_SEED = 1_000_000  # as in runs.py, which needs Stable-Baselines3
 COLUMNS = ("timesteps", "seconds", "return_per_step", "success_rate")
 NATIVE = "vector_entry_point"
 

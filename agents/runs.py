@@ -35,7 +35,7 @@ from pathlib import Path
 from typing import IO, Any, NamedTuple
 
 import yaml
-from config import CONFIG_OF, Config, ConfigError, NetworkConfig, build_config
+from config import CONFIG_OF, Config, ConfigError, NetworkConfig, assign, build_config
 from gymnasium import spaces
 from gymnasium.envs.registration import EnvSpec
 
@@ -135,8 +135,8 @@ def write_config(run: Run) -> None:
     write_atomically(run.folder / "config.yaml", text)
 
 
-def open_run(folder: Path) -> Run:
-    """Read a run folder's ``config.yaml``.
+def open_run(folder: Path, overrides: Iterable[str] = ()) -> Run:
+    """Read a run folder's ``config.yaml``, and change it by ``"key=value"`` texts.
 
     Raises
     ------
@@ -145,6 +145,8 @@ def open_run(folder: Path) -> Run:
     """
     tree = read_yaml(folder / "config.yaml")
     algo, env_id, seed = build(_header, tree)
+    for override in overrides:
+        assign(tree, ("config",), override)
     return Run(folder, algo, env_id, seed, build_config(algo, tree, ("config",)))
 
 

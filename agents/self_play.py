@@ -56,7 +56,7 @@ Player = Callable[[np.ndarray], np.ndarray]
 
 
 class League:
-    """The opponents of all copies: copy n plays the one it was given, whichever agents join meanwhile."""
+    """The opponents of all copies: the newest agent for half of them, all players in turn for the others."""
 
     def __init__(self) -> None:
         self.players: list[Player] = list(OPPONENTS.values())
@@ -251,7 +251,10 @@ def main(given: Sequence[str] | None = None) -> int:
         "--seed", type=whole(0, HELD_OUT_SEED - 1), default=0, help="seed of a new run (default: 0)"
     )
     parser.add_argument(
-        "--timesteps", type=int, default=3_000_000, help="steps of a new run (default: 3,000,000)"
+        "--timesteps",
+        type=whole(1, 10**12),
+        default=3_000_000,
+        help="steps of a new run (default: 3 million)",
     )
     parser.add_argument(
         "--every",

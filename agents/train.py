@@ -16,7 +16,6 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import torch
@@ -111,9 +110,9 @@ def resume(options: argparse.Namespace) -> int:
     folder = options.resume
     open_run(folder)  # whether there is one, before its folder is locked
     with locked(folder):
-        run = open_run(folder)
-        if options.timesteps is not None:
-            run = run._replace(config=replace(run.config, total_timesteps=options.timesteps))
+        run = open_run(folder, [] if options.timesteps is None else [f"total_timesteps={options.timesteps}"])
+        if options.timesteps is not None and run.config.seconds:
+            raise ConfigError(f"{folder}: the run ends after {run.config.seconds:g} s, whatever --timesteps")
         if isinstance(run.config, LinearConfig):
             if options.timesteps is not None:
                 raise ConfigError(

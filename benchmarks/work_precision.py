@@ -125,7 +125,7 @@ def advance_and_sample(simulator: Simulator, count: int) -> np.ndarray:
 # --- References ---------------------------------------------------------------------------------------
 
 
-def reference(problem: Problem, scene: Scene, quick: bool = False) -> tuple[np.ndarray, float, str]:
+def reference(problem: Problem, scene: Scene) -> tuple[np.ndarray, float, str]:
     """Return positions (samples, N, 3) [m], their distance from another method's, and both methods."""
     if scene.surfaces:  # one method meets surfaces: its own limit, extrapolated
         first = 64 * default_count(problem, scene)

@@ -390,7 +390,7 @@ def table_of_agents() -> list[str]:
         own, *others = card["audit"]
         lost = [
             f"{found['simulation']}: {found['verdict']}"
-            + ("" if found["refused"] else f", {100 * found['lost'] / own['return_per_step']:+z.2f} %")
+            + ("" if found["refused"] else f", {100 * found['lost'] / abs(own['return_per_step']):+z.2f} %")
             for found in others
         ]
         told = f"{scale * card['mean_return']:.3f} ({low:.3f}–{high:.3f}){unit}{chosen}"
@@ -458,7 +458,7 @@ def draw_curves(rows: Sequence[dict[str, Any]], folder: Path) -> None:
                 if curves[name]:
                     draw_curve(own, curves[name], column, scale, name, f"C{n}")
             own.set_xlim(0, 1.45 * own.dataLim.x1)  # beside the ends of the lines are their names
-            for name, style in (("classical", "--"), ("plan", ":")):
+            for name, style in (("classical", "--"), ("planner", ":")):
                 if runs := by_cell.get((row.id, name)):
                     level = scale * np.mean([run["mean_return"] for run in runs])
                     own.axhline(level, color="0.25", ls=style, lw=1.5)

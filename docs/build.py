@@ -17,9 +17,10 @@ HERE = Path(__file__).parent
 ROOT = HERE.parent
 
 
-def newest(folder: Path) -> float:
-    """Return the time of the last change of a file in the package."""
-    return max(path.stat().st_mtime for kind in ("*.py", "*.yaml") for path in folder.rglob(kind))
+def newest(*folders: Path) -> float:
+    """Return the time of the last change of code, scenes and agents in some folders."""
+    kinds = ("*.py", "*.yaml", "*.npz")
+    return max(path.stat().st_mtime for folder in folders for kind in kinds for path in folder.rglob(kind))
 
 
 def main() -> int:
@@ -33,7 +34,7 @@ def main() -> int:
     if not options.no_media:
         from media import make_all
 
-        make_all(HERE / "_media", newest(ROOT / "springgym"))
+        make_all(HERE / "_media", newest(ROOT / "springgym", ROOT / "agents" / "trained"))
     from sphinx.cmd.build import main as sphinx
 
     doctrees = HERE / "_build" / "doctrees"

@@ -135,7 +135,10 @@ def earned(runs: Sequence[Report]) -> str:
     scale, unit = measure(runs[0]["task"])
     means = scale * np.array([run["mean_return"] for run in runs])
     seeds, told = f", {len(runs)}" if len(runs) > 1 else "", ""
-    if len(runs) >= FEWEST or all("returns" in run for run in runs):
+    if len(runs) == 1 and "return_interval" in runs[0]:  # of the planner
+        low, high = scale * np.array(runs[0]["return_interval"])
+        told = f" ({low:z.2f}–{high:z.2f})"
+    elif len(runs) >= FEWEST or all("returns" in run for run in runs):
         errors = [np.std(run.get("returns", [0.0])) / math.sqrt(run["episodes"]) for run in runs]
         low, high = interval_of_mean(means, scale * np.array(errors))
         told = f" ({low:z.2f}–{high:z.2f}{seeds})"

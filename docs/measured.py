@@ -243,14 +243,18 @@ def _success(runs: list[Report]) -> str:
     return percent(np.mean([own["success_rate"] for own in runs]))
 
 
-def _span(runs: list[Report]) -> str:
-    found = [own["success_rate"] for own in runs]
-    return f"{percent(min(found))}–{percent(max(found))}"
+def _span(values: Sequence[float], told: Callable[[float], str]) -> str:
+    """Write the least and the largest of some numbers, or the only one."""
+    ends = dict.fromkeys((told(min(values)), told(max(values))))
+    return "–".join(ends)
+
+
+def _successes(runs: list[Report]) -> str:
+    return _span([own["success_rate"] for own in runs], percent)
 
 
 def _seconds(runs: list[Report]) -> str:
-    found = [own["seconds"] for own in runs]
-    return f"{min(found):.0f}–{max(found):.0f}"
+    return _span([own["seconds"] for own in runs], "{:.0f}".format)
 
 
 def _learning(task: str, told: Callable[[Report], str]) -> Number:
@@ -408,7 +412,7 @@ NUMBERS: dict[str, Number] = {
     "learning processor": _learning(TOP, lambda own: own["measured"]["cpu"]),
     "top, PPO seconds": _baseline(TOP, "ppo", _seconds),
     "duel, PPO success": _baseline("SpringDuel-v0", "ppo", _success),
-    "duel, PPO span": _baseline("SpringDuel-v0", "ppo", _span),
+    "duel, PPO span": _baseline("SpringDuel-v0", "ppo", _successes),
     "duel, PPO seeds": _baseline("SpringDuel-v0", "ppo", lambda runs: str(len(runs))),
     "duel, agent against script": _of("duels", percent, "success_rate", opponent="script"),
     "duel, agent against guard": _of("duels", percent, "success_rate", opponent="guard"),

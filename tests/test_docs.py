@@ -145,11 +145,10 @@ def outdated_rows() -> set[str]:
     for row in [*writer.read(writer.ROWS), *writer.recorded()]:
         cell = benchmark.Cell(row["task"], row["algorithm"], row["seed"])
         assert row["episodes"] == benchmark.EPISODES
-        names = ("data", "env_kwargs") if "data" in row else ()
+        names = ("data", "env_kwargs") if "data" in row else ("seconds",)
         own = tuple(f"{name}={json.dumps(row['configuration'][name])}" for name in names)
         config = benchmark.config_of(cell, benchmark.Plan(Path(), benchmark.EPISODES, own, None))
-        same = row["config"] == benchmark.digest_of(config)
-        assert same or cell.algorithm == "classical", f"{cell}: its configuration has changed"
+        assert row["config"] == benchmark.digest_of(config), f"{cell}: its configuration has changed"
         if row.get("protocol") == writer.PROTOCOL:
             present = row.get("present_probe", row["probe"])
             assert writer.same_probe(present, cell.task), f"{cell}: its task has changed; see --mark"

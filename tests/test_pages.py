@@ -26,6 +26,7 @@ from springgym import cli
 from springgym.registration import ENVIRONMENTS
 from springgym.scenes import load, names
 from springgym.scenes.reading import document
+from tests.params import slow_unless
 from tests.test_docs import page_writer
 
 ROOT = Path(__file__).parents[1]
@@ -71,9 +72,10 @@ def blocks(page: Path) -> list[Block]:
     return listed
 
 
-def cases(pages: list[Path]) -> list[Any]:
+def cases(pages: list[Path], runs: bool = False) -> list[Any]:
+    """Return parameters of a test, slow ones where it ``runs`` the code of a slow page."""
     return [
-        pytest.param(p, id=str(p.relative_to(ROOT)), marks=[pytest.mark.slow] if p.name in SLOW else [])
+        pytest.param(p, id=str(p.relative_to(ROOT)), marks=slow_unless(not runs or p.name not in SLOW))
         for p in pages
     ]
 
@@ -91,7 +93,9 @@ def run(code: str, name: str, line: int, namespace: dict[str, Any]) -> str:
     return printed.getvalue()
 
 
-@pytest.mark.parametrize("page", cases([p for p in PAGES if any(b.language == "python" for b in blocks(p))]))
+@pytest.mark.parametrize(
+    "page", cases([p for p in PAGES if any(b.language == "python" for b in blocks(p))], True)
+)
 @pytest.mark.usefixtures("own_ids")
 def test_code_of_a_page_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
@@ -107,7 +111,7 @@ def test_code_of_a_page_runs(page: Path, tmp_path: Path, monkeypatch: pytest.Mon
             assert same, f"{page}, line {block.line} prints\n{printed}in place of\n{block.printed}"
 
 
-@pytest.mark.parametrize("notebook", cases(NOTEBOOKS))
+@pytest.mark.parametrize("notebook", cases(NOTEBOOKS, True))
 def test_code_of_a_notebook_runs(notebook: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("IPython")
     monkeypatch.chdir(tmp_path)

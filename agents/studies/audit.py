@@ -138,6 +138,7 @@ def table(findings: Sequence[Finding], env_id: str) -> str:
     """Return the findings as lines of text, a row each."""
     scale, unit = score(env_id)
     rows, own = [["simulation", f"return/{unit}", "success", "lost", ""]], findings[0].return_per_step
+    size = abs(own or 0.0)
     for n, found in enumerate(findings):
         if found.refused:
             rows.append([found.simulation, "–", "–", "–", f"not played: {found.refused}"])
@@ -145,7 +146,7 @@ def table(findings: Sequence[Finding], env_id: str) -> str:
         assert found.return_per_step is not None
         assert found.lost is not None
         assert found.error is not None
-        lost = "" if n == 0 or not own else f"{100 * found.lost / own:+.2f} ± {196 * found.error / own:.2f} %"
+        lost = f"{100 * found.lost / size:+.2f} ± {196 * found.error / size:.2f} %" if n and size else ""
         said = "" if n == 0 else SAID.get(found.verdict, found.verdict)
         earned = f"{scale * found.return_per_step:.4g}"
         rows.append([found.simulation, earned, percent(found.success_rate), lost, said])

@@ -17,6 +17,7 @@ import json
 import sys
 from collections.abc import Mapping, Sequence
 from hashlib import sha256
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ import _path  # noqa: F401  (first)
 from config import MENDABLE, ConfigError, command_line, making, new_file, whole
 from controllers import CLASSICAL
 from evaluate import MOST_EPISODES, evaluate, find_task, percent
-from results import PROTOCOL, interval_of_returns, made_with, probe
+from results import PROTOCOL, interval_of_returns, made_with, probe, read_rows
 from runs import HELD_OUT_SEED, write_rows
 
 from springgym.cli import guarded
@@ -126,9 +127,8 @@ def _generalize(options: argparse.Namespace) -> int:
         spec_of(task)
         if task not in known:
             raise ConfigError(f"{task!r} is not one of {', '.join(known)}")
-    rows: list[dict[str, Any]] = []
-    if options.rows and options.rows.exists():
-        rows = json.loads(options.rows.read_text(encoding="utf-8"))
+    key = itemgetter("task", "agent", "world")
+    rows = list(read_rows(options.rows, key).values()) if options.rows else []
     for task in options.tasks or [row.id for row in ENVIRONMENTS]:
         new = rows_of(task, rows, options.episodes)
         rows = sorted([*(row for row in rows if row["task"] != task), *new], key=lambda row: row["task"])

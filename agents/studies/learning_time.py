@@ -13,10 +13,10 @@ counts as learning.
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import tempfile
 from collections.abc import Sequence
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,7 @@ import torch
 from config import CONFIG_FOLDER, DEFAULT, MENDABLE, Config, command_line, load_config, new_file, whole
 from learner import make_training_env, native_env, new_model
 from recorder import Recorder, make_logger
+from results import read_rows
 from runs import HELD_OUT_SEED, Run, create_run, write_rows
 from tqdm import tqdm
 from train import begin_with_imitation
@@ -135,10 +136,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _measure_all(options: argparse.Namespace) -> int:
     tasks = options.tasks or [key for key in read_yaml(options.config).value if key != DEFAULT]
     configs = {task: load_config("ppo", task, (), options.config) for task in tasks}
-    known: dict[tuple[str, int], dict[str, Any]] = {}
-    if options.json and options.json.exists():
-        rows = json.loads(options.json.read_text(encoding="utf-8"))
-        known = {(row["task"], row["seed"]): row for row in rows}
+    known = read_rows(options.json, itemgetter("task", "seed")) if options.json else {}
     for task, config in configs.items():
         known[task, options.seed] = measure(task, options.seed, config)
         if options.json:

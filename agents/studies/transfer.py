@@ -21,7 +21,7 @@ from typing import Any
 import _path  # noqa: F401  (first)
 import matplotlib
 import numpy as np
-from benchmark import Plan, add_hyperparameters, parsed, recorded, run_cells
+from benchmark import Plan, add_hyperparameters, is_current, parsed, recorded, run_cells
 from config import MENDABLE, ONLINE, ConfigError, command_line, config_path, load_config, making, whole
 from evaluate import evaluate, percent, task_kwargs
 from results import Cell, interval_of_returns
@@ -90,7 +90,8 @@ def train(options: argparse.Namespace, folder: Path) -> int:
     for kind in kinds():
         plan = plan_of(kind, folder, options)
         cells = [Cell(options.task, options.algo, seed) for seed in range(options.seeds)]
-        left = [cell for cell in cells if not (plan.folder(cell) / "row.json").exists()]
+        rows = {cell: recorded(plan.folder(cell) / "row.json") or {} for cell in cells}
+        left = [cell for cell in cells if not is_current(rows[cell], cell, plan)]
         for result in run_cells(left, plan, options) if left else ():
             if result is None:
                 continue
@@ -104,9 +105,8 @@ def train(options: argparse.Namespace, folder: Path) -> int:
     return failed
 
 
-def played(options: argparse.Namespace, folder: Path) -> list[dict[str, Any]]:
-    """Return a row for every agent and every place it plays at."""
-    kwargs = task_kwargs(load_config(options.algo, options.task, options.overrides, config_file(options)))
+def played(options: argparse.Namespace, folder: Path, kwargs: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return a row for every agent and every place it plays at, given the arguments of the task."""
     places, rows = possible(options.task, kwargs), []
     for kind in kinds():
         plan = plan_of(kind, folder, options)
@@ -126,10 +126,6 @@ def played(options: argparse.Namespace, folder: Path) -> list[dict[str, Any]]:
                     }
                 )
     return rows
-
-
-def config_file(options: argparse.Namespace) -> Path | None:
-    return config_path(options.algo, options.configs) if options.configs else None
 
 
 def table(rows: Sequence[dict[str, Any]]) -> str:
@@ -161,7 +157,8 @@ def draw(rows: Sequence[dict[str, Any]], path: Path) -> None:
             for place in places
         ]
         means = np.array([values.mean() for values in by_place])
-        limits = np.array([interval_of_returns(values.tolist()) for values in by_place])
+        seeds = [values.tolist() if len(values) > 1 else [np.nan] for values in by_place]  # one has none
+        limits = np.array([interval_of_returns(values) for values in seeds])
         x = np.arange(len(places)) + 0.06 * (n - 1.5)
         errors = np.abs(limits.T - means)
         axes.errorbar(x, means, errors, fmt="o-", ms=3, lw=1, capsize=2, label=f"learned on {kind}")
@@ -196,10 +193,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def transfer(options: argparse.Namespace) -> int:
     """Train, play, tell."""
     folder = options.runs.absolute() / options.task.rpartition(":")[2]
-    config = load_config(options.algo, options.task, options.overrides, config_file(options))
+    path = config_path(options.algo, options.configs)
+    kwargs = task_kwargs(load_config(options.algo, options.task, options.overrides, path))
     for change in kinds().values():  # what cannot be made is told before anything is trained
         with making(options.task):
-            make_sb3(options.task, 1, env_kwargs={**task_kwargs(config), **change}).close()
+            make_sb3(options.task, 1, env_kwargs={**kwargs, **change}).close()
     folder.mkdir(parents=True, exist_ok=True)
     with locked(folder):
         try:
@@ -208,7 +206,7 @@ def transfer(options: argparse.Namespace) -> int:
         except KeyboardInterrupt:
             print("\nstopped; the same command continues")
             return INTERRUPTED
-        rows = played(options, folder)
+        rows = played(options, folder, kwargs)
         write_atomically(folder / "transfer.json", json.dumps(rows, indent=0) + "\n")
         draw(rows, folder / "transfer.svg")
         print(table(rows))

@@ -119,11 +119,12 @@ def objective(trial: optuna.Trial, options: argparse.Namespace, folder: Path) ->
         run = plan.folder(cell)
         run.mkdir(parents=True, exist_ok=True)
         log_file = run / "log.txt"
-        with open(log_file, "a", encoding="utf-8") as log, redirect_stdout(log), redirect_stderr(log):
-            try:
-                status = train.main(training(cell, plan))
-            except ConfigError as error:  # such as a batch that does not divide a rollout
-                raise optuna.TrialPruned(str(error)) from error
+        try:
+            arguments = training(cell, plan)
+            with open(log_file, "a", encoding="utf-8") as log, redirect_stdout(log), redirect_stderr(log):
+                status = train.main(arguments)
+        except ConfigError as error:  # such as a batch that does not divide a rollout
+            raise optuna.TrialPruned(str(error)) from error
         if status == INTERRUPTED:
             raise KeyboardInterrupt
         if status:
@@ -145,7 +146,7 @@ def tune(options: argparse.Namespace) -> int:
     from optuna.storages.journal import JournalFileBackend
     from optuna.trial import TrialState
 
-    path = config_path(options.algo, options.configs) if options.configs else None
+    path = config_path(options.algo, options.configs)
     config = load_config(options.algo, options.task, options.overrides, path)  # which refuses wrong ones
     folder = options.runs.absolute() / f"{options.task.rpartition(':')[2]}-{options.algo}"
     folder.mkdir(parents=True, exist_ok=True)

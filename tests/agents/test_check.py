@@ -155,9 +155,9 @@ def test_a_damaged_file(text, tmp_path, capsys):
 def test_ranges_of_seeds_do_not_meet():
     """Training, selection, curves, reports of runs and of chosen agents share no episode."""
     first = [runs.HELD_OUT_SEED, runs.SELECTION_SEED, runs.PROGRESS_SEED, runs.PUBLISHED_SEED]
-    most = 500_000  # seeds of a range
-    assert np.diff([0, *first]).min() >= most
-    assert first[-1] + most < evaluate.LAST_SEED
+    first += [runs.DATASET_SEED]
+    assert np.diff([0, *first]).min() >= evaluate.MOST_EPISODES
+    assert first[-1] + evaluate.MOST_EPISODES < evaluate.LAST_SEED
 
 
 def test_a_curve_is_thinned_and_keeps_its_end(tmp_path):

@@ -25,7 +25,7 @@ def trained(folder, *overrides, seed=0):
     return acts(observations), teacher(observations), run
 
 
-@pytest.mark.parametrize("normalize", ["false", pytest.param("true", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("normalize", ["false", "true"])
 @pytest.mark.slow
 def test_it_does_what_classical_control_does(tmp_path, normalize):
     """Nearly, after one iteration of its own; an agent that imitated nothing does something else."""

@@ -16,6 +16,5 @@ def test_learning_ends_where_the_task_is_learned_and_is_told_apart(tmp_path, cap
     (row,) = json.loads(path.read_text())
     assert row["learned"]
     assert 0 < row["steps"] <= 12288
-    assert abs(row["physics"] + row["policy"] + row["learning"] - row["seconds"]) < 0.05
     assert min(row["physics"], row["policy"], row["learning"]) > 0
     assert f"| {row['steps']:,} |" in capsys.readouterr().out

@@ -185,7 +185,7 @@ def test_episodes_of_a_task_are_played_ten_at_a_time(monkeypatch, capsys):
 
     monkeypatch.setattr(plan, "play_episodes", play)
     assert plan.main(["--tasks", TASK, "--episodes", "12", "--seed", "3", "--samples", "4"]) == 0
-    assert counted == [(4, 4, [*range(3, 13)]), (4, 4, [13, 14])]
+    assert counted == [(4, 2, [*range(3, 13)]), (4, 2, [13, 14])]
     said = capsys.readouterr().out
     assert f"{TASK}: return 0.250 (0.250–0.250) per step, success – of 12 episodes, 2.50 s" in said
 

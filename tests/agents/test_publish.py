@@ -123,6 +123,10 @@ def test_the_folder_of_an_agent_may_be_incomplete(tmp_path):
     agent = springgym.load_agent(tmp_path)
     with pytest.raises(ValueError, match=r"has no agent\.npz yet"):
         agent.policy(agent.make())
+    text = (tmp_path / "config.yaml").read_text()
+    (tmp_path / "config.yaml").write_text(text.replace("env_kwargs: {observation: frame}", "env_kwargs: 5"))
+    with pytest.raises(ValueError, match="env_kwargs is 5; it must be a mapping"):
+        springgym.load_agent(tmp_path)
 
 
 @pytest.mark.slow
@@ -134,7 +138,7 @@ def test_publishing_keeps_the_better_one(copied, tmp_path, capsys):
     (tmp_path / "run" / "versions.json").write_text(json.dumps(card["versions"]))
     command = [str(tmp_path / "run"), "--into", str(copied), "--audited", "20"]
     assert publish.main(command) == 0
-    assert "SpringTop-v0: ppo" in capsys.readouterr().out
+    assert "stays" in capsys.readouterr().out
     with np.load(copied / "SpringTop-v0" / "agent.npz") as file:
         idle = {name: np.zeros_like(values) for name, values in file.items()}
     np.savez(copied / "SpringTop-v0" / "agent.npz", **idle)

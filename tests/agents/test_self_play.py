@@ -39,7 +39,7 @@ def test_half_of_the_copies_play_the_newest() -> None:
 
 
 @pytest.mark.slow
-def test_of_two_equal_players_neither_is_better(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_of_two_equal_players_neither_is_better() -> None:
     """Each has either side in the same duels."""
     (one,) = self_play.tournament([self_play.OPPONENTS["script"]] * 2, 2)
     assert one.points.mean() == 0.5

@@ -108,13 +108,6 @@ def test_a_ball_above_a_hole_falls(inside: bool) -> None:
     assert not info["is_success"]
 
 
-@pytest.mark.slow
-def test_classical_control_goes_the_way() -> None:
-    played = play(ENV, classical(ENV), 50, observation="frame")
-    assert played.successes.mean() >= 0.9
-    assert played.returns.mean() > 0.35
-
-
 def test_waiting_does_not_pay() -> None:
     played = play(ENV, lambda seen: np.zeros((COPIES, 2), np.float32), COPIES)
     assert (played.lengths == 600).all()

@@ -447,10 +447,9 @@ def test_marks_are_marks() -> None:
         ({"memory": ()}, ValueError, "memory is .*; give both or neither"),
         ({"remember": None}, ValueError, "remember is None; give both or neither"),
         ({"memory": (NAN, 0)}, ValueError, r"memory\[0\]"),
-        (
-            {"metrics": lambda m, s: {"energy": s.time}},
-            ValueError,
-            "'energy', but info has an entry of that name",
+        *(
+            ({"metrics": lambda m, s, own=own: {own: s.time}}, ValueError, f"'{own}', but info has an entry")
+            for own in ("energy", "too_fast", "error_bound")
         ),
         ({"metrics": lambda m, s: {3: s.time}}, TypeError, "an entry named 3"),
         ({"metrics": lambda m, s: {"a": m.centre}}, ValueError, "metrics, 'a', gave"),

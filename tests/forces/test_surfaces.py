@@ -142,14 +142,11 @@ def test_a_height_differs_from_the_distance_as_its_module_says() -> None:
     [
         pytest.param((PIPE, waves(0.1, 1.0, 2.0, 0.04, level=-0.3)), id="a pipe over uneven ground"),
         pytest.param(
-            (PIPE, Plane((0, -0.5, 0), (0, 1, 0)), Plane((0, 0.5, 0), (0, -1, 0))),
-            id="a pipe with ends",
-            marks=pytest.mark.slow,
+            (PIPE, Plane((0, -0.5, 0), (0, 1, 0)), Plane((0, 0.5, 0), (0, -1, 0))), id="a pipe with ends"
         ),
         pytest.param(
             (Bowl((0.1, 0, 0.5), 1.0), floor(-0.1), Plane((0.1, 0, 0), (1, 0, 0))),
             id="half of a bowl with a level bottom",
-            marks=pytest.mark.slow,
         ),
     ],
 )

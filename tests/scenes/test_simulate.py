@@ -267,6 +267,7 @@ def test_papers_method_is_one_switch(monkeypatch, capsys):
         ([*SHORT, "--trace", "trace.txt"], "trace.txt: the name must end in .npz or .csv"),
         ([*SHORT, "--video", "film.avi"], "film.avi: the name must end in .mp4 or .gif"),
         ([*SHORT, "--plot", "nowhere/plot.png"], "there is no folder"),
+        ([*SHORT, "--method", "paper", "--integrator", "verlet"], "the paper's method is rk4"),
     ],
 )
 def test_error_is_one_line_and_status_2(capsys, arguments, message):

@@ -36,6 +36,7 @@ def test_an_episode_is_saved(tmp_path):
         (["SpringTop-v0", "--agent", "classical"], "springgym watch classical --env SpringTop-v0 --browser"),
         (["CartPole-v1"], "CartPole-v1 is no environment of springgym's"),
         (["SpringTpo-v0"], "SpringTop"),
+        (["./mine.py:Foo-v0"], "Unknown environment './mine.py:Foo-v0'"),
         *(
             (["top", "--port", str(port)], f"port is {port}; it must be a whole number from 0 to 65535")
             for port in (-1, 65536, 10**30)
