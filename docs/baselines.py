@@ -457,19 +457,16 @@ def draw_curves(rows: Sequence[dict[str, Any]], folder: Path) -> None:
             for n, name in enumerate(TRAINED):
                 if curves[name]:
                     draw_curve(own, curves[name], column, scale, name, f"C{n}")
-            own.set_xlim(0, 1.45 * own.dataLim.x1)  # beside the ends of the lines are their names
             for name, style in (("classical", "--"), ("planner", ":")):
                 if runs := by_cell.get((row.id, name)):
                     level = scale * np.mean([run["mean_return"] for run in runs])
-                    own.axhline(level, color="0.25", ls=style, lw=1.5)
-                    place = own.get_yaxis_transform()
-                    own.text(0.01, level, name, color="0.25", va="bottom", transform=place)
+                    own.axhline(level, color="0.25", ls=style, lw=1.5, label=name)
             own.margins(y=0.1)
-            own.locator_params(axis="x", nbins=6)
             own.grid(alpha=0.3)
-        axes[0].set(xlabel="samples", ylabel=f"return{unit or ' per step'}", title=row.id)
+        axes[0].set(xlabel="samples", xscale="log", ylabel=f"return{unit or ' per step'}", title=row.id)
         axes[0].xaxis.set_major_formatter(EngFormatter(sep=""))
         axes[1].set(xlabel="seconds of one core")
+        figure.legend(*axes[1].get_legend_handles_labels(), loc="outside right upper", frameon=False)
         figure.savefig(path, metadata={"Date": None})
         plt.close(figure)
 
@@ -477,20 +474,18 @@ def draw_curves(rows: Sequence[dict[str, Any]], folder: Path) -> None:
 def draw_curve(
     axes: Any, curves: Sequence[Sequence[Sequence[float]]], column: int, scale: float, name: str, color: str
 ) -> None:
-    """Draw the median of curves against samples (column 0) or seconds (1), its name, and the band of all.
+    """Draw the median of curves against samples (column 0) or seconds (1), and the band of all.
 
     Every curve is interpolated at common places, as far as all of them reach.
     """
     tables = [np.array([point[:3] for point in points], float) for points in curves]
     first, last = max(t[0, column] for t in tables), min(t[-1, column] for t in tables)
-    at = np.linspace(first, last, 100)
+    at = np.linspace(first, last, 100) if column else np.geomspace(max(first, 1.0), last, 100)
     values = scale * np.array([np.interp(at, table[:, column], table[:, 2]) for table in tables])
     middle = np.median(values, axis=0)
-    axes.plot(at, middle, color=color, lw=2)
-    axes.fill_between(at, values.min(axis=0), values.max(axis=0), color=color, alpha=0.3, lw=0)
-    place = {"xytext": (5, 0), "textcoords": "offset points", "va": "center"}
     told = f"{name}, {len(curves)} seed{'s' * (len(curves) > 1)}"
-    axes.annotate(told, (at[-1], middle[-1]), color=color, weight="bold", **place)
+    axes.plot(at, middle, color=color, lw=2, label=told)
+    axes.fill_between(at, values.min(axis=0), values.max(axis=0), color=color, alpha=0.3, lw=0)
 
 
 def apart(rows: Iterable[dict[str, Any]]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
