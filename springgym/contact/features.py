@@ -89,12 +89,12 @@ def enlist(kind: Numbers, first: int, have: Number, what: Number, wanted: Mask) 
 
     ``have`` is the number of entries of each copy; return the new number.
     """
-    put(kind, filled(wanted, have + first), wanted, what + 0.0 * have)
+    put_where(kind, filled(wanted, have + first), wanted, what + 0.0 * have)
     return have + select(wanted, 1.0, 0.0 * have)
 
 
 @compiled
-def put(array: Numbers, k: Number, wanted: Mask, what: Number) -> None:
+def put_where(array: Numbers, k: Number, wanted: Mask, what: Number) -> None:
     """Store ``what`` in each copy's row ``k`` of an array, where it is ``wanted``; all rows must exist."""
     store_each(array, k, select(wanted, what, load_each(array, k)))
 
@@ -137,11 +137,11 @@ def add_contact(count: int, first: int, members: int, touch: Closest, near: Near
             count += 1
         k = filled(fits, own + first)
         for n in range(4):
-            put(contacts.particle, 4.0 * k + n, fits, particles[n])
-            put(contacts.weight, 4.0 * k + n, fits, touch.weights[n])
+            put_where(contacts.particle, 4.0 * k + n, fits, particles[n])
+            put_where(contacts.weight, 4.0 * k + n, fits, touch.weights[n])
         set_row_each(contacts.normal, k, choose(fits, touch.normal, row_each(contacts.normal, k)))
-        put(contacts.gap, k, fits, touch.gap)
-        put(contacts.share, k, fits, touch.share)
+        put_where(contacts.gap, k, fits, touch.gap)
+        put_where(contacts.share, k, fits, touch.share)
     return count
 
 

@@ -17,13 +17,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from springgym.contact.features import put
+from springgym.contact.features import put_where
 from springgym.contact.friction import crosses, push_across
 from springgym.contact.movers import push, push_turning
 from springgym.contact.records import FAR, ROWS, Pairs, Problem, WarmStart
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Rows, Vector
-from springgym.core.lanes import any_lane, load, load_each, maximum, nearest, select, store
+from springgym.core.lanes import any_lane, load, load_each, maximum, rounded, select, store
 from springgym.core.vectors import choose, dot, row, row_each, set_row, set_row_each
 
 ROWS_OF_A_BODY = 32
@@ -79,7 +79,7 @@ def key_of(k: int, problem: Problem, rows: int) -> Key:
     elif contacts.members[k] == 1:
         others = contacts.surface[k] + 0.0 * others
     spread = (OF_PAIR * pair + OF_ENDS[0] * i) + others
-    place = spread - rows * nearest(spread * (1.0 / rows) - 0.5)
+    place = spread - rows * rounded(spread * (1.0 / rows) - 0.5)
     return Key(pair + 1, i, others, within_table(place, rows))
 
 
@@ -172,10 +172,10 @@ def keep_impulses(problem: Problem, table: WarmStart | None) -> None:
                     break
                 enters = select(load_each(table.pair, place) < 0.5, left, 0.0) > 0.5
                 if any_lane(enters):
-                    put(table.pair, place, enters, key.pair + 0.0 * place)
-                    put(table.first, place, enters, key.first)
-                    put(table.others, place, enters, key.others)
-                    put(table.impulse, place, enters, impulse)
+                    put_where(table.pair, place, enters, key.pair + 0.0 * place)
+                    put_where(table.first, place, enters, key.first)
+                    put_where(table.others, place, enters, key.others)
+                    put_where(table.impulse, place, enters, impulse)
                     enter_row(table.friction, place, row(contacts.friction, k), enters)
                     if table.couple is not None:
                         enter_row(table.couple, place, row(contacts.couple, k), enters)

@@ -252,7 +252,7 @@ def inverse_sqrt(typingctx, value):
 
 
 @intrinsic
-def nearest(typingctx, value):
+def rounded(typingctx, value):
     """Round to the nearest integer in each lane."""
 
     def codegen(context, builder, sig, args):

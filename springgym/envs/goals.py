@@ -16,7 +16,7 @@ from gymnasium import spaces
 from springgym.checks import array
 from springgym.core.compiling import kernel
 
-FARTHEST = 100.0
+BOUND = 100.0
 """Bound to which goals are clipped, in SI units. An achieved goal at or beyond it reaches no goal."""
 
 
@@ -40,7 +40,7 @@ class Goals:
 
     def space(self, observation: spaces.Box) -> spaces.Dict:
         """Return the space of observations with goals, given that of the other observations."""
-        goal = spaces.Box(-FARTHEST, FARTHEST, (self.size,), np.float64)
+        goal = spaces.Box(-BOUND, BOUND, (self.size,), np.float64)
         return spaces.Dict({"observation": observation, "achieved_goal": goal, "desired_goal": goal})
 
     def compute_reward(self, achieved_goal: object, desired_goal: object, info: object) -> Any:
@@ -88,7 +88,7 @@ def reach(
             total = 0.0
             for k in range(first, ends[n]):
                 total += (achieved[c, k] - desired[c, k]) ** 2
-                if not abs(achieved[c, k]) < FARTHEST:
+                if not abs(achieved[c, k]) < BOUND:
                     met[c] = 0.0
             if not math.sqrt(total) < within[n]:
                 met[c] = 0.0
@@ -97,7 +97,7 @@ def reach(
 
 @kernel
 def bound(goals: np.ndarray, diverged: np.ndarray) -> None:
-    """Clip goals to ±`FARTHEST`, and set those of diverged copies to `FARTHEST`."""
+    """Clip goals to ±`BOUND`, and set those of diverged copies to `BOUND`."""
     for c in range(goals.shape[0]):
         for k in range(goals.shape[1]):
-            goals[c, k] = FARTHEST if diverged[c] else min(max(goals[c, k], -FARTHEST), FARTHEST)
+            goals[c, k] = BOUND if diverged[c] else min(max(goals[c, k], -BOUND), BOUND)

@@ -204,7 +204,7 @@ def _between() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return np.array(corners), np.sum(np.array(corners) < CELLS**2, axis=1, keepdims=True), number
 
 
-def turned(angles: np.ndarray) -> np.ndarray:
+def board_axes(angles: np.ndarray) -> np.ndarray:
     """Return the rotation (3, 3) of a board that leans towards x and y by angles (2,) [rad]."""
     (a, b), (p, q) = np.cos(angles), np.sin(angles)
     return np.array([[a, 0.0, p], [-p * q, b, a * q], [-p * b, -q, a * b]])
@@ -283,7 +283,7 @@ class SpringLabyrinth(Task, kernels=(evaluate, compact, move)):
 
     def points(self, s: Situation) -> np.ndarray:
         """Return the points of ball and board in the frame of the room, where the board is tilted."""
-        turn = turned(s.goal[LEANING : LEANING + 2])
+        turn = board_axes(s.goal[LEANING : LEANING + 2])
         return np.asarray(np.vstack([s.x, _board(s.goal, self.hole)]) @ turn.T)
 
     def camera(self) -> Camera:
@@ -293,7 +293,7 @@ class SpringLabyrinth(Task, kernels=(evaluate, compact, move)):
         return Scenery(floor=-0.15)
 
     def marks(self, m: Measures, s: Situation) -> Marks:
-        turn = turned(s.goal[LEANING : LEANING + 2])
+        turn = board_axes(s.goal[LEANING : LEANING + 2])
         end = turn @ np.append(s.goal[2 * LEGS : 2 * LEGS + 2], RADIUS)
         done = int(s.goal[PASSED])
         return Marks(

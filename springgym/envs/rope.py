@@ -28,7 +28,7 @@ from springgym.scene import DriveActuator, Scene
 ACCELERATION = 3.0  # of the trolley [m/s²]
 LOAD_RADIUS = 0.34  # as it is drawn [m]
 SPEED = 3.0  # of the trolley [m/s]
-FARTHEST = 10.0  # horizontal distance of the load from its target at which an episode ends [m]
+LOST = 10.0  # horizontal distance of the load from its target at which an episode ends [m]
 CLOSE, SLOW = 0.1, 0.1  # of the load, for success [m], [m/s]
 WAY_UNIT, SPEED_UNIT = 2.0, 2.0  # units of the compact observation [m], [m/s]
 
@@ -45,7 +45,7 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
         out["error"][c] = error
         out["speed"][c] = speed
         out["met"][c] = error < CLOSE and speed < SLOW
-        out["failed"][c] = error > FARTHEST
+        out["failed"][c] = error > LOST
 
 
 @kernel

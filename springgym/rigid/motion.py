@@ -81,7 +81,7 @@ def move_together(bodies: Phase, space: Workspace, h: Number, steps: int, settle
     if steps == 0:
         if settles:
             for body in range(bodies_of(x)):
-                settle(of_body(x, body), of_body(v, body), of_body(twins, body))
+                move_to_shape(of_body(x, body), of_body(v, body), of_body(twins, body))
     else:
         goes = steps != START
         span = span_of(h, goes, x)
@@ -91,7 +91,7 @@ def move_together(bodies: Phase, space: Workspace, h: Number, steps: int, settle
 
 
 @compiled
-def settle(x: Rows, v: Rows, twin: Twin) -> None:
+def move_to_shape(x: Rows, v: Rows, twin: Twin) -> None:
     """Move the particles of a body onto its rigid shape, with unchanged momenta."""
     rigid, asymmetry, terms = twin
     if rigid.moves:

@@ -209,7 +209,7 @@ def node_of(body: int, span: Times, space: Workspace, twin: Twin) -> tuple[Rigid
 
 
 @compiled
-def reach(body: int, bodies: Phase, span: Times, space: Workspace, twin: Twin) -> None:
+def fly_to_node(body: int, bodies: Phase, span: Times, space: Workspace, twin: Twin) -> None:
     """Fly a body to the node, and compute its motion after it without contact."""
     x, v, _ = of_body(bodies, body)
     rigid, asymmetry, terms = twin
@@ -318,7 +318,7 @@ def pass_together(phase: Phase, span: Times, goes: bool, space: Workspace, twins
     collisions, contacts, places, speeds = terms.collisions, rows.contacts, all_rows(x), all_rows(v)
     if goes:
         for body in range(count):
-            reach(body, phase, span, space, of_body(twins, body))
+            fly_to_node(body, phase, span, space, of_body(twins, body))
     else:
         for i in range(places.shape[0]):
             set_row(space.here, i, row(places, i))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Number, Vector
-from springgym.core.lanes import nearest, sqrt
+from springgym.core.lanes import rounded, sqrt
 from springgym.core.vectors import TINY, cross, dot, vec
 
 PI_HIGH = 3.1415925025939941  # 22 bits: a few times it is exact
@@ -17,7 +17,7 @@ def sine_cosine(angle: Number) -> tuple[Number, Number]:
 
     The angle is reduced to |angle| ≤ π/2, with Taylor series at half of it and double-angle formulas.
     """
-    turns = nearest(angle * 0.3183098861837907)
+    turns = rounded(angle * 0.3183098861837907)
     half = 0.5 * ((angle - turns * PI_HIGH) - turns * PI_LOW)
     z = half * half
     series = 2.8114572543455206e-15 * z - 7.647163731819816e-13

@@ -24,7 +24,7 @@ from springgym.scenes.plan import SPEEDS
 from springgym.scenes.recording import Progress, Recording
 from springgym.surfaces import Plane
 
-SIZE = (640, 640)
+PIXELS = (640, 640)
 FPS = 50.0
 GIF_FPS = 25.0
 """Frames per second of a GIF: browsers show GIFs with many more at the wrong speed."""
@@ -91,7 +91,7 @@ def frames(
     if plan.view.strain:
         strain = strains(drawn, plan.scene.of_bodies("lengths"), x)
         drawn = replace(drawn, strain_scale=strain_scale(strain))
-    renderer = Renderer(drawn, camera(recording), scenery(recording), SIZE)
+    renderer = Renderer(drawn, camera(recording), scenery(recording), PIXELS)
     along = way(recording)
     still, note = renderer.camera, () if pace == 1 else (told(pace),)
     for t in progress(np.arange(0.0, recording.times[-1] + 1e-9, pace / fps)):
@@ -141,7 +141,7 @@ def turning(scene: Scene, bodies: Sequence[Measures]) -> float:
     return max((float(np.linalg.norm(omega, axis=1).max()) for omega in turns), default=0.0)
 
 
-def camera(recording: Recording, size: tuple[int, int] = SIZE, moments: Sequence[int] = ()) -> Camera:
+def camera(recording: Recording, size: tuple[int, int] = PIXELS, moments: Sequence[int] = ()) -> Camera:
     """Return a camera that shows all of the motion or, if the body goes far, the body at some ``moments``.
 
     Without ``moments``, it shows the body at its start, and has to move along `way`.

@@ -22,7 +22,7 @@ import numpy as np
 from springgym.checks import TINY, array, number, whole
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Number, Vector
-from springgym.core.lanes import load, load_each, maximum, minimum, nearest, sqrt
+from springgym.core.lanes import load, load_each, maximum, minimum, rounded, sqrt
 from springgym.core.vectors import row, vec
 from springgym.identity import digest
 from springgym.surfaces.surface import Surface, points
@@ -79,7 +79,7 @@ def splines(t: Number, cells: Number, density: Number) -> Any:
     Beyond the grid they continue linearly.
     """
     held = minimum(maximum(t, 0.0), cells)
-    cell = maximum(minimum(nearest(held - 0.5), cells - 1.0), 0.0)
+    cell = maximum(minimum(rounded(held - 0.5), cells - 1.0), 0.0)
     s, beyond = held - cell, t - held
     rest = 1.0 - s
     bends = (rest, 3.0 * s - 2.0, 1.0 - 3.0 * s, s)

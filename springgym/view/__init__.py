@@ -159,8 +159,7 @@ def save_page(motion: Motion | Recording, path: str | Path, speed: float | None 
     ValueError
         If the name ends in neither .html nor .viser.
     """
-    from springgym.view.stage import Stage, look_from
-    from springgym.view.stage import record as play
+    from springgym.view.stage import Stage, look_from, play
 
     path = Path(path)
     check_new(path, ENDINGS)

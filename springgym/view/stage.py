@@ -440,7 +440,7 @@ class Stage:
         self._lines(name, points, np.array(color), thickness)
 
 
-def record(server: Any, stage: Stage, motion: Motion, fps: float, speed: float) -> Any:
+def play(server: Any, stage: Stage, motion: Motion, fps: float, speed: float) -> Any:
     """Record a motion once with viser's serializer, and return that."""
     moments = np.arange(0.0, motion.times[-1] + 1e-9, speed / fps)
     serializer = server.get_scene_serializer()
