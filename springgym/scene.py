@@ -529,20 +529,17 @@ class Scene(ReadOnly):
         """Largest speed [m/s] at which every impact has its restitution, to about 0.02; infinite without
         impacts.
 
-        It is determined by the softest body, see `springgym.surfaces.contact.faithful_speed`. Faster impacts
-        leave energy in vibrations. `restitution_at` estimates their restitution. Steps limit it, too, see
-        `Simulator.faithful_speed`.
+        It is determined by the softest body or contact, see `springgym.surfaces.contact.faithful_speed`.
+        Faster impacts leave energy in vibrations; `restitution_at` estimates their restitution. Steps limit
+        the speed, too, see `Simulator.faithful_speed`.
         """
         found = [math.inf]
         if self.surfaces and isinstance(self.contact, Contact) and self.contact.restitution > 0:
-            strained = [body for body in self._moving if not shape(body).turns]
-            found += [faithful_speed(scales(self.contact, body)[1], body) for body in strained]
+            found += [faithful_speed(*scales(self.contact, body), body) for body in self._moving]
         for met in self._different_meetings():
-            pair = [self.bodies[n] for n in met[:2]]
-            moving = [placed.body for placed in pair if placed.free.any()]
-            strained = [body for body in moving if not shape(body).turns]
-            if strained and met.contact.restitution > 0:
-                found.append(faithful_speed(met.reach, *strained))
+            moving = [self.bodies[n].body for n in met[:2] if self.bodies[n].free.any()]
+            if met.contact.restitution > 0:
+                found.append(faithful_speed(met.strength, met.reach, *moving))
         return min(found)
 
     @cached_property

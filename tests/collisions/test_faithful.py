@@ -12,6 +12,7 @@ from springgym.bodies import ball, cube, rolling_ball, rope
 from springgym.scene import Placed, Scene
 from springgym.simulator import Simulator
 from springgym.surfaces import Contact, PaperContact, floor
+from springgym.theory.contact import turning_point
 
 MEASURED = {1e5: ((0.5, 0.991), (2, 0.874), (5, 0.578), (10, 0.520)), 1e6: ((5, 0.953), (10, 0.746))}
 """Restitution of cubes by their stiffness [N/m], face on face, at speeds [m/s]: 5 mm of reach, e = 1."""
@@ -54,15 +55,26 @@ def test_softest_contact_counts() -> None:
         assert Scene(bodies=(held, bodies[1]), **on).faithful_speed == on_floor.faithful_speed
 
 
+def test_what_rolls_comes_no_nearer_than_a_tenth_of_the_reach() -> None:
+    one, c, reach = rolling_ball(0.1, mass=2.0), 1e-4, 0.002
+    law = Contact(reach=reach, strength=c)
+    two = tuple(Placed(one, np.add(one.positions, (0, 0, z)), name=f"{z}") for z in (1, 2))
+    for mass, scene in (
+        (2.0, Scene(bodies=two[:1], surfaces=(floor(),), contact=law)),
+        (1.0, Scene(bodies=two, collisions=law)),
+    ):
+        speed = scene.faithful_speed
+        assert turning_point(0.5 * mass * speed**2, c, reach) == pytest.approx(0.1 * reach)
+
+
 def test_what_has_no_faithful_speed() -> None:
-    """Particles, ropes and what rolls do not vibrate; what does not rebound asks for nothing."""
+    """Single particles and ropes have no shape to vibrate about; what does not rebound asks for nothing."""
     body = cube()
     raised = body.positions + np.array([0.0, 0.0, 2.0])
     for scene in (
         Scene(body),
         Scene(body, raised, surfaces=(floor(),), contact=Contact(restitution=0.0)),
         Scene(body, raised, surfaces=(floor(),), contact=PaperContact()),
-        Scene(rolling_ball(0.1), np.add(rolling_ball(0.1).positions, (0, 0, 1.0)), surfaces=(floor(),)),
         Scene(
             ball(0.1),
             np.array([[0, 0, 1.0]]),

@@ -87,7 +87,7 @@ def test_bodies_rebound_with_their_restitution(mover: str, on: str, dynamics: st
     copies = len(E) * fast * phases
     step = world(of, on, Contact(), 0.02, dynamics=dynamics).simulator.step / finer
     w = world(of, on, Contact(0.3, 0.5), 0.0203, dynamics=dynamics, copies=copies, step=step)
-    most = w.simulator.scene.faithful_speed
+    most = w.simulator.faithful_speed
     speeds = np.geomspace(min(0.1, most / 2), most, fast)
     v, e, late = (each.ravel() for each in np.meshgrid(speeds, E, np.arange(phases) / phases, indexing="ij"))
     w.simulator.vary(np.arange(copies), restitution=e)
