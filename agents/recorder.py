@@ -191,7 +191,7 @@ MAY_CHANGE = ("total_timesteps", "seconds", "log_every", "checkpoint_every", "ev
 
 
 def save_checkpoint(run: Run, env: StaggeredMonitor, model: BaseAlgorithm, recorder: Recorder) -> None:
-    """Write the model and all that training depends on into one file, swapped in whole, and the agent.
+    """Write the model and all that training depends on into one file, swapped in whole.
 
     To be called between iterations: after an update and before the next step is taken.
     """
@@ -214,7 +214,6 @@ def save_checkpoint(run: Run, env: StaggeredMonitor, model: BaseAlgorithm, recor
             archive.writestr("training_state.pkl", pickle.dumps(state))
             if normalize:
                 archive.writestr("vecnormalize.pkl", pickle.dumps(normalize))
-    save_agent(run.agent, model)
 
 
 def load_checkpoint(run: Run, env: StaggeredMonitor, recorder: Recorder) -> BaseAlgorithm:
