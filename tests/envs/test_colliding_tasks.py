@@ -378,11 +378,12 @@ def test_opponents_are_checked_and_so_is_what_they_give() -> None:
 
 @pytest.mark.slow
 def test_waiting_does_not_win() -> None:
-    """Left to itself, a top loses; kept in the middle, it earns less than a win."""
-    for policy in (duel.OPPONENTS["still"], duel.OPPONENTS["guard"]):
-        idle = play("SpringDuel-v0", policy, COPIES, observation="frame")
-        assert idle.successes.mean() < 0.25
-        assert (500 * idle.returns[~idle.successes]).max() < 0.5
+    """Left to itself, a top loses; one that is kept in the middle may win, and earns less where it does not."""
+    idle, guard = (
+        play("SpringDuel-v0", duel.OPPONENTS[of], 50, observation="frame") for of in ("still", "guard")
+    )
+    assert not idle.successes.any()
+    assert guard.returns[~guard.successes].max() < 0.6 * guard.returns[guard.successes].min()
 
 
 # --- Two agents -----------------------------------------------------------------------------------------
