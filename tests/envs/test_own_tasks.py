@@ -15,7 +15,7 @@ from numpy.random import Generator
 import springgym
 from springgym.bodies import box, cube, gyroscope, rigid_velocities, rotation, stretched_shapes
 from springgym.envs.arrows import across, torque_arrow
-from springgym.envs.goals import FARTHEST, Aim
+from springgym.envs.goals import BOUND, Aim
 from springgym.envs.observation import Situation
 from springgym.envs.sb3 import make_sb3
 from springgym.envs.starts import direction, tilted, uniform
@@ -320,7 +320,7 @@ def test_a_copy_that_diverged_reaches_no_goal() -> None:
     seen, earned, terminated, *_ = envs.step(np.zeros((2, 2)))
     assert terminated.tolist() == [True, False]
     assert earned.tolist() == [0.0, 1.0]
-    assert (seen["achieved_goal"][0] == FARTHEST).all()
+    assert (seen["achieved_goal"][0] == BOUND).all()
 
 
 @pytest.mark.parametrize(
