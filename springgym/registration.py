@@ -152,7 +152,9 @@ def spec_of(env_id: str) -> EnvSpec:
         if module:
             import_module(module)
             why = f"The module {module} does not register it"
-    except (ImportError, ValueError, TypeError) as error:  # of a relative name
+    except TypeError:  # a relative name
+        why = f"{module!r} is not the name of a module"
+    except (ImportError, ValueError) as error:
         why = str(error)
     if name in gym.registry:
         return gym.registry[name]
