@@ -37,6 +37,7 @@ from evaluate import percent, score
 from gymnasium.vector import AutoresetMode, VectorEnv
 from results import (
     PROTOCOL,
+    SUITE,
     add_row,
     identity,
     interval_of_returns,
@@ -342,9 +343,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Command line."""
     default = Planner()
     parser = command_line(__doc__)
-    every = [row.id for row in ENVIRONMENTS]
+    every = list(dict.fromkeys((*(row.id for row in ENVIRONMENTS), *SUITE)))
     parser.add_argument(
-        "--tasks", nargs="+", default=every, metavar="ID", help="environment ids (default: all)"
+        "--tasks", nargs="+", default=every, metavar="ID", help="environment ids (default: all, and suite)"
     )
     parser.add_argument("--json", type=new_file(), help="file of rows, in the form of agents/benchmark.py")
     parser.add_argument(
