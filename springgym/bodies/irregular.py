@@ -218,7 +218,7 @@ def union(bodies: Sequence[Body], name: str = "union") -> Body:
         has = {
             "round features": body.rounds,
             "a radius": body.radius,
-            "no shape, as it is floppy": body.floppy,
+            "no shape of its own": body.floppy,
             "no springs": not len(body.springs),
             "springs of other lengths": not np.allclose(body.lengths, body.with_(lengths=None).lengths),
         }

@@ -245,7 +245,7 @@ def test_union_errors_name_the_offender():
         (box().with_(radius=0.1, triangles=()), "a radius"),
         (box().with_(lengths=0.9 * box().lengths), "springs of other lengths"),
         (ball(0.1).with_(radius=0.0), "no springs"),
-        (rope(), "no shape"),
+        (rope(), "no shape of its own"),
         (rolling_ball(0.1), "round features"),
     ):
         with pytest.raises(ValueError, match=f"has {has}, which a union does not take over"):

@@ -140,7 +140,7 @@ HALF_INSIDE_OUT = union(
         ),
         (lambda: beside(box((1, 1, 0.03))), ValueError, "body 'b' cannot collide: it is 0.03 m thick"),
         (lambda: beside(box((1, 1, 0.01))), ValueError, "edge from particle 0 to 4 is 0.01 m long"),
-        (lambda: beside(CUBE, collisions="some"), TypeError, "collisions is 'some'; it must be 'all'"),
+        (lambda: beside(CUBE, collisions="some"), ValueError, "collisions is 'some'; it must be 'all'"),
         (lambda: beside(CUBE, collisions=3), TypeError, "collisions is 3; it must be"),
         (lambda: beside(CUBE, collisions=(1,)), TypeError, r"collisions\[0\] is 1; it must be Pair"),
         (lambda: beside(CUBE, collisions=(Pair("a", "c"),)), ValueError, r"collisions\[0\] names 'c'"),
