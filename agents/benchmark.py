@@ -156,7 +156,7 @@ def recorded(path: Path) -> Any:
 
 
 def commit_of(folder: Path) -> str | None:
-    """Return the commit at which a run was begun; None if nothing says so."""
+    """Return the commit at which a run was begun; None if ``versions.json`` is missing or damaged."""
     return (recorded(folder / "versions.json") or {}).get("git_revision")
 
 

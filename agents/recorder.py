@@ -68,6 +68,11 @@ SHORTEST, LONGEST = 1.0, 30.0
 within these bounds."""
 
 
+def line_of(row: Sequence[object]) -> str:
+    """Return a line of a table: its cells between commas, and nothing for None."""
+    return ",".join("" if cell is None else str(cell) for cell in row) + "\n"
+
+
 class Recorder(BaseCallback):
     """Writes rows and checkpoints between iterations, and moves the progress bar."""
 
@@ -87,7 +92,7 @@ class Recorder(BaseCallback):
         self.progress: list[tuple[int, float, float, float | None]] = []
 
     def state(self) -> dict[str, Any]:
-        """Return the state on which the following rows depend, and the rows so far."""
+        """Return the attributes of `STATE` by name, for a checkpoint."""
         return {name: getattr(self, name) for name in STATE}
 
     def restore(self, state: dict[str, Any]) -> None:
@@ -97,12 +102,15 @@ class Recorder(BaseCallback):
 
     def write_tables(self) -> None:
         """Write metrics.csv and progress.csv, without what a stopped run wrote after its checkpoint."""
-        for name, columns, rows in (
-            ("metrics.csv", COLUMNS, self.rows),
-            ("progress.csv", PROGRESS, self.progress),
-        ):
-            lines = [",".join("" if cell is None else str(cell) for cell in row) for row in rows]
-            write_atomically(self.run.folder / name, "\n".join([",".join(columns), *lines]) + "\n")
+        tables = (("metrics.csv", COLUMNS, self.rows), ("progress.csv", PROGRESS, self.progress))
+        for name, columns, rows in tables:
+            write_atomically(self.run.folder / name, "".join(map(line_of, [columns, *rows])))
+
+    def add(self, row: tuple[float | None, ...], rows: list[Any], name: str) -> None:
+        """Add a row to those of a table, and to its file."""
+        rows.append(row)
+        with open(self.run.folder / name, "a", encoding="utf-8") as file:
+            file.write(line_of(row))
 
     def _on_training_start(self) -> None:
         self.checkpoint_at, self.seconds_at = self.num_timesteps, self.seconds
@@ -156,8 +164,7 @@ class Recorder(BaseCallback):
         task = task_kwargs(self.config)
         played = evaluate(str(self.run.folder), self.run.env_id, task, PLAYED, PROGRESS_SEED)
         reached = played.return_per_step, played.success_rate
-        self.progress.append((self.num_timesteps, round(self.seconds, 2), *reached))
-        self.write_tables()
+        self.add((self.num_timesteps, round(self.seconds, 2), *reached), self.progress, "progress.csv")
 
     def write_row(self) -> None:
         """Append a row and start the next one."""
@@ -172,8 +179,7 @@ class Recorder(BaseCallback):
             safe_mean([episode["l"] for episode in episodes]) if episodes else None,
             safe_mean(successes) if successes else None,
         )
-        self.rows.append(row)
-        self.write_tables()
+        self.add(row, self.rows, "metrics.csv")
         self.logger.record("rollout/reward_per_step", reward_per_step)
         self.model.dump_logs()
         shown = {"reward/step": f"{reward_per_step:.3f}"}

@@ -168,7 +168,7 @@ def identity(row: Row) -> tuple[Any, ...]:
 def read_rows(
     path: Path, key: Callable[[dict[str, Any]], Any] = identity
 ) -> dict[tuple[Any, ...], dict[str, Any]]:
-    """Read the rows of a file by their ``key``; a file that is absent has none.
+    """Return the rows of a JSON file by their ``key``; no rows if the file is missing.
 
     Raises
     ------

@@ -55,7 +55,7 @@ PROGRESS_SEED = 2_000_000
 PUBLISHED_SEED = 2_500_000
 """First seed of the episodes that a chosen agent is reported on: none had a part in the choice."""
 DATASET_SEED = 3_000_000
-"""First seed of the episodes that are recorded: neither do agents learn from them, nor are they evaluated on
+"""First seed of the episodes in recorded data sets. No agent learns in these episodes or is evaluated on
 them."""
 
 

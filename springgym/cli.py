@@ -150,7 +150,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 def check_new(path: Path, endings: Sequence[str] = ()) -> None:
-    """Check the name and the folder of a file that is to be written, before any work is done.
+    """Check the ending and the folder of a file to write, before any work is done.
 
     Raises
     ------

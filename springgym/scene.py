@@ -38,7 +38,7 @@ MOST_BODIES = 1000
 """Largest number of bodies of a scene."""
 
 MOST_LISTED = 20
-"""The `repr` of a scene lists at most this many bodies, and this many pairs."""
+"""Largest number of bodies, and of pairs, that the `repr` of a scene lists."""
 
 
 @dataclass(frozen=True)
@@ -526,8 +526,9 @@ class Scene(ReadOnly):
 
     @cached_property
     def faithful_speed(self) -> float:
-        """Largest speed [m/s] at which every impact has its restitution, to about 0.02; infinite without
-        impacts.
+        """Largest impact speed [m/s] up to which bodies rebound with their restitution, to about 0.02.
+
+        It is infinite if nothing rebounds.
 
         It is determined by the softest body or contact, see `springgym.surfaces.contact.faithful_speed`.
         Faster impacts leave energy in vibrations; `restitution_at` estimates their restitution. Steps limit

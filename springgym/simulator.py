@@ -332,7 +332,7 @@ class Simulator:
 
     @cached_property
     def faithful_speed(self) -> float:
-        """Largest speed [m/s] at which every impact has its restitution, with steps of this length.
+        """Largest impact speed [m/s] up to which bodies rebound with their restitution, with this step.
 
         It is that of the scene, and at most 0.2 Δ per step, with the least Δ: faster impacts have a larger
         restitution. Infinite without impacts.

@@ -123,8 +123,8 @@ class Cycle(NamedTuple):
 class LastNode(NamedTuple):
     """Data of the last node that dampers need where contact acts: see `springgym.integrators.node`."""
 
-    given: np.ndarray
-    """(N, 3) half of the velocity change by contact at the last node [m/s]; it predicts that of the next"""
+    half_change: np.ndarray
+    """(N, 3) half of the change of velocity by contact at the last node [m/s], which predicts the next one"""
     sweep: np.ndarray
     """(1,) 0 if the next sweep of dampers comes before the actuators, 1 if after them"""
 

@@ -47,7 +47,7 @@ def check_alone(
     calls: Sequence[int],
     chosen: Sequence[int],
 ) -> Simulator:
-    """Compare chosen copies of a batch, advanced in several calls, with simulators of one copy and call."""
+    """Check that a batch advanced in several calls has the bits of single copies advanced in one call."""
     batch = make(len(x))
     batch.place(x, v)
     for steps in calls:

@@ -173,9 +173,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "agents", nargs="+", help="run folders; the environment's id; zero, random, classical, planner"
     )
     parser.add_argument("--episodes", type=whole(1, 100_000), default=100, help="of each (default: 100)")
-    parser.add_argument(
-        "--seed", type=whole(0, 2**31), default=DATASET_SEED, help="seed of the first episode"
-    )
+    parser.add_argument("--seed", type=whole(0, 2**31), default=DATASET_SEED, help="of the first episode")
     parser.add_argument("--noise", type=number(0, 1), default=0.0, help="of actions, 1 for half their range")
     add_overrides(parser)
     options = parser.parse_args(arguments)

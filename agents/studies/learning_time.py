@@ -84,6 +84,7 @@ def measure(env_id: str, seed: int, config: Config) -> dict[str, Any]:
         model = new_model(run, env)
         model.set_logger(make_logger(run, 0))
         watch = Stopwatch(run, env)
+        watch.write_tables()
         begin_with_imitation(run, model, watch)
         watch.physics = 0.0
         total = run.config.total_timesteps

@@ -76,9 +76,9 @@ class Meetings(ReadOnly):
     first: np.ndarray
     second: np.ndarray
     contacts: tuple[Contact, ...]
-    """contact parameters of the pairs, each object once"""
+    """the different contacts, of which several pairs may have the same"""
     how: np.ndarray
-    """the index in `contacts` of each pair's parameters"""
+    """index in `contacts` of the pair's contact"""
     strength: np.ndarray
     """c [N·m²]"""
     reach: np.ndarray

@@ -31,9 +31,9 @@ ROLLING, SPINNING = range(2)
 
 @compiled
 def within_cone(wanted: Vector, limit: Number) -> Vector:
-    """Return the tangential impulse ``wanted``, scaled down to the length ``limit``, μ J, if it is longer.
+    """Return a tangential impulse ``wanted``, shortened to the Coulomb limit μ J if it is longer.
 
-    Both are in N·s, or both per mass.
+    Impulse and ``limit`` are in N·s, or both per mass.
     """
     return minimum(limit / sqrt(dot(wanted, wanted) + TINY), 1.0) * wanted
 

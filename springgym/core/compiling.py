@@ -245,7 +245,7 @@ class WholeTuple(models.TupleModel):
 
 @register_model(numba.types.NamedTuple)
 def _tuple_model(manager: DataModelManager, kind: numba.types.NamedTuple) -> models.TupleModel:
-    """Return how Numba stores a named tuple: as a `WholeTuple` if it belongs to this package.
+    """Return the data model by which Numba stores a named tuple: `WholeTuple` for those of this package.
 
     Tuples of other packages keep Numba's model, which code compiled elsewhere expects.
     """

@@ -172,7 +172,7 @@ def _of_each(scale: float | np.ndarray, particles: np.ndarray) -> np.ndarray:
 
 @compiled
 def along(u: np.ndarray, e1: np.ndarray, e3: np.ndarray, axis: int) -> float:
-    """Return the component of a vector (3,) along an axis of a triad, given the first and the third."""
+    """Return the component of a vector u (3,) along axis 0, 1 or 2 of the triad e1, e3 × e1, e3."""
     total = 0.0
     for n in range(3):
         if axis == 0:

@@ -90,10 +90,10 @@ def load_agent(agent: str | Path) -> Agent:
 
     kwargs: dict[str, Any] = {}
     for name in ("env_kwargs", "eval_env_kwargs"):
-        given = run.config.get(name, {})
-        if not isinstance(given, dict):
-            raise YamlError(f"{folder / 'config.yaml'}: {name} is {shown(given)}; it must be a mapping")
-        kwargs |= given
+        arguments = run.config.get(name, {})
+        if not isinstance(arguments, dict):
+            raise YamlError(f"{folder / 'config.yaml'}: {name} is {shown(arguments)}; it must be a mapping")
+        kwargs |= arguments
     return Agent(folder.name, run.env_id, kwargs, policy)
 
 

@@ -155,7 +155,7 @@ def add_predicted(own: Bodies, last: LastNode | None) -> None:
         space = own.space
         for i in range(own.x.shape[0]):
             if space.busy[i]:
-                set_row(space.w, i, row(space.w, i) + row(last.given, i))
+                set_row(space.w, i, row(space.w, i) + row(last.half_change, i))
 
 
 @compiled
@@ -165,7 +165,7 @@ def subtract_predicted(own: Bodies, span: Times, last: LastNode | None) -> None:
         space, work = own.space, 0.0 * span.out
         for i in range(own.x.shape[0]):
             if space.busy[i]:
-                half = row(last.given, i)
+                half = row(last.half_change, i)
                 now = row(space.w, i) - half
                 set_row(space.w, i, now)
                 others = now - plus_scaled(row(own.v, i), span.lead, row(space.a, i))
@@ -177,7 +177,7 @@ def subtract_predicted(own: Bodies, span: Times, last: LastNode | None) -> None:
 def store_predicted(i: int, half: Vector, last: LastNode | None) -> None:
     """Store ``half`` of the change of velocity of particle ``i`` by contact for the next node."""
     if last is not None:
-        set_row(last.given, i, half)
+        set_row(last.half_change, i, half)
 
 
 @compiled

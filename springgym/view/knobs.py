@@ -46,7 +46,7 @@ class Knob(NamedTuple):
 
 
 def _linear(unit: str, low: float, high: float, step: float, most: float = math.inf) -> Callable[..., Knob]:
-    """Make a slider between bounds, or to twice the number in the file if that is larger, up to ``most``."""
+    """Return a function that makes a slider between bounds, or to twice the file's number, up to ``most``."""
 
     def knob(path: tuple[str, ...], value: float) -> Knob:
         label = f"{path[-1].replace('_', ' ')} {unit}".strip()
@@ -56,7 +56,7 @@ def _linear(unit: str, low: float, high: float, step: float, most: float = math.
 
 
 def _share(unit: str) -> Callable[..., Knob | None]:
-    """Make a slider up to four times the number in the file; None if that is 0."""
+    """Return a function that makes a slider up to four times the file's number; None if that is 0."""
 
     def knob(path: tuple[str, ...], value: float) -> Knob | None:
         if value <= 0:
@@ -69,7 +69,7 @@ def _share(unit: str) -> Callable[..., Knob | None]:
 
 
 def _decades(unit: str) -> Callable[..., Knob | None]:
-    """Make a logarithmic slider from a hundredth to ten times the number in the file; None if that is 0."""
+    """Return a function that makes a logarithmic slider, 0.01 to 10 times the file's number; None for 0."""
 
     def knob(path: tuple[str, ...], value: float) -> Knob | None:
         if value <= 0:
