@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Literal, Unpack
 import numpy as np
 from gymnasium import spaces
 
-from springgym.checks import chosen, whole
+from springgym.checks import chosen, suggestion, whole
 from springgym.envs.base import SingleEnv, SpringEnv, _plain, frame_rate
 from springgym.envs.duel import FIRST, SECOND, SpringDuel
 from springgym.envs.options import Observation, SimulationOptions, mapping
@@ -75,21 +75,21 @@ class ParallelDuel(SingleEnv, ParallelEnv):
         max_episode_steps: int = 500,
         **options: Unpack[PlayerOptions],
     ) -> None:
-        for name in ("opponent", "sparse"):
-            if name in options:
-                raise ValueError(f"{name} is not an option of an environment of two agents; leave it out")
+        known = ParallelOptions.__annotations__
+        for name in options:
+            if name not in known:
+                raise TypeError(f"ParallelDuel has no argument {name!r}{suggestion(name, known)}")
         if render_mode is not None:
             chosen("render_mode", render_mode, self.metadata["render_modes"])
         self.render_mode = render_mode
         limit = whole("max_episode_steps", max_episode_steps, 1)
+        self._answered = np.ones((1, 2))  # full force, in trials for a tolerance
         self._make(1, opponent=self._answer, max_episode_steps=limit, **options)
-        task = self.task
         self.possible_agents = list(AGENTS)
         self.agents: list[str] = []
-        self.observation_spaces = dict.fromkeys(AGENTS, task.observation_space)
-        self.action_spaces = dict.fromkeys(AGENTS, task.action_space)
-        self._answered = np.zeros((1, *task.action_space.shape))
-        self.state_space = task.observation_space
+        self.observation_spaces = dict.fromkeys(AGENTS, self.task.observation_space)
+        self.action_spaces = dict.fromkeys(AGENTS, self.task.action_space)
+        self.state_space = self.task.observation_space
 
     @property
     def task(self) -> SpringDuel:

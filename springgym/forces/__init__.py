@@ -20,7 +20,7 @@ from springgym.forces.actuators import (
     record_holding,
     set_actuation,
 )
-from springgym.forces.paper_contact import Sampled, add_paper_forces, clamp
+from springgym.forces.paper_contact import Sampled, add_paper_forces
 from springgym.forces.springs import add_spring_forces, damp, spring_energy
 from springgym.own_forces import add_own_forces, own_energy
 from springgym.terms import Dampers, Particles, Terms
@@ -164,12 +164,6 @@ def drift(x: Rows, v: Rows, tau: Number) -> None:
     """Move the particles at their velocities for ``tau`` seconds, without contact."""
     for i in range(x.shape[0]):
         add_row(x, i, tau * row(v, i))
-
-
-@compiled
-def settle(x: Rows, v: Rows, terms: Terms) -> None:
-    """Apply the paper's clamp after a step, for methods without splitting."""
-    clamp(x, v, terms.particles, terms.surfaces, terms.paper_law)
 
 
 @compiled

@@ -7,7 +7,8 @@ import numpy as np
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Number, Rows
 from springgym.core.vectors import add_scaled, plus_scaled, row, set_row
-from springgym.forces import derivative, settle
+from springgym.forces import derivative
+from springgym.forces.paper_contact import clamp
 from springgym.integrators.record import Integrator
 from springgym.terms import Terms
 
@@ -52,4 +53,4 @@ def integrate(
         for i in range(x.shape[0]):
             add_scaled(x, i, h / 6.0, row(dx, i) + row(vs, i))
             add_scaled(v, i, h / 6.0, row(dv, i) + row(a, i))
-        settle(x, v, terms)
+        clamp(x, v, terms.particles, terms.surfaces, terms.paper_law)

@@ -44,9 +44,9 @@ def orientation(x: Rows, rigid: Rigid) -> Block:
 @compiled
 def set_particles(x: Rows, v: Rows, state: State, solid: Solid) -> None:
     """Set positions and velocities of the particles of a rigid body."""
-    _, spin, position, velocity = state
+    _, momentum, position, velocity = state
     now = turned(solid.axes, state.q)
-    omega = combine(now, angular_velocity(spin, solid.rigid))
+    omega = combine(now, angular_velocity(momentum, solid.rigid))
     for i in range(solid.terms.particles.mass.size):
         r = combine(now, row(solid.rigid.shape, i))
         set_row(x, i, position + r)
@@ -67,10 +67,10 @@ def read_state(x: Rows, v: Rows, rigid: Rigid, asymmetry: Numbers, terms: Terms)
         velocity = mass_centre(v, mass)
     if rigid.turns:
         axes = orientation(x, rigid)
-        spin = apply(axes, angular_momentum(x, v, mass, position))
+        momentum = apply(axes, angular_momentum(x, v, mass, position))
     else:
         axes = (vec(1.0 + zero, zero, zero), vec(zero, 1.0 + zero, zero), vec(zero, zero, 1.0 + zero))
-        spin = nothing
+        momentum = nothing
     centre = mass_centre(rigid.shape, mass)
     total = load(mass, 0)
     for i in range(1, mass.size):
@@ -79,4 +79,4 @@ def read_state(x: Rows, v: Rows, rigid: Rigid, asymmetry: Numbers, terms: Terms)
     if rigid.pivot >= 0:
         lightness = 0.0 * lightness
     solid = Solid(rigid, asymmetry, axes, centre, total, lightness, terms)
-    return State((1.0 + zero, zero, zero, zero), spin, position, velocity), solid
+    return State((1.0 + zero, zero, zero, zero), momentum, position, velocity), solid

@@ -39,40 +39,42 @@ def turned(axes: Block, q: Vector) -> Block:
 
 
 @compiled
-def angular_velocity(spin: Vector, rigid: Rigid) -> Vector:
+def angular_velocity(momentum: Vector, rigid: Rigid) -> Vector:
     moments = vector(rigid.moments)
-    return vec(spin[0] / moments[0], spin[1] / moments[1], spin[2] / moments[2])
+    return vec(momentum[0] / moments[0], momentum[1] / moments[1], momentum[2] / moments[2])
 
 
 @compiled
-def twist_about_second(q: Vector, spin: Vector, tau: Number, asymmetry: Numbers) -> tuple[Vector, Vector]:
+def twist_about_second(q: Vector, momentum: Vector, tau: Number, asymmetry: Numbers) -> tuple[Vector, Vector]:
     """Apply the flow of ½(1/I₂ − 1/I₁) Π₂² for ``tau`` seconds."""
-    s, c = sine_cosine(0.5 * tau * load(asymmetry, 0) * spin[1])
+    s, c = sine_cosine(0.5 * tau * load(asymmetry, 0) * momentum[1])
     turned = (c * q[0] - s * q[2], c * q[1] - s * q[3], c * q[2] + s * q[0], c * q[3] + s * q[1])
     sine, cosine = 2.0 * s * c, 1.0 - 2.0 * s * s
-    return turned, vec(cosine * spin[0] - sine * spin[2], spin[1], cosine * spin[2] + sine * spin[0])
+    return turned, vec(
+        cosine * momentum[0] - sine * momentum[2], momentum[1], cosine * momentum[2] + sine * momentum[0]
+    )
 
 
 @compiled
-def turn_freely(q: Vector, spin: Vector, tau: Number, rigid: Rigid) -> tuple[Vector, Vector]:
+def turn_freely(q: Vector, momentum: Vector, tau: Number, rigid: Rigid) -> tuple[Vector, Vector]:
     """Rotate a free body whose first two moments are I₁ for ``tau`` seconds."""
     slow = 1.0 / load(rigid.moments, 0)
-    q = product(q, rotation_vector(spin, tau * slow))
-    s, c = sine_cosine(0.5 * tau * (1.0 / load(rigid.moments, 2) - slow) * spin[2])
+    q = product(q, rotation_vector(momentum, tau * slow))
+    s, c = sine_cosine(0.5 * tau * (1.0 / load(rigid.moments, 2) - slow) * momentum[2])
     turned = (c * q[0] - s * q[3], c * q[1] + s * q[2], c * q[2] - s * q[1], c * q[3] + s * q[0])
     sine, cosine = 2.0 * s * c, 1.0 - 2.0 * s * s
     return normalised(turned), vec(
-        cosine * spin[0] + sine * spin[1], cosine * spin[1] - sine * spin[0], spin[2]
+        cosine * momentum[0] + sine * momentum[1], cosine * momentum[1] - sine * momentum[0], momentum[2]
     )
 
 
 @compiled
 def fly(state: State, tau: Number, rigid: Rigid, asymmetry: Numbers) -> State:
     """Return the state after a free flight of ``tau`` seconds."""
-    q, spin, position, velocity = state
+    q, momentum, position, velocity = state
     if asymmetry is not None:
-        q, spin = twist_about_second(q, spin, 0.5 * tau, asymmetry)
-    q, spin = turn_freely(q, spin, tau, rigid)
+        q, momentum = twist_about_second(q, momentum, 0.5 * tau, asymmetry)
+    q, momentum = turn_freely(q, momentum, tau, rigid)
     if asymmetry is not None:
-        q, spin = twist_about_second(q, spin, 0.5 * tau, asymmetry)
-    return State(q, spin, position + tau * velocity, velocity)
+        q, momentum = twist_about_second(q, momentum, 0.5 * tau, asymmetry)
+    return State(q, momentum, position + tau * velocity, velocity)

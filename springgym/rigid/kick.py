@@ -36,7 +36,7 @@ def kick(
 
     The work is the product of their impulse with the mean of the velocities before and after.
     """
-    q, spin, position, velocity = state
+    q, momentum, position, velocity = state
     rigid, total = solid.rigid, solid.total
     twist, push = weight(q, tau, solid.terms.gravity, solid)
     if wrench is not None or thrust is not None:
@@ -47,8 +47,8 @@ def kick(
             force = tau * combine(solid.axes, turn(q, force))
             push = push + force
             record(ledger, WORK, dot(velocity + 0.5 / total * push, force))
-        record(ledger, WORK, dot(angular_velocity(spin + 0.5 * twist, rigid), torque))
-    return State(q, spin + twist, position, velocity + 1.0 / total * push)
+        record(ledger, WORK, dot(angular_velocity(momentum + 0.5 * twist, rigid), torque))
+    return State(q, momentum + twist, position, velocity + 1.0 / total * push)
 
 
 @compiled

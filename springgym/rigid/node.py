@@ -59,7 +59,7 @@ STILL = 1e-3
 curved by less than 1e-10 Δ. The quotient of this curve and the rotation is rounding, and would shake bodies
 at rest."""
 
-AXES, SPIN, POSITION, VELOCITY, CENTRE, MASS = 0, 3, 4, 5, 6, 7
+AXES, MOMENTUM, POSITION, VELOCITY, CENTRE, MASS = 0, 3, 4, 5, 6, 7
 """Rows of a body at the node: its `State` and `Solid`; the row of its mass also has 1/mass."""
 
 ROWS = 8
@@ -167,7 +167,7 @@ def thrown_by(b: Rows, tau: Number, solid: Solid, wrench: Wrench | None, thrust:
 def reach_node(state: State, span: Times, b: Rows, solid: Solid) -> RigidNode:
     """Return the node of a body; ``b`` is set by `set_loads`."""
     axes = turned(solid.axes, state.q)
-    before = (apply(axes, state.velocity), state.spin)
+    before = (apply(axes, state.velocity), state.momentum)
     twist, push = weight(state.q, 1.0, solid.terms.gravity, solid)
     rate = (solid.lightness * apply(axes, push), twist)
     thrown = thrown_by(b, span.whole, solid, solid.terms.wrench, solid.terms.thrust)
@@ -182,7 +182,7 @@ def keep_state(state: State, solid: Solid, rows: Rows) -> None:
     axes = turned(solid.axes, state.q)
     for n in range(3):
         set_row(rows, AXES + n, axes[n])
-    set_row(rows, SPIN, state.spin)
+    set_row(rows, MOMENTUM, state.momentum)
     set_row(rows, POSITION, state.position)
     set_row(rows, VELOCITY, state.velocity)
     set_row(rows, CENTRE, solid.centre)
@@ -198,7 +198,7 @@ def kept_state(rows: Rows, twin: Twin) -> tuple[State, Solid]:
     axes = (row(rows, AXES), row(rows, AXES + 1), row(rows, AXES + 2))
     solid = Solid(rigid, asymmetry, axes, row(rows, CENTRE), mass[0], mass[1], terms)
     q = (1.0 + zero, zero, zero, zero)
-    return State(q, row(rows, SPIN), row(rows, POSITION), row(rows, VELOCITY)), solid
+    return State(q, row(rows, MOMENTUM), row(rows, POSITION), row(rows, VELOCITY)), solid
 
 
 @compiled
@@ -243,12 +243,12 @@ def fly_to_node(body: int, bodies: Phase, span: Times, space: Workspace, twin: T
     set_row(turning.point, body, state.position)
     set_turn(body, 0, solid.axes, space, rigid)
     velocity = node.falling + combine(solid.axes, node.thrown[0])
-    spin = combine(solid.axes, node.free[1])
+    momentum = combine(solid.axes, node.free[1])
     set_row(rows.before, 2 * body, state.velocity)
-    set_row(rows.before, 2 * body + 1, combine(solid.axes, state.spin))
+    set_row(rows.before, 2 * body + 1, combine(solid.axes, state.momentum))
     for of in (rows.free, rows.velocity):
         set_row(of, 2 * body, velocity)
-        set_row(of, 2 * body + 1, spin)
+        set_row(of, 2 * body + 1, momentum)
 
 
 @compiled

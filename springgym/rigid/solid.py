@@ -18,7 +18,7 @@ class State(NamedTuple):
 
     q: Vector
     """the rotation from the body's orientation when the call began"""
-    spin: Vector
+    momentum: Vector
     """angular momentum about the body's point, in body coordinates [kg·m²/s]"""
     position: Vector
     """of that point, the pin or the centre of mass [m]"""
