@@ -502,9 +502,7 @@ def test_pettingzoo_s_registry_makes_it() -> None:
 
 
 def test_refusals_of_two_agents() -> None:
-    with pytest.raises(
-        ValueError, match="'SpringTop-v0'; it must be an environment of several agents: Spring"
-    ):
+    with pytest.raises(ValueError, match="'SpringTop-v0'; it must be .* of several agents: Spring"):
         parallel("SpringTop-v0")
     for name in ("opponent", "spars", "goals"):
         with pytest.raises(
