@@ -161,6 +161,11 @@ def tune(options: argparse.Namespace) -> int:
             direction="maximize",
             load_if_exists=True,
         )
+        made = {"task": options.task, "algo": options.algo, "seeds": options.seeds}
+        made["set"] = list(overrides_of(options))
+        if study.user_attrs.get("made", made) != made:
+            raise ConfigError(f"{folder} has trials of {study.user_attrs['made']}; name other --runs")
+        study.set_user_attr("made", made)
         tried = [trial.system_attrs.get("fixed_params", trial.params) for trial in study.get_trials()]
         for trial in study.get_trials():
             if trial.state == TrialState.RUNNING:  # a kill left it
@@ -170,9 +175,8 @@ def tune(options: argparse.Namespace) -> int:
         space = SPACES[options.algo]
         for change in ({}, {name: value for name, value in WIDER.items() if name in space}):
             study.enqueue_trial(shipped(config, space) | change, skip_if_exists=True)
-        done = [TrialState.COMPLETE, TrialState.PRUNED]
         try:
-            while len(study.get_trials(states=done, deepcopy=False)) < options.trials:
+            while len(study.get_trials(False, (TrialState.COMPLETE, TrialState.PRUNED))) < options.trials:
                 study.optimize(lambda trial: objective(trial, options, folder), n_trials=1)
                 tell(study, options, folder, path)
         except KeyboardInterrupt:
@@ -187,8 +191,7 @@ def tell(study: optuna.Study, options: argparse.Namespace, folder: Path, path: P
         {"number": t.number, "state": t.state.name, "value": t.value, **t.params, **t.user_attrs}
         for t in study.get_trials(deepcopy=False)
     ]
-    made = {"task": options.task, "algo": options.algo, "seeds": options.seeds, "set": overrides_of(options)}
-    content = {**made, "searched": SPACES[options.algo], "trials": trials}
+    content = {**study.user_attrs["made"], "searched": SPACES[options.algo], "trials": trials}
     options.out.mkdir(parents=True, exist_ok=True)
     write_atomically(options.out / f"{folder.name}.json", json.dumps(content, indent=1) + "\n")
     print(f"trial {trials[-1]['number']}: {trials[-1]['state'].lower()}, {trials[-1]['value']}")
@@ -210,12 +213,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--seeds", type=whole(1, 1000), default=2, help="agents of each trial (default: 2)")
     parser.add_argument("--seed", type=whole(0, 2**31 - 1), default=0, help="seed of the search")
     parser.add_argument("--runs", type=Path, default=Path("runs/tune"), help="folder for the studies")
-    parser.add_argument(
-        "--out",
-        type=Path,
-        default=CONFIG_FOLDER / "trials",
-        help="folder for the trials (default: configs/trials)",
-    )
+    trials = CONFIG_FOLDER / "trials"
+    parser.add_argument("--out", type=Path, default=trials, help="for trials (default: configs/trials)")
     add_hyperparameters(parser)
     options = parser.parse_args(arguments)
     return guarded("tune.py", lambda: tune(options), (*MENDABLE, ModuleNotFoundError))

@@ -48,7 +48,10 @@ def test_a_search_and_its_continuation(command, narrow, tmp_path, capsys):
     best = max(found["trials"], key=lambda trial: trial["value"])
     config = load_config("ppo", TOY, path=tmp_path / "tune" / "Toy-v0-ppo" / "best.yaml")
     assert (str(config.net_arch), config.total_timesteps) == (best["net_arch"], 2048)
-    assert f"best: trial {best['number']}" in capsys.readouterr().out
+    assert tune.main(command("--trials", "3", "--seeds", "2")) == 2
+    told = capsys.readouterr()
+    assert f"best: trial {best['number']}" in told.out
+    assert "has trials of {'task': 'toy_env:Toy-v0', 'algo': 'ppo', 'seeds': 1, " in told.err
 
 
 def test_an_interrupted_trial_goes_on(command, narrow, tmp_path, monkeypatch, capsys):
