@@ -151,6 +151,7 @@ def used(algorithm: str, config: Config | None) -> list[str]:
         "imitation": bool(getattr(config, "imitate", 0)),
         "other starts": bool(config and config.eval_env_kwargs),
         "data": algorithm == "iql",
+        "planning": algorithm == "planner",
     }
     return [name for name in USED if found.get(name)]
 

@@ -61,9 +61,9 @@ TIMES = HERE / "learning_time.json"
 CARDS = HERE.parent / "agents" / "trained"
 TASKS: tuple[Row | Variant, ...] = (*ENVIRONMENTS, *VARIANTS)
 TIERS = {
-    "first steps": "A linear policy solves these tasks, and is found in seconds. Begin here.",
+    "first steps": "A linear policy (`--algo linear`) solves these tasks, and is found in seconds.",
     "standard": "PPO solves most of these tasks with the package's hyperparameters; linear policies do not.",
-    "harder": "PPO succeeds in most episodes.",
+    "harder": "Variants that are harder to control. PPO succeeds in most episodes.",
     "hard": "PPO fails in most episodes, although these tasks can be done.",
 }
 INTRODUCTION = """# Baselines
@@ -71,7 +71,7 @@ INTRODUCTION = """# Baselines
 This page shows what each algorithm reaches on each task, by one [protocol](benchmark.md). Each cell gives
 
 - the return per step (at most 1) or, where the cell says so, per episode, averaged over training seeds, with
-  its 95 % interval and the number of seeds;
+  its 95 % interval and, of several seeds, their number (of one seed, the interval is over its episodes);
 - the share of held-out episodes that succeed. Agents play without exploration.
 
 **Bold** marks the best known return of a task. A dash means not run or, in *used*, nothing. *Sparse* is PPO
@@ -85,7 +85,8 @@ of all {all} results.
 """
 AGENTS = """## Trained agents
 
-The package contains the best agent of each task: its weights, its configuration and a card with the
+The package contains an agent of each environment, the best of those that were compared on the
+[episodes for selection](benchmark.md#seeds-and-episodes): its weights, its configuration and a card with the
 training command, versions, checksums, evaluation and audit.
 
 ```sh
@@ -93,9 +94,8 @@ springgym evaluate SpringTop-v0
 springgym watch SpringTop-v0 --out top.gif
 ```
 
-The audit checks whether an agent exploits simulation errors: it replays the same episodes with a quarter
-of the step, with another integrator and with rigid bodies. An agent passes if the 95 % upper bound on its
-loss of return is below 2 %. "Not played" means that this simulation could not run the task when the agent
+The last column is the [audit](training.md#audit-and-generalization), which checks whether an agent exploits
+simulation errors. "Not played" means that this simulation could not run the task when the agent
 was audited.
 """
 TIME = """## Time to learn
@@ -113,18 +113,19 @@ PLANS = """## Planner
 The planner searches with the exact simulator and learns nothing
 ([method](training.md#plan-without-learning)). The table lists its settings, its results with 95 % intervals,
 and its cost in seconds of one core per simulated second. Where bodies collide, planning is expensive, so
-plans are few and short. Classical control earns more in most of these tasks.
+most of these tasks have fewer or shorter plans. Classical control earns more in most of these tasks.
 
 {table}
 """
 COMPARISON = """## Suite
 
 Algorithms are compared on {tasks} tasks at equal budgets. A score is the share of the way from random
-actions (0) to the better of classical control and the planner (1). Cells give the mean score over seeds, and
-the number of seeds. The last row gives the interquartile mean over all runs and, of several seeds, its 95 %
+actions (0) to the better of classical control and the planner (1), which plays 10 episodes. Cells give the
+mean score over seeds, and their number. The last row gives the interquartile mean over all runs and, of several seeds, its 95 %
 interval, a bootstrap over seeds stratified by task. An algorithm that used more than the rewards of its own
 episodes has a column of its own. A dash means that there is no result, or that its run was shorter than the
-budget.
+budget. The [protocol](benchmark.md) asks for five seeds. Tasks outside the suite were trained from one so
+far.
 """
 WORLDS = """## Generalization
 
@@ -175,15 +176,17 @@ METHOD = """## How it was made
 ```sh
 python -m pip install -c constraints.txt -e ".[agents,ray]"
 python agents/benchmark.py --runs runs/benchmark
+python agents/benchmark.py --runs runs/benchmark --seconds 0 --tasks SpringTop-v0 SpringRope-v0
+python agents/plan.py --json docs/planner.json
 python docs/baselines.py --rows runs/benchmark/baselines.json
 python docs/environments.py
 ```
 
 The second command trains and evaluates the suite, on all cores or on a Ray cluster; run again, it
-continues. The third writes this page and draws all curves. Runs of a number of steps (`--seconds 0`) are
+continues. The third does so for other tasks, and the fourth plans. The last two write this page, all curves
+and the pages of the environments. Runs of a number of steps (`--seconds 0`) are
 bit-identical on the same machine and commit; those of a number of seconds end at another step each time.
 
-- *Linear* is a ← clip(W o + b) over `observation="frame"`, found by the cross-entropy method.
 - *Classical* is the hand-written controller in `agents/controllers.py`.
 - `configs/` holds the hyperparameters and the observation. Where a file names no observation, PPO
   observes particles, and the other algorithms `"frame"`. A variant that a file does not name uses the
@@ -409,8 +412,8 @@ def table_of_agents() -> list[str]:
 def page(rows: Sequence[dict[str, Any]]) -> str:
     """The page of these rows."""
     lines = [INTRODUCTION, *suite(rows)]
-    if old := sum(map(is_old, rows)):
-        lines.append(OLD.format(old=old, all=len(rows)))
+    if old := sum(map(is_old, every := [*rows, *recorded()])):
+        lines.append(OLD.format(old=old, all=len(every)))
     for tier, what in TIERS.items():
         lines += [f"## {tier.capitalize()}\n", what + "\n", *table_of(tier, rows), ""]
     lines += [

@@ -249,10 +249,6 @@ def _span(values: Sequence[float], told: Callable[[float], str]) -> str:
     return "–".join(ends)
 
 
-def _successes(runs: list[Report]) -> str:
-    return _span([own["success_rate"] for own in runs], percent)
-
-
 def _seconds(runs: list[Report]) -> str:
     return _span([own["seconds"] for own in runs], "{:.0f}".format)
 
@@ -412,8 +408,6 @@ NUMBERS: dict[str, Number] = {
     "learning processor": _learning(TOP, lambda own: own["measured"]["cpu"]),
     "top, PPO seconds": _baseline(TOP, "ppo", _seconds),
     "duel, PPO success": _baseline("SpringDuel-v0", "ppo", _success),
-    "duel, PPO span": _baseline("SpringDuel-v0", "ppo", _successes),
-    "duel, PPO seeds": _baseline("SpringDuel-v0", "ppo", lambda runs: str(len(runs))),
     "duel, agent against script": _of("duels", percent, "success_rate", opponent="script"),
     "duel, agent against guard": _of("duels", percent, "success_rate", opponent="guard"),
     "duel, agent against strong": _of("duels", percent, "success_rate", opponent="strong"),

@@ -143,9 +143,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("runs", nargs="+", type=Path, help="run folders")
     parser.add_argument("--episodes", type=whole(2, 100_000), default=EPISODES)
     parser.add_argument("--audited", type=whole(2, 100_000), default=EPISODES, help="episodes of the audit")
-    parser.add_argument(
-        "--into", type=Path, default=PUBLISHED, help="folder for the agents (default: agents/trained)"
-    )
+    parser.add_argument("--into", type=Path, default=PUBLISHED, help="folder (default: agents/trained)")
     parser.add_argument("--again", action="store_true", help="evaluate and audit these published agents anew")
     options = parser.parse_args(arguments)
 
