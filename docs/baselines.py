@@ -121,11 +121,11 @@ COMPARISON = """## Suite
 
 Algorithms are compared on {tasks} tasks at equal budgets. A score is the share of the way from random
 actions (0) to the better of classical control and the planner (1), which plays 10 episodes. Cells give the
-mean score over seeds, and their number. The last row gives the interquartile mean over all runs and, of several
-seeds, its 95 % interval, a bootstrap over seeds stratified by task. An algorithm that used more than the
-rewards of its own episodes has a column of its own. A dash means that there is no result, or that its run was shorter than the
-budget. The [protocol](benchmark.md) asks for five seeds. Tasks outside the suite were trained from one so
-far.
+mean score over seeds, and their number. The last row gives the interquartile mean over all runs and, of
+several seeds, its 95 % interval, a bootstrap over seeds stratified by task. An algorithm that used more than
+the rewards of its own episodes has a column of its own. A dash means that there is no result, or that its
+run was shorter than the budget. The [protocol](benchmark.md) asks for five seeds. Tasks outside the suite
+were trained from fewer so far.
 """
 WORLDS = """## Generalization
 
