@@ -26,7 +26,7 @@ from config import MENDABLE, ConfigError, command_line, making, new_file, whole
 from controllers import CLASSICAL
 from evaluate import MOST_EPISODES, evaluate, find_task, percent
 from results import PROTOCOL, interval_of_returns, made_with, probe, read_rows
-from runs import HELD_OUT_SEED, write_rows
+from runs import write_rows
 
 from springgym.cli import guarded
 from springgym.envs.trained import PUBLISHED, published
@@ -110,12 +110,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line."""
     parser = command_line(__doc__)
     parser.add_argument("tasks", metavar="ID", nargs="*", help="environment ids (default: all)")
-    parser.add_argument(
-        "--episodes",
-        type=whole(2, MOST_EPISODES),
-        default=100,
-        help=f"episodes to play, from seed {HELD_OUT_SEED} on (default: 100)",
-    )
+    played = "held-out episodes of each agent and world (default: 100)"
+    parser.add_argument("--episodes", type=whole(2, MOST_EPISODES), default=100, help=played)
     parser.add_argument("--rows", type=new_file(), help="JSON file of rows, to be continued")
     options = parser.parse_args(arguments)
     return guarded("generalize.py", lambda: _generalize(options), MENDABLE)

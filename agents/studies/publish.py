@@ -4,10 +4,11 @@
     python agents/studies/publish.py --again agents/trained/SpringTop-v0    # evaluate a published agent anew
 
 Of several runs of a task, the script takes the one with the highest return on episodes for the selection, and
-reports it on others. It replaces a published agent only if the new one is better in the selection. It writes
-config.yaml, agent.npz (arrays of numbers only) and card.json to agents/trained/ID. The card holds the
-training command, versions and commit, checksums, the result with a 95 % interval of the mean, and the result
-of the audit (see audit.py). The audit needs more episodes (--audited) if the return is earned in few steps.
+reports it on others. It replaces a published agent only if the new one is better in the selection, and if
+the audit (see audit.py) does not find that it exploits errors. It writes config.yaml, agent.npz (arrays of
+numbers only) and card.json to agents/trained/ID. The card holds the training command, versions and commit,
+checksums, the result with a 95 % interval of the mean, and the audit. The audit needs more episodes
+(--audited) if the return is earned in few steps.
 `springgym evaluate ID`, `springgym watch ID` and `springgym.load_agent` find the agents by the id of their
 environment.
 """
@@ -111,6 +112,9 @@ def publish(folders: Sequence[Path], episodes: int, audited: int, into: Path) ->
                 continue
         made_with = json.loads((folder / "versions.json").read_text(encoding="utf-8"))
         found = card(open_run(folder), episodes, audited, made_with)
+        if any(finding["verdict"] == "does not survive" for finding in found["audit"]):
+            print(f"{env_id}: {folder} does not survive the audit")
+            continue
         place.mkdir(parents=True, exist_ok=True)
         (place / "card.json").unlink(missing_ok=True)  # written last: without it there is no agent
         for name in SHARED:
