@@ -9,8 +9,8 @@ twin, which has no springs to exploit. Where bodies collide, the twin is left ou
 otherwise, and classical control, too, earns up to a quarter less there. The agent observes and acts in each
 of them. The script reports the loss as a share of the return, with a 95 % interval. The agent survives a
 simulation if its loss is certainly less than 2 %, and does not survive if it is certainly more. Otherwise
-there are too few episodes. Simulations that do not exist for an environment are not played. The exit status is 0 if the agent survives all
-simulations that were played, and at least one was.
+there are too few episodes. Simulations that do not exist for an environment are not played. The exit status
+is 0 if the agent survives all simulations that were played, and at least one was.
 """
 
 from __future__ import annotations
