@@ -17,7 +17,6 @@ import numpy as np
 from benchmarks.conditions import progress
 from benchmarks.errors import EPISODES, EVERY, PERIODS, batch, references, repeated
 from benchmarks.timing import Row
-from springgym.bodies.distances import largest_distances
 from springgym.integrators import integrator
 from springgym.registration import ENVIRONMENTS
 from springgym.simulator import Simulator
@@ -54,21 +53,18 @@ def curve(
     exact = references(task, usual.step, episodes)[0]
     found = ladder(env_id, episodes, **options)
     played, steps_took = [], []
-    for period in repeated(envs, (exact, *found.values()), periods, every):
-        if period.repeated:
-            played.append(period)
+    for step in repeated(envs, (exact, *found.values()), periods, every):
+        if step.repeated:
+            played.append(step)
         else:  # nothing else was in the processor's memory
-            steps_took.append(period.took)
+            steps_took.append(step.took)
     default = usual.integrator.name, at.steps
-    times = {key: _typical(period.repeating[n + 1] for period in played) for n, key in enumerate(found)}
+    times = {key: _typical(step.repeating[n + 1] for step in played) for n, key in enumerate(found)}
     around = _typical(steps_took) - times[default]
     rows = []
     for n, (key, simulator) in enumerate(found.items()):
         errors = np.concatenate(
-            [
-                largest_distances(period.repeated[n + 1], period.repeated[0], task.scene.sizes)[period.counts]
-                for period in played
-            ]
+            [step.distances(step.repeated[n + 1], step.repeated[0], task.scene.sizes) for step in played]
         )
         median, least, largest = (float(f(errors)) for f in (np.median, np.min, np.max))
         if not largest <= DIVERGED:  # nor if it is not a number

@@ -3,11 +3,13 @@
 After a control period with a random action, how far the particle that is farthest from where exact steps
 take it is from there, over the size of its body. Episodes begin and go on as they do for everybody:
 `EPISODES` copies, from the seeds 0, 1, …, go through `PERIODS` control periods, of which one in `EVERY`
-counts; an episode that ends is followed by another.
+counts; an episode that ends is followed by another. Of a step of several control periods, the largest of
+their errors is taken, and every second step counts.
 """
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
@@ -76,16 +78,13 @@ def step_errors(
     at = envs.unwrapped.episodes
     exact, *others = references(at.task, at.simulator.step, episodes)
     errors, estimates, apart = [], [], [0.0]
-    for period in repeated(envs, (exact, *others), periods, every):
-        if not period.repeated:
+    for step in repeated(envs, (exact, *others), periods, every):
+        if not step.repeated:
             continue
-        here, (there, *elsewhere), counts = period.positions, period.repeated, period.counts
-        errors.append(largest_distances(here, there, at.task.scene.sizes)[counts])
-        estimates.append(period.infos["step_error"][counts])
-        apart += [
-            largest_distances(other, there, at.task.scene.sizes)[counts].max(initial=0.0)
-            for other in elsewhere
-        ]
+        there, *elsewhere = step.repeated
+        errors.append(step.distances(step.positions, there, at.task.scene.sizes))
+        estimates.append(step.infos["step_error"][step.counts])
+        apart += [step.distances(other, there, at.task.scene.sizes).max(initial=0.0) for other in elsewhere]
     return StepErrors(at.simulator.step, np.concatenate(errors), np.concatenate(estimates), max(apart))
 
 
@@ -94,51 +93,72 @@ def batch(env_id: str, copies: int, **options: Any) -> Any:
     return gym.make_vec(env_id, num_envs=copies, vectorization_mode="vector_entry_point", **options)
 
 
-class Period(NamedTuple):
-    """A control period, and its repetitions by other simulators, if it counts."""
+class Played(NamedTuple):
+    """An environment step, and repetitions of its control periods by other simulators, if it counts."""
 
     counts: np.ndarray
     """which copies count"""
     positions: np.ndarray
-    """where the environment's step ends"""
+    """(periods, copies, N, 3) where each control period ends"""
     infos: dict[str, Any]
     took: float
     """processor time of the environment's step [s]"""
     repeated: tuple[np.ndarray, ...]
     """where the repetitions end"""
-    repeating: tuple[float, ...]
-    """processor times of these [s]"""
+    repeating: np.ndarray
+    """processor times of these [s], of all control periods together"""
+
+    def distances(self, positions: np.ndarray, others: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+        """Return the `largest_distances` of the copies that count, over all control periods."""
+        return np.asarray(largest_distances(positions, others, sizes).max(axis=0)[self.counts])
 
 
 def repeated(
     envs: Any, simulators: Sequence[Simulator], periods: int = PERIODS, every: int = EVERY
-) -> Iterator[Period]:
-    """Play episodes with random actions, and yield each control period.
+) -> Iterator[Played]:
+    """Play episodes with random actions, and yield each environment step.
 
-    Those that count are repeated by every simulator from the same state, with the same action.
+    The control periods of those that count are repeated by every simulator from the same state, with the same
+    action.
     """
     at = envs.unwrapped.episodes
-    own, period = at.simulator, at.task.period
+    own, parts = at.simulator, at.task.periods
+    every = every if parts == 1 else 2
     rng = np.random.default_rng(0)
     envs.reset(seed=0)
     goes_on = np.ones(at.copies, bool)
-    for n in range(periods):
+    for n in range(math.ceil(periods / parts)):
         actions = rng.uniform(-1, 1, envs.action_space.shape).astype(np.float32)
         at.action[:] = actions  # as in the step, for who responds to it
-        driven = at.driven_by(actions.astype(float))
         counts = goes_on & (n % every == 0)
-        repeating = []
-        for other in simulators if counts.any() else ():
-            other.place(own.positions, own.velocities)
-            other.actuate(**driven)
-            began = time.process_time()
-            other.advance(round(period / other.step), check=False)
-            repeating.append(time.process_time() - began)
+        here: list[np.ndarray] = []
+        there: list[list[np.ndarray]] = []
+        repeating = np.zeros(len(simulators))
+
+        def repeat(actions: np.ndarray = actions, there: Any = there, repeating: Any = repeating) -> None:
+            driven = at.driven_by(actions.astype(float))
+            for k, other in enumerate(simulators):
+                other.place(own.positions, own.velocities)
+                other.actuate(**driven)
+                began = time.process_time()
+                other.advance(round(at.task.period / other.step), check=False)
+                repeating[k] += time.process_time() - began
+            there.append([other.positions for other in simulators])
+
+        def follow(here: Any = here, repeat: Any = repeat) -> None:
+            here.append(own.positions)
+            if len(here) < parts:
+                repeat()
+
+        if counts.any():
+            repeat()
+            at.each_period = follow
         began = time.process_time()
         _, _, terminated, truncated, infos = envs.step(actions)
         took = time.process_time() - began
-        ends = tuple(other.positions for other in simulators) if repeating else ()
-        yield Period(counts, own.positions, infos, took, ends, tuple(repeating))
+        at.each_period = None
+        ends = tuple(np.array(of) for of in zip(*there, strict=True))
+        yield Played(counts, np.array(here), infos, took, ends, repeating)
         goes_on = ~(terminated | truncated)  # the others begin anew in the next step
 
 

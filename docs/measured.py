@@ -19,7 +19,7 @@ import json
 import re
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
@@ -48,7 +48,7 @@ OTHERS = {
 }
 PAGES = (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(HERE.glob("*.md")))
 ROUNDS = 5
-LONG = ("variants", "suite", "another")
+LONG = ("variants", "suite")
 """Sections that are measured only when they are named."""
 
 Report = Mapping[str, Any]
@@ -137,20 +137,10 @@ def suite() -> dict[str, Any]:
         return {"rows": [{"minutes": (time.perf_counter() - began) / 60}]}
 
 
-def another() -> dict[str, Any]:
-    """Measure what the pages tell of a second processor: run this there."""
-    report = {name: bench.measure(name, ROUNDS) for name in ("kernel", "environments", "features", "peers")}
-    return {
-        "rounds": ROUNDS,
-        "rows": [{"name": key, "value": value} for key, value in told_of_another(report)],
-    }
-
-
 MEASURES: dict[str, Callable[[], dict[str, Any]]] = {
     "variants": variants,
     "duels": duels,
     "suite": suite,
-    "another": another,
 }
 
 
@@ -522,90 +512,27 @@ def table_of_equal_error(report: Report) -> str:
     return table(head, lines)
 
 
-OWN_COPIES = {"single": {"how": "single"}} | {
-    f"native, {n}": {"how": "native", "copies": n, "threads": 1} for n in (64, 1024)
-}
-COMPARED = ("SpringTop-v0", "SpringTumble-v0", "SpringShove-v0", "SpringStack-v0", "SpringDuel-v0")
 COLLIDING = ("bodies that may meet, apart", "tops rim to rim", "a cube's face on another's")
 
 
-def told_of_another(report: Report) -> Iterator[tuple[str, float]]:
-    """Names and numbers of what is told of a second processor."""
-    found = ratios(report)
-    for method, precision in COLUMNS:
-        for copies in (1, 1024):
-            yield (
-                f"{method} {precision}, {copies}",
-                found[f"{method} {precision}, {copies} copies: springgym / C++"],
-            )
-        yield f"{method} {precision}, threads", found[f"{method} {precision}, 1024 copies: 2 threads / 1"]
-    for env_id in COMPARED:
-        for name, how in OWN_COPIES.items():
-            yield f"{env_id}, {name}", row(report, "environments", environment=env_id, **how)["median"]
-    for threads in (1, 2):
-        yield (
-            f"top float32, {threads}",
-            row(report, "environments", how=F32, copies=4096, threads=threads)["median"],
-        )
-    for feature in COLLIDING:
-        for copies in (64, 1):
-            off, on = (
-                row(report, "features", feature=feature, copies=copies, **{"is": state})["median"]
-                for state in ("off", "on")
-            )
-            yield f"{feature}, {copies}", off / on
-
-
-def _another(report: Report) -> dict[str, float]:
-    return {own["name"]: own["value"] for own in report["another"]["rows"]}
-
-
-def table_of_another_top(report: Report) -> str:
-    found = _another(report)
-    rows = [
-        [what, *(f"{found[f'{method} {precision}, {key}']:.2f}" for method, precision in COLUMNS)]
-        for key, what in (
-            ("1", "one copy, share of C++"),
-            ("1024", "1024 copies, share of C++"),
-            ("threads", "2 threads for one"),
-        )
-    ]
-    return table(["", *HEADS], rows)
-
-
-def table_of_another_environments(report: Report) -> str:
-    found = _another(report)
-    rows = [
-        [f"`{env_id}`", *(grouped(found[f"{env_id}, {name}"]) for name in OWN_COPIES)] for env_id in COMPARED
-    ]
-    return table(["environment steps per second", *OWN_COPIES], rows)
-
-
 def table_of_collisions(report: Report) -> str:
-    found = _another(report)
-    rows = [[feature, *(times(found[f"{feature}, {copies}"]) for copies in (64, 1))] for feature in COLLIDING]
+    def cost(feature: str, copies: int) -> str:
+        off, on = (
+            row(report, "features", feature=feature, copies=copies, **{"is": state})["median"]
+            for state in ("off", "on")
+        )
+        return times(off / on)
+
+    rows = [[feature, *(cost(feature, copies) for copies in (64, 1))] for feature in COLLIDING]
     return table(["a step costs, times the springs'", "64 copies", "one copy"], rows)
 
-
-def _other(name: str, told: Callable[[float], str]) -> Number:
-    return lambda report: told(_another(report)[name])
-
-
-NUMBERS |= {
-    "another": lambda report: conditions_of(report["another"]),
-    "another, rounds": lambda report: str(report["another"]["rounds"]),
-    "another, top float32": _other("top float32, 1", grouped),
-    "another, top float32, 2 threads": _other("top float32, 2", grouped),
-}
 
 TABLES: dict[str, Callable[[Report], str]] = {
     "the paper's top": table_of_the_top,
     "environments": table_of_environments,
     "curves": table_of_curves,
     "equal error": table_of_equal_error,
-    "another, the paper's top": table_of_another_top,
-    "another, environments": table_of_another_environments,
-    "another, collisions": table_of_collisions,
+    "collisions": table_of_collisions,
     "cheapest methods": lambda report: cheapest_methods(report["accuracy"]),
 }
 
