@@ -102,9 +102,8 @@ TIME = """## Time to learn
 
 The table gives the training time of PPO, with the configuration of the package, until it succeeds in 90 % of
 20 held-out episodes (evaluated every 32,768 steps; in SpringTop-v0, every 16,384). Times are seconds of one
-core of {cpu}, divided
-into physics, policy and learning. `python agents/studies/learning_time.py --json docs/learning_time.json`
-measures them.
+core of {cpu}, divided into physics, policy and learning.
+`python agents/studies/learning_time.py --json docs/learning_time.json` measures them.
 
 {table}
 """

@@ -137,11 +137,7 @@ def suite() -> dict[str, Any]:
         return {"rows": [{"minutes": (time.perf_counter() - began) / 60}]}
 
 
-MEASURES: dict[str, Callable[[], dict[str, Any]]] = {
-    "variants": variants,
-    "duels": duels,
-    "suite": suite,
-}
+MEASURES: dict[str, Callable[[], dict[str, Any]]] = {"variants": variants, "duels": duels, "suite": suite}
 
 
 # --- As text ------------------------------------------------------------------------------------------

@@ -187,6 +187,7 @@ def test_error_of_a_step_where_others_act_too() -> None:
     assert found.errors.shape == found.estimates.shape == (6,)
     assert 0 < found.errors.min() < found.errors.max() < 1e-4  # the opponent alone moves its top by 3e-4
     np.testing.assert_allclose(found.estimates, found.errors, rtol=0.05)
+    assert step_errors("SpringBilliards-v0", finer, episodes=2, periods=1).errors.max() < 1e-3  # a stroke
 
 
 @pytest.mark.slow
