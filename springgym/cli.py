@@ -150,7 +150,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 def check_new(path: Path, endings: Sequence[str] = ()) -> None:
-    """Check the ending and the folder of a file to write, before any work is done.
+    """Check that a file to write has one of the endings and that its folder exists, before any work is done.
 
     Raises
     ------

@@ -76,9 +76,9 @@ class Meetings(ReadOnly):
     first: np.ndarray
     second: np.ndarray
     contacts: tuple[Contact, ...]
-    """the different contacts, of which several pairs may have the same"""
+    """the distinct contacts; several pairs may share one"""
     how: np.ndarray
-    """index in `contacts` of the pair's contact"""
+    """(pairs,) index of each pair's contact in `contacts`"""
     strength: np.ndarray
     """c [N·m²]"""
     reach: np.ndarray

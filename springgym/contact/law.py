@@ -32,7 +32,7 @@ from springgym.core.kinds import Mask, Number
 from springgym.core.lanes import any_lane, epsilon, maximum, minimum, select, sqrt
 
 SLOW = 0.004
-"""w [m/s]: at rates ḣ below it, the loss grows in proportion to ḣ, as that of a damper."""
+"""Speed w [m/s] of approach or retreat below which the loss is that of a linear damper."""
 
 LEAST = 1e-9
 """The least gap at a step's beginning and end, in units of Δ; 1e-6 in single precision."""

@@ -173,7 +173,7 @@ def _check_body(scene: Scene) -> None:
 
 
 def _check_rest(scene: Scene, method: Integrator) -> None:
-    """Raise ValueError if rigid dynamics or its method does not support a field of the scene."""
+    """Raise ValueError if the scene has a field, such as a drive, that rigid dynamics cannot simulate."""
     if scene.drive:
         raise ValueError("a rigid body takes no drive: the pin that it turns about must stay at rest")
     if scene.surfaces:
