@@ -84,7 +84,7 @@ class Planner:
     arXiv:1509.01149)"""
 
     def periods(self, period: float) -> tuple[int, int]:
-        """Return the number of actions in a plan, and the control periods [s] from one action to the next."""
+        """Return the number of actions in a plan, and the number of control periods from one to the next."""
         between = max(1, round(self.spacing / period))
         return max(1, round(self.horizon / (between * period))), between
 

@@ -25,7 +25,9 @@ FACTORS = (1 / 4, 2**-1.5, 1 / 2, 2**-0.5, 1, 2, 4, 8, 12)
 """Numbers of force evaluations in a control period, over the default one."""
 
 HIGHER = ("rk4",)
-"""Methods beside the default one where nothing touches. Others step back in time, which dampers forbid."""
+"""Methods that are measured besides the default one where contact is impossible.
+
+Those with negative substeps are refused, as the bodies are damped."""
 
 DIVERGED = 0.1
 """Largest error up to which steps count as stable."""

@@ -94,7 +94,7 @@ def batch(env_id: str, copies: int, **options: Any) -> Any:
 
 
 class Played(NamedTuple):
-    """An environment step, and repetitions of its control periods by other simulators, if it counts."""
+    """A step of a batch and, if its errors count, its control periods as repeated by other simulators."""
 
     counts: np.ndarray
     """which copies count"""
@@ -106,17 +106,17 @@ class Played(NamedTuple):
     repeated: tuple[np.ndarray, ...]
     """where the repetitions end"""
     repeating: np.ndarray
-    """processor times of these [s], of all control periods together"""
+    """(simulators,) processor time of the repetitions by each simulator [s]"""
 
     def distances(self, positions: np.ndarray, others: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-        """Return the `largest_distances` of the copies that count, over all control periods."""
+        """Return the largest distance of a particle in all control periods, of each copy that counts [1]."""
         return np.asarray(largest_distances(positions, others, sizes).max(axis=0)[self.counts])
 
 
 def repeated(
     envs: Any, simulators: Sequence[Simulator], periods: int = PERIODS, every: int = EVERY
 ) -> Iterator[Played]:
-    """Play episodes with random actions, and yield each environment step.
+    """Play episodes with random actions, and yield a `Played` for each environment step.
 
     The control periods of those that count are repeated by every simulator from the same state, with the same
     action.
@@ -127,29 +127,32 @@ def repeated(
     rng = np.random.default_rng(0)
     envs.reset(seed=0)
     goes_on = np.ones(at.copies, bool)
+    here: list[np.ndarray] = []
+    there: list[list[np.ndarray]] = []
+    repeating = np.zeros(len(simulators))
+
+    def repeat() -> None:
+        driven = at.driven_by(at.action)
+        for k, other in enumerate(simulators):
+            other.place(own.positions, own.velocities)
+            other.actuate(**driven)
+            began = time.process_time()
+            other.advance(round(at.task.period / other.step), check=False)
+            repeating[k] += time.process_time() - began
+        there.append([other.positions for other in simulators])
+
+    def follow() -> None:
+        here.append(own.positions)
+        if len(here) < parts:
+            repeat()
+
     for n in range(math.ceil(periods / parts)):
         actions = rng.uniform(-1, 1, envs.action_space.shape).astype(np.float32)
         at.action[:] = actions  # as in the step, for who responds to it
         counts = goes_on & (n % every == 0)
-        here: list[np.ndarray] = []
-        there: list[list[np.ndarray]] = []
-        repeating = np.zeros(len(simulators))
-
-        def repeat(actions: np.ndarray = actions, there: Any = there, repeating: Any = repeating) -> None:
-            driven = at.driven_by(actions.astype(float))
-            for k, other in enumerate(simulators):
-                other.place(own.positions, own.velocities)
-                other.actuate(**driven)
-                began = time.process_time()
-                other.advance(round(at.task.period / other.step), check=False)
-                repeating[k] += time.process_time() - began
-            there.append([other.positions for other in simulators])
-
-        def follow(here: Any = here, repeat: Any = repeat) -> None:
-            here.append(own.positions)
-            if len(here) < parts:
-                repeat()
-
+        here.clear()
+        there.clear()
+        repeating[:] = 0.0
         if counts.any():
             repeat()
             at.each_period = follow
@@ -158,7 +161,7 @@ def repeated(
         took = time.process_time() - began
         at.each_period = None
         ends = tuple(np.array(of) for of in zip(*there, strict=True))
-        yield Played(counts, np.array(here), infos, took, ends, repeating)
+        yield Played(counts, np.array(here), infos, took, ends, repeating.copy())
         goes_on = ~(terminated | truncated)  # the others begin anew in the next step
 
 

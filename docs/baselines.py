@@ -96,7 +96,7 @@ springgym watch SpringTop-v0 --out top.gif
 
 The last column is the [audit](training.md#audit-and-generalization), which checks whether an agent exploits
 simulation errors. "Not played" means that this simulation could not run the task when the agent
-was audited.
+was audited, or is another task: where bodies collide, rigid ones rebound otherwise.
 """
 TIME = """## Time to learn
 
@@ -410,9 +410,9 @@ def table_of_agents() -> list[str]:
 
 def page(rows: Sequence[dict[str, Any]]) -> str:
     """The page of these rows."""
-    lines = [INTRODUCTION, *suite(rows)]
-    if old := sum(map(is_old, every := [*rows, *recorded()])):
-        lines.append(OLD.format(old=old, all=len(every)))
+    lines, offline = [INTRODUCTION, *suite(rows)], recorded()
+    if old := sum(map(is_old, [*rows, *offline])):
+        lines.append(OLD.format(old=old, all=len(rows) + len(offline)))
     for tier, what in TIERS.items():
         lines += [f"## {tier.capitalize()}\n", what + "\n", *table_of(tier, rows), ""]
     lines += [
@@ -422,7 +422,7 @@ def page(rows: Sequence[dict[str, Any]]) -> str:
         *table_of_agents(),
         "",
         *table_of_worlds(),
-        *([FROM_DATA.format(table="\n".join(table_of_data(found)))] if (found := recorded()) else []),
+        *([FROM_DATA.format(table="\n".join(table_of_data(offline)))] if offline else []),
         METHOD.format(older=older(rows)),
     ]
     cpus, versions = (sorted({row[key] for row in rows}) for key in ("cpu", "springgym"))

@@ -449,7 +449,7 @@ HARDER = """## Tiers and harder variants
 | tier | meaning |
 |---|---|
 | first steps | a linear policy solves it, and is found in seconds |
-| standard | PPO solves most of them with the package's hyperparameters; a linear policy does not |
+| standard | PPO solves most of these tasks with the package's hyperparameters; linear policies do not |
 | harder | a variant that is harder to control; PPO succeeds in most episodes |
 | hard | PPO fails in most episodes, although the task can be done |
 | sparse | the environment with a sparse reward: none before the aim is met |

@@ -81,20 +81,20 @@ def simulations(env_id: str, kwargs: Mapping[str, Any]) -> Iterator[tuple[str, d
     if not hasattr(env, "episodes"):
         raise ConfigError(f"{env_id} is not an environment of springgym, so its simulation cannot be audited")
     simulator = env.episodes.simulator
-    step, method = simulator.step, simulator.integrator.name
+    scene, step, method = simulator.scene, simulator.step, simulator.integrator.name
+    collide = "bodies collide, and rigid ones rebound otherwise" if scene.meetings else None
     yield f"{method}, h = {1e3 * step:.3g} ms", {}
     yield f"{method}, h/{FINER}", {"step": step / FINER}
     if simulator.dynamics == "rigid":
-        yield "springs", {"dynamics": "springs"}
+        yield "springs", collide or {"dynamics": "springs"}
         return
-    scene, changing = simulator.scene, tuple(varying(env.episodes.ranges, simulator.scene))
+    changing = tuple(varying(env.episodes.ranges, scene))
     usable = [name for name in OTHERS if name != method and not refusal(integrator(name), scene, changing)]
     if usable:
         yield f"{usable[0]}, h", {"integrator": usable[0], "step": step}
     else:
         yield "another method", f"only {method} has what the scene needs"
-    twin = {"dynamics": "rigid", "integrator": None, "step": None}
-    yield "rigid twin", "bodies collide, and rigid ones rebound otherwise" if scene.meetings else twin
+    yield "rigid twin", collide or {"dynamics": "rigid", "integrator": None, "step": None}
 
 
 def audit(agent: str, env_id: str, kwargs: Mapping[str, Any], episodes: int, seed: int) -> list[Finding]:

@@ -110,8 +110,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line."""
     parser = command_line(__doc__)
     parser.add_argument("tasks", metavar="ID", nargs="*", help="environment ids (default: all)")
-    played = "held-out episodes of each agent and world (default: 100)"
-    parser.add_argument("--episodes", type=whole(2, MOST_EPISODES), default=100, help=played)
+    what = "held-out episodes of each agent and world (default: 100)"
+    parser.add_argument("--episodes", type=whole(2, MOST_EPISODES), default=100, help=what)
     parser.add_argument("--rows", type=new_file(), help="JSON file of rows, to be continued")
     options = parser.parse_args(arguments)
     return guarded("generalize.py", lambda: _generalize(options), MENDABLE)

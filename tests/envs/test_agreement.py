@@ -75,7 +75,7 @@ def family(env_id: str, policy: Policy, **arguments: Any) -> list[Played]:
     ],
 )
 def test_returns_rank_as_successes_do(env_id: str, with_published: bool) -> None:
-    """Agents that succeed more often earn more: γ ≥ 0.9 over pairs whose success rates differ by over 0.2."""
+    """Goodman and Kruskal's γ is at least 0.9 over pairs of agents whose success rates differ by over 0.2."""
     exact = make_controller("classical", env_id, {}, task_type(env_id)().action_space)
     played = family(env_id, exact, observation="frame")
     if with_published:
