@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import datetime
 import importlib.metadata
 import os
@@ -61,9 +62,41 @@ def git(*arguments: str) -> str | None:
 
 
 def changed_since(commit: str | None) -> bool:
-    """Return whether Python files of springgym/ have changed since a commit; True if that is unknown."""
+    """Return whether the code of springgym/ has changed since a commit; True if that is unknown.
+
+    Comments, docstrings and the layout of lines are no code.
+    """
     changed = git("diff", "--name-only", commit, "--", "springgym/**.py") if commit else None
-    return changed is None or changed != ""
+    if changed is None:
+        return True
+    return any(code(git("show", f"{commit}:{name}")) != code(now(name)) for name in changed.split())
+
+
+def now(name: str) -> str | None:
+    """Return the text of a file of this clone; None if there is none."""
+    path = ROOT / name
+    return path.read_text() if path.exists() else None
+
+
+def code(text: str | None) -> str | None:
+    """Return the syntax tree of a text, without docstrings and strings that describe an attribute."""
+    if text is None:
+        return None
+    tree = ast.parse(text)
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        if isinstance(body, list):
+            node.body = [line for line in body if not is_text(line)]  # type: ignore[attr-defined]
+    return ast.dump(tree)
+
+
+def is_text(line: ast.AST) -> bool:
+    """Return whether a statement is a string alone."""
+    return (
+        isinstance(line, ast.Expr)
+        and isinstance(line.value, ast.Constant)
+        and isinstance(line.value.value, str)
+    )
 
 
 def progress(items: Iterable[T], name: str, **options: Any) -> Iterable[T]:

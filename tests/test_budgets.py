@@ -12,7 +12,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 
-CODE_LINES = {"springgym": 25_948, "agents": 4_412, "tests": 22_586}
+CODE_LINES = {"springgym": 25_948, "agents": 4_412, "tests": 22_585}
 """Most lines that hold a token which is neither a comment nor part of a docstring, by folder."""
 
 CIRCLES = 0

@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import re
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -52,8 +51,7 @@ KNOWN = (
 @pytest.mark.parametrize("name", ["README.md", "CONTRIBUTING.md", "docs/index.md", "docs/speed.md"])
 def test_no_number_is_typed_by_hand(name: str) -> None:
     """Where pages tell what was measured: a number is of the source, or of `KNOWN`."""
-    page = ROOT / name
-    assert list(typed(page.read_text(encoding="utf-8"))) == []
+    assert typed((ROOT / name).read_text(encoding="utf-8")) == []
 
 
 def typed(text: str) -> list[str]:
@@ -72,9 +70,8 @@ def test_what_is_changed_by_hand_or_in_the_source_is_found() -> None:
         assert where in text
         found = MEASURED.differences(text.replace(where, f"{where}9"), REPORT)
         assert any(of.startswith(told) for of in found)
-    report: dict[str, Any] = copy.deepcopy(REPORT)
-    rows = report["environments"]["rows"]
-    (own,) = (row for row in rows if (row["how"], row.get("threads")) == ("native, float32", 1))
+    report, how = copy.deepcopy(REPORT), ("native, float32", 1)
+    (own,) = (own for own in report["environments"]["rows"] if (own["how"], own.get("threads")) == how)
     own["median"] *= 2
     for page in ("README.md", "docs/speed.md", "docs/index.md"):
         assert MEASURED.differences((ROOT / page).read_text(encoding="utf-8"), report)
@@ -82,9 +79,9 @@ def test_what_is_changed_by_hand_or_in_the_source_is_found() -> None:
 
 def test_a_line_does_not_begin_with_a_number() -> None:
     """Markdown would take it for a block of HTML."""
-    right = MEASURED.NUMBERS["top steps"](REPORT)
-    assert MEASURED.differences(f"of <!--n:top steps-->{right}<!--/n-->", REPORT) == []
-    assert MEASURED.differences(f"of\n<!--n:top steps-->{right}<!--/n-->", REPORT) != []
+    right = f"<!--n:top steps-->{MEASURED.NUMBERS['top steps'](REPORT)}<!--/n-->"
+    assert MEASURED.differences(f"of {right}", REPORT) == []
+    assert MEASURED.differences(f"of\n{right}", REPORT) != []
 
 
 def test_a_name_that_is_not_there_is_told() -> None:
@@ -132,13 +129,16 @@ def test_a_release_has_numbers_of_its_own_code() -> None:
 
 
 def test_an_older_source_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    name, added = "springgym/scene.py", {"old": "x = 1\n", "told": '"""Otherwise."""  # told\n'}
+
     def git(command: str, *arguments: str) -> str | None:
-        assert command == "diff"
-        return {"old": "springgym/scene.py", "new": ""}.get(arguments[1])
+        if command == "show":
+            return (ROOT / name).read_text() + added[arguments[0].partition(":")[0]]
+        return {"new": ""}.get(arguments[1], name if arguments[1] in added else None)
 
     monkeypatch.setattr(conditions, "git", git)
-    commits = {"kernel": "new", "errors": "old", "peers": "lost", "sizes": None}
-    report: dict[str, Any] = {name: {"measured": {"commit": commit}} for name, commit in commits.items()}
+    commits = {"kernel": "new", "errors": "old", "peers": "lost", "sizes": None, "curves": "told"}
+    report = {name: {"measured": {"commit": commit}} for name, commit in commits.items()}
     report |= {"accuracy": {"rope": {"measured": {"commit": "old"}}}, "learning": []}
     assert MEASURED.older(report) == ["errors", "peers", "sizes", "accuracy"]
 
