@@ -23,7 +23,7 @@ HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE), str(HERE.parent / "agents"), str(HERE.parent / "agents" / "studies")]
 
 from config import CONFIG_OF, load_config  # noqa: E402
-from environments import ALGORITHMS, FEWEST, earned, measure, shown  # noqa: E402
+from environments import ALGORITHMS, FEWEST, TIERS, earned, measure, shown  # noqa: E402
 from evaluate import percent  # noqa: E402
 from generalize import table as worlds  # noqa: E402
 from learning_time import shown as times  # noqa: E402
@@ -60,12 +60,6 @@ TIMES = HERE / "learning_time.json"
 """What ``agents/studies/learning_time.py`` measured."""
 CARDS = HERE.parent / "agents" / "trained"
 TASKS: tuple[Row | Variant, ...] = (*ENVIRONMENTS, *VARIANTS)
-TIERS = {
-    "first steps": "A linear policy (`--algo linear`) solves these tasks, and is found in seconds.",
-    "standard": "PPO solves most of these tasks with the package's hyperparameters; linear policies do not.",
-    "harder": "Variants that are harder to control. PPO succeeds in most episodes.",
-    "hard": "PPO fails in most episodes, although these tasks can be done.",
-}
 INTRODUCTION = """# Baselines
 
 This page shows what each algorithm reaches on each task, by one [protocol](benchmark.md). Each cell gives

@@ -212,7 +212,8 @@ def table_of_named_variants() -> list[str]:
     for variant in VARIANTS:
         arguments = ", ".join(f"`{name}={value!r}`" for name, value in variant.arguments.items())
         lines.append(f"| `{variant.id}` | {variant.tier} | `{variant.of}` | {arguments} | {variant.why} |")
-    return [HARDER, *lines, ""]
+    tiers = "\n".join(f"| {tier} | {what} |" for tier, what in TIERS.items())
+    return [HARDER.format(tiers=tiers), *lines, ""]
 
 
 # --- Variants ---------------------------------------------------------------------------------------
@@ -444,15 +445,18 @@ All environments have these arguments (see `springgym.envs.base.SpringEnv`):
 | `render_mode` | none | `"rgb_array"`, `"rgb_array_list"` or `"human"` |
 """
 
+TIERS = {
+    "first steps": "A linear policy (`--algo linear`) solves these tasks, and is found in seconds.",
+    "standard": "PPO solves most of these tasks with the package's hyperparameters; linear policies do not.",
+    "harder": "Variants that are harder to control. PPO succeeds in most episodes.",
+    "hard": "PPO fails in most episodes, although these tasks can be done.",
+}
 HARDER = """## Tiers and harder variants
 
 | tier | meaning |
 |---|---|
-| first steps | a linear policy solves it, and is found in seconds |
-| standard | PPO solves most of these tasks with the package's hyperparameters; linear policies do not |
-| harder | a variant that is harder to control; PPO succeeds in most episodes |
-| hard | PPO fails in most episodes, although the task can be done |
-| sparse | the environment with a sparse reward: none before the aim is met |
+{tiers}
+| sparse | Tasks with a sparse reward: none before the aim is met. |
 
 These variants have ids of their own. [Baselines](baselines.md) shows what each algorithm reaches.
 """
