@@ -90,7 +90,7 @@ springgym watch SpringTop-v0 --out top.gif
 
 The last column is the [audit](training.md#audit-and-generalization), which checks whether an agent exploits
 simulation errors. "Not played" means that this simulation could not run the task when the agent
-was audited, or is another task: where bodies collide, rigid ones rebound otherwise.
+was audited, or would change the task: colliding rigid bodies rebound differently.
 """
 TIME = """## Time to learn
 
@@ -112,13 +112,13 @@ most of these tasks have fewer or shorter plans. Classical control earns more in
 """
 COMPARISON = """## Suite
 
-Algorithms are compared on {tasks} tasks at equal budgets. A score is the share of the way from random
-actions (0) to the better of classical control and the planner (1), which plays 10 episodes. Cells give the
-mean score over seeds, and their number. The last row gives the interquartile mean over all runs and, of
-several seeds, its 95 % interval, a bootstrap over seeds stratified by task. An algorithm that used more than
-the rewards of its own episodes has a column of its own. A dash means that there is no result, or that its
-run was shorter than the budget. The [protocol](benchmark.md) asks for five seeds. Tasks outside the suite
-were trained from fewer so far.
+Algorithms are compared on {tasks} tasks at equal budgets. A score is the return, rescaled from random actions
+(0) to the better of classical control and the planner (1), which plays 10 episodes. Cells give the mean score
+over seeds, and their number. The last row gives the interquartile mean over all runs and, of several seeds,
+its 95 % interval, a bootstrap over seeds stratified by task. An algorithm that used more than the rewards of
+its own episodes has a column of its own. A dash means that there is no result, or that its run was shorter
+than the budget. The [protocol](benchmark.md) asks for five seeds. Tasks outside the suite were trained from
+fewer so far.
 """
 WORLDS = """## Generalization
 
@@ -277,7 +277,7 @@ def suite(rows: Sequence[dict[str, Any]]) -> list[str]:
 def table_of_plans(rows: Sequence[dict[str, Any]]) -> list[str]:
     """Return the lines of the table of the planner's settings and results."""
     lines = [
-        "| task | tries × iterations | horizon | return per step | success | episodes | "
+        "| task | samples × iterations | horizon | return per step | success | episodes | "
         "compute s / simulated s |",
         "|---|---|---|---|---|---|---|",
     ]

@@ -395,8 +395,8 @@ def table_of_estimates(report: Report) -> list[str]:
 # --- Texts ------------------------------------------------------------------------------------------
 
 INTRODUCTION = """Each environment has a page with its spaces, reward, starting states, arguments and
-baselines. What all share is [below](#shared-definitions). *Solved at* is the return of an episode, the sum of
-its rewards, from which a task counts as solved.
+baselines. All share [these definitions](#shared-definitions). *Solved at* is the return of an episode, the
+sum of its rewards, from which a task counts as solved.
 """
 
 SHARED = """## Shared definitions
@@ -412,7 +412,7 @@ These hold for all environments; their pages give the rest.
   effort of actions a gives the factor E = 1 − 0.1 mean(a²).
 - **Divergence**: if the simulation diverges, the episode terminates with reward 0 and `info["diverged"]`.
 - **Success**: `info["is_success"]`. An episode that ends by failure is not a success.
-- **Balls that roll** are solid spheres, carried by four particles with six springs.
+- **Rolling balls** have the inertia of a solid sphere, and are made of four particles and six springs.
 - **Version**: all environments are in their initial version.
 
 In all environments, `info` holds, besides the entries of the page:
@@ -420,13 +420,13 @@ In all environments, `info` holds, besides the entries of the page:
 | entry | meaning |
 |---|---|
 | `energy` | energy [J] |
-| `energy_drift` | energy that the integrator added to the balance since the start [J] |
+| `energy_drift` | change of the energy balance since the start, the integrator's error [J] |
 | `strain` | largest strain of any spring |
 | `pairs_touching` | number of pairs of bodies in contact now (`pairs_…`: where bodies collide) |
 | `pairs_impulse` | sum of their impulses along normals since the start [N·s] |
 | `pairs_least_gap` | the least gap of any pair since the start [m], at most the contact margin |
 | `pairs_missed` | number of contacts since the start that were found too late |
-| `too_fast` | number of contacts since the start that the sub-step does not resolve well |
+| `too_fast` | number of contacts since the start that move by over a fifth of their margin in a sub-step |
 
 All environments have these arguments (see `springgym.envs.base.SpringEnv`):
 
@@ -470,8 +470,8 @@ environment of a batch. You can randomise {", ".join(f"`{n}`" for n in RANDOMIZA
 - `info["randomization"]` holds the factors. `reset(options={{"randomize": {{"masses": 1.1}}}})` sets some.
 - The default step is stable for the stiffest and lightest body of the ranges. A step that you choose is
   checked against it.
-- Gravity in free fall, friction and restitution without a surface, and stiffness and damping of rigid bodies
-  raise a ValueError. Stiffness, damping and scale of a body without springs change nothing.
+- Randomising gravity in free fall, friction and restitution without a surface, or stiffness and damping of
+  rigid bodies raises a ValueError. Stiffness, damping and scale of a body without springs change nothing.
 """
 
 GOALS = """## Goals
@@ -570,13 +570,13 @@ all of them. Each then continues as its original would, resets included, because
 random generator. To make them differ, reset them with new seeds.
 
 - A state of an environment made differently, say with another friction, step or variant, is refused with a
-  message that names the difference. Only the time limit and `error` may differ. A state that was edited is
-  refused, too. To change an episode, use reset options; to change a `Simulator`, `place`, `vary` and
-  `actuate`.
+  message that names the difference. Only the time limit, `error` and, of a batch, the number of copies may
+  differ. A state that was edited is refused, too. To change an episode, use reset options; to change a
+  `Simulator`, `place`, `vary` and `actuate`.
 - `set_state` sets the whole state, or raises an error and changes nothing.
 - `env.unwrapped.set_state` leaves the counter of `gymnasium.make`'s time limit alone;
   `springgym.set_state` sets it.
-- `pickle` and `copy.deepcopy` copy an environment in mid-episode, with all its wrappers.
+- `pickle` and `copy.deepcopy` copy an environment in the middle of an episode, with all its wrappers.
 
 **Interrupted calls.** If Ctrl-C, or an exception in your reward, interrupts a step or a reset, the next step
 asks for a reset. You can also set an earlier state. `Simulator.advance` needs neither: `time` says how far
@@ -585,9 +585,9 @@ each simulation got.
 **Threads.** One thread at a time may use an environment or a simulator. A call while another thread uses it
 raises a `RuntimeError`; it does not wait.
 
-**Divergence.** An environment diverges if a spring is stretched by half, or if a number is not finite. The
-episode ends with reward 0, an observation of zeros and `info["diverged"]`. `energy` and `strain` in `info`
-are reported as they are.
+**Divergence.** An environment diverges if a spring is strained by more than half, a number is not finite, or
+a step cannot resolve a contact. The episode ends with reward 0, an observation of zeros and
+`info["diverged"]`. `energy` and `strain` in `info` are reported as they are.
 
 **Specs.** `env.spec` holds plain data. `to_json` works for arguments of all types, and its text makes the
 same environment. `render_fps` is one picture per control period, so that films play in real time.

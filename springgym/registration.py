@@ -84,7 +84,7 @@ REASONS = {
     "SpringShoveSparse": "reward only while the box rests at its place and heading",
     "SpringLabyrinthHard": "the board turns more slowly, and holes are larger",
     "SpringDuelStrong": (
-        "the opponent is as good as classical control: it strikes hard, rolls off, and rights itself"
+        "the opponent is as good as classical control: it attacks with full force and rights its top"
     ),
 }
 """The reasons for the tiers of variants."""

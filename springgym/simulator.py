@@ -779,8 +779,8 @@ class Simulator:
         Raises
         ------
         TypeError, ValueError
-            If ``steps`` is not a whole number of at least 0 or ends amid a cycle, or a flag is not a bool;
-            nothing is changed.
+            If ``steps`` is not a whole number of at least 0 or no multiple of ``damping_every``, or a flag
+            is not a bool; nothing is changed.
         SimulationDivergedError
             If ``check`` is set and a copy has diverged. The other copies are not affected.
         UnresolvedContactError

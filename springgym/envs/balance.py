@@ -210,7 +210,7 @@ class SpringBalanceEnv(SpringEnv, gym.Env, task=SpringBalance):
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
-    | `"torque"` | 0, 1 | torque on the plate about the world's x, y, its axial part removed | ±3 N·m |
+    | `"torque"` | 0, 1 | torque on it about the world's x, y, less its part along the axis | ±3 N·m |
 
     ## Observation Space
     | `observation` | entries | meaning | scale |

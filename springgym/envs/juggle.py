@@ -250,7 +250,7 @@ class SpringJuggleEnv(SpringEnv, gym.Env, task=SpringJuggle):
     A paddle hangs in the air and a ball falls onto it. Keep the ball bouncing, straight up, to a given
     height. Each bounce takes energy, and one off the middle throws the ball aside. 19 springs hold the
     paddle: a ring of 6 particles and a crown, flat above, and a tip below. Friction (0.3) spins the ball
-    (radius 5 cm) where the paddle hits it askew, and the spin throws it aside at the next hit.
+    (radius 5 cm) where the paddle hits it obliquely, and the spin throws it aside at the next hit.
 
     ## Action Space
     Actions are held for a control period of 20 ms.
@@ -258,7 +258,7 @@ class SpringJuggleEnv(SpringEnv, gym.Env, task=SpringJuggle):
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
     | `"wrench"` | 0–2 | force on the paddle along the world's x, y, z, added to one that carries it | ±30 N |
-    | | 3, 4 | torque on it about the world's x, y, its axial part removed | ±1.5 N·m |
+    | | 3, 4 | torque on it about the world's x, y, less its part along the paddle's axis | ±1.5 N·m |
 
     ## Observation Space
     Home is the paddle's starting place.

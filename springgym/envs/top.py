@@ -217,7 +217,7 @@ class SpringTopEnv(SpringEnv, gym.Env, task=SpringTop):
     - `body={"height": 1.25}`: an elongated top (1 m), whose weight exerts a larger torque at the same spin.
     - `body` with a `material`, as `{"material": "beech"}`: a solid cone with the arguments of
       `springgym.bodies.solid_top` (defaults: radius 0.61 m, height 1 m). Actions at ±1 grow with the moment
-      of its weight; its heart, two thirds up the axis, replaces the crown.
+      of its weight; a particle at two thirds of its height, the `heart`, replaces the crown.
     - `body`: any other arguments of `springgym.bodies.top`.
     """
 
