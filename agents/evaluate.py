@@ -7,8 +7,9 @@
 An agent is a run folder, an environment id (for the published agent of that environment), the name of a
 baseline (zero, random, classical), or ``module:function``, a function from observations to actions. The
 return is the sum of rewards divided by the time limit, so an episode that ends early earns nothing for the
-rest; duels are scored per episode. The other columns are means over the episodes of entries of the last
-``info``. The number after ± is the standard deviation over the episodes, – means not defined.
+rest; SpringDuel, SpringStack and SpringBilliards are scored per episode. The other columns are means over the
+episodes of entries of the last ``info``. The number after ± is the standard deviation over the episodes, –
+means not defined.
 """
 
 from __future__ import annotations

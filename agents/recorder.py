@@ -153,9 +153,9 @@ class Recorder(BaseCallback):
     def write_checkpoint(self) -> None:
         """Evaluate the agent and write a checkpoint, which is no part of the training's seconds."""
         began = self.clock()
-        self.checkpoint_at, self.seconds_at = self.num_timesteps, self.seconds
         self.play()
         save_checkpoint(self.run, self.env, self.model, self)
+        self.checkpoint_at, self.seconds_at = self.num_timesteps, self.seconds
         self.started += self.clock() - began
 
     def play(self) -> None:

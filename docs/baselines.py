@@ -40,6 +40,7 @@ from results import (  # noqa: E402
     probe,
     refusal,
     same_probe,
+    scale_of,
     scores,
     used,
 )
@@ -84,7 +85,7 @@ The package contains an agent of each environment, the best of those that were c
 training command, versions, checksums, evaluation and audit.
 
 ```sh
-springgym evaluate SpringTop-v0
+springgym evaluate SpringTop-v0 --seed 2500000   # the episodes of the table
 springgym watch SpringTop-v0 --out top.gif
 ```
 
@@ -113,12 +114,12 @@ most of these tasks have fewer or shorter plans. Classical control earns more in
 COMPARISON = """## Suite
 
 Algorithms are compared on {tasks} tasks at equal budgets. A score is the return, rescaled from random actions
-(0) to the better of classical control and the planner (1), which plays 10 episodes. Cells give the mean score
-over seeds, and their number. The last row gives the interquartile mean over all runs and, of several seeds,
-its 95 % interval, a bootstrap over seeds stratified by task. An algorithm that used more than the rewards of
-its own episodes has a column of its own. A dash means that there is no result, or that its run was shorter
-than the budget. The [protocol](benchmark.md) asks for five seeds. Tasks outside the suite were trained from
-fewer so far.
+(0 %) to the better of classical control and the planner (100 %), which plays 10 episodes. Cells give the mean
+score over {seeds} seeds and, in brackets, the lowest and the highest. *Zero* does nothing. The last row gives
+the interquartile mean over all runs and, of several seeds, its 95 % interval, a bootstrap over seeds
+stratified by task. An algorithm that used more than the rewards of its own episodes has a column of its own.
+A dash means that there is no result, or that its run was shorter than the budget. The
+[protocol](benchmark.md) asks for five seeds; most tasks outside the suite have one so far.
 """
 WORLDS = """## Generalization
 
@@ -255,23 +256,45 @@ def table_of(tier: str, rows: Sequence[dict[str, Any]]) -> list[str]:
 def suite(rows: Sequence[dict[str, Any]]) -> list[str]:
     """Return the section that compares algorithms at equal seconds and at equal steps."""
     current = [row for row in [*rows, *planned()] if not is_old(row)]
-    lines = [COMPARISON.format(tasks=len(SUITE))]
+    lines = []
     for column, budget, unit in ((1, SECONDS, "seconds of one core"), (0, SAMPLES, "steps")):
         found = scores(current, column, budget)
         names = sorted(found)
+        seeds = {len(own) for of in found.values() for own in of.values()}
+        lines += (
+            [] if lines else [COMPARISON.format(tasks=len(SUITE), seeds=" or ".join(map(str, sorted(seeds))))]
+        )
         lines += [f"### After {budget:,.0f} {unit}\n"]
         if not names:
             lines.append("There is no result of this protocol yet.\n")
             continue
-        lines.append(f"| task | {' | '.join(', '.join(name) for name in names)} |")
-        lines.append("|---" * (len(names) + 1) + "|")
+        lines.append(f"| task | {' | '.join(', '.join(name) for name in names)} | zero |")
+        lines.append("|---" * (len(names) + 2) + "|")
         for task in SUITE:
             own = [found[name].get(task, np.array([])) for name in names]
-            cells = [f"{one.mean():z.2f} ({len(one)})" if len(one) else "" for one in own]
-            lines.append(f"| `{task}` | {' | '.join(cells)} |")
+            lines.append(
+                f"| `{task}` | {' | '.join(map(spread, own))} | {spread(zero_score(task, current))} |"
+            )
         means = [f"{quartiles([*found[name].values()])}, {len(found[name])} tasks" for name in names]
-        lines += [f"| all | {' | '.join(means)} |", ""]
+        lines += [f"| all | {' | '.join(means)} | |", ""]
     return lines
+
+
+def zero_score(task: str, rows: Sequence[dict[str, Any]]) -> np.ndarray:
+    """Return the score of no action in a task, (1,) or, without a result, (0,)."""
+    scale = scale_of(task, rows)
+    own = [row["mean_return"] for row in rows if (row["task"], row["algorithm"]) == (task, "zero")]
+    return (np.array(own) - scale[0]) / (scale[1] - scale[0]) if scale else np.array([])
+
+
+def spread(scores: np.ndarray) -> str:
+    """Return the mean of scores (seeds,) and, of several, the lowest and the highest [%]."""
+    told = (
+        [f"{100 * score:z.0f}" for score in (scores.mean(), scores.min(), scores.max())]
+        if len(scores)
+        else []
+    )
+    return f"{told[0]} % ({told[1]} to {told[2]})" if len(scores) > 1 else f"{told[0]} %" if told else ""
 
 
 def table_of_plans(rows: Sequence[dict[str, Any]]) -> list[str]:
@@ -419,8 +442,10 @@ def page(rows: Sequence[dict[str, Any]]) -> str:
         *([FROM_DATA.format(table="\n".join(table_of_data(offline)))] if offline else []),
         METHOD.format(older=older(rows)),
     ]
-    cpus, versions = (sorted({row[key] for row in rows}) for key in ("cpu", "springgym"))
-    lines.append(f"Measured with springgym {', '.join(versions)} on {', '.join(cpus)}.\n")
+    cpus, commits = (
+        ", ".join(sorted({row[key][:width] for row in rows})) for key, width in (("cpu", 99), ("commit", 8))
+    )
+    lines.append(f"Measured on {cpus}, at the commits {commits}.\n")
     return re.sub(r"(?<=\|)  (?=\|)", " – ", "\n".join(lines))
 
 

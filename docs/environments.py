@@ -294,7 +294,7 @@ def table_of_errors(report: Report) -> list[str]:
         "`dopri5` with a tolerance of 1e-13; on surfaces, `verlet` with steps of h/1024; for bodies that "
         "collide, with steps of h/64. The last column is the largest distance of this reference from a "
         "second one: `rk4` with h/128; on surfaces, `verlet` with h/256; for bodies that collide, with h/16. "
-        "Impacts converge to first order only.\n",
+        "With friction, the error in contact falls only in proportion to the step.\n",
         "| environment | step h | median error | largest error | references differ by |",
         "|---|---|---|---|---|",
     ]
@@ -337,8 +337,8 @@ assert info["error_bound"] <= 1e-5
 - `env.unwrapped.chosen` holds the method, the sub-steps of a control period, the largest error that was
   seen, and the cost in force evaluations.
 - A batch chooses as a single environment does.
-- A target that cannot be reached raises a ValueError, which names the least error that can. Impacts converge
-  to first order only, so `SpringTumble-v0`, for example, stays above 5e-4.
+- A target that cannot be reached raises a ValueError, which names the least error that can. With friction,
+  contact converges to first order only, so `SpringTumble-v0`, for example, stays above 5e-4.
 - A larger tolerance takes fewer sub-steps, as far as the method is stable. Where bodies meet something, it
   never takes fewer than the default.
 """
@@ -367,8 +367,8 @@ assert 0 < info["step_error"] < 1e-3
 - With `dynamics="rigid"` it is the error of the rigid motion, not its distance from the motion of the
   springs.
 - In float32 both runs round, so the estimate does not fall below some 1e-7.
-- In impacts it is less reliable: the method is of first order there, and an impact may fall into one of the
-  two runs alone.
+- In impacts it is less reliable: with friction the method is of first order there, and an impact may fall
+  into one of the two runs alone.
 - Environments with `dopri5`, which chooses its own steps, refuse `error=True`.
 """
 

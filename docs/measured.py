@@ -258,6 +258,15 @@ def _longer(report: Report) -> str:
     return times(rk4 / euler)
 
 
+def _faster(report: Report) -> str:
+    """Return how many times as fast a rigid top is here as by MuJoCo's RK4."""
+    own, other = (
+        row(report, "peers", program=f"{who} rigid{how}", copies=1)["median"]
+        for who, how in (("springgym", ""), ("MuJoCo", " RK4"))
+    )
+    return times(own / other)
+
+
 def _accuracy(problem: str, told: Callable[[float], str], field: str, method: str, step: float) -> Number:
     """A field of the row of a method whose step is nearest."""
 
@@ -353,7 +362,10 @@ NUMBERS: dict[str, Number] = {
     "SciPy": _peer("SciPy RK45", grouped),
     "rigid": _peer("springgym rigid", millions),
     "rigid batch": _peer("springgym rigid", millions, 1024),
-    "MuJoCo rigid Euler": _peer("MuJoCo rigid Euler", millions),
+    "MuJoCo rigid RK4": _peer("MuJoCo rigid RK4", grouped),
+    "rigid error": _of("peers", power, "error", program="springgym rigid"),
+    "rigid / MuJoCo rigid RK4": _faster,
+    "MuJoCo rigid RK4 error": _of("peers", power, "error", program="MuJoCo rigid RK4"),
     "one / one MuJoCo": _ratio(
         "default float64, 1 copies, 1 threads / MuJoCo's best, same springs and error"
     ),

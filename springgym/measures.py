@@ -189,7 +189,7 @@ def measure_block(x: Rows, v: Rows, ledger: Ledger, out: Numbers, markers: Marke
     energy = kinetic + gravity + elastic + contact
     centre = mass_centre(x, mass)
     about = row(x, markers.pivot) if markers.pivot >= 0 else centre
-    spin = angular_momentum(x, v, mass, about)
+    momentum = angular_momentum(x, v, mass, about)
     e1, _, e3 = triad(x, markers.triad)
     sideways = row(x, markers.triad[2]) - row(x, markers.triad[0])
     across, share = cross(e3, sideways), ROUND_OFF * epsilon(kinetic)
@@ -199,8 +199,8 @@ def measure_block(x: Rows, v: Rows, ledger: Ledger, out: Numbers, markers: Marke
     velocity = mass_centre(v, mass)
     write(out, AT.centre_velocity, velocity)
     write(out, AT.momentum, total * velocity)
-    write(out, AT.angular_momentum, spin)
-    write(out, AT.angular_velocity, solve_symmetric(inertia(x, mass, about), spin))
+    write(out, AT.angular_momentum, momentum)
+    write(out, AT.angular_velocity, solve_symmetric(inertia(x, mass, about), momentum))
     write(out, AT.side, e1)
     write(out, AT.axis, e3)
     balance = energy
@@ -247,11 +247,11 @@ def read_bodies(block: int, phase: Phase, reading: Reading, terms: Nested) -> No
             store(whole, n, value)
     mass = terms.particles.mass.values
     centre = mass_centre(x.values, mass)
-    spin = angular_momentum(x.values, v.values, mass, centre)
+    momentum = angular_momentum(x.values, v.values, mass, centre)
     write(whole, AT.centre, centre)
     write(whole, AT.centre_velocity, mass_centre(v.values, mass))
-    write(whole, AT.angular_momentum, spin)
-    write(whole, AT.angular_velocity, solve_symmetric(inertia(x.values, mass, centre), spin))
+    write(whole, AT.angular_momentum, momentum)
+    write(whole, AT.angular_velocity, solve_symmetric(inertia(x.values, mass, centre), momentum))
     write(whole, AT.side, 0.0 * centre)
     write(whole, AT.axis, 0.0 * centre)
     width = len(space[0, 0]["lanes"])

@@ -837,18 +837,19 @@ class Simulator:
             who = f"bodies {bodies[met.first[n]].name!r} and {bodies[met.second[n]].name!r}"
         else:
             who = f"body {bodies[n - len(met)].name!r} and a surface"
-        how = [
-            (read.fastest[n] > resolved[n], f"at {read.fastest[n]:.4g} m/s"),
-            (read.misses[n] > 0, f"{read.misses[n]:.0f} times detected only when they (almost) overlapped"),
-            (read.overflow[n] > 0, f"{read.overflow[n]:.0f} times at too many points, or too fast to find"),
-        ]
-        finer = self.step * min(1.0, resolved[n] / max(read.fastest[n], TINY))
+        finer = self.step * resolved[n] / max(read.fastest[n], TINY)
+        deep, soft = "so deep that they (almost) overlapped", "more strength or stiffer springs"
+        cases = (
+            (finer < self.step, f"at {read.fastest[n]:.4g} m/s", f"a step of less than {finer:.2g} s"),
+            (read.misses[n] > 0, deep, f"a larger reach, such as {2 * reach[n]:g} m, {soft}"),
+            (read.overflow[n] > 0, "at too many points, or too fast to find", "a shorter step"),
+        )
+        how = " and ".join(met for wrong, met, _ in cases if wrong)
+        remedies = ", or ".join(remedy for wrong, _, remedy in cases if wrong)
         return (
-            f"{who} of copy {copy} met before t = {self.time[copy]:g} s "
-            f"{' and '.join(what for wrong, what in how if wrong)}: a step of {self.step:g} s cannot resolve "
-            f"that. It resolves contacts of up to {resolved[n]:.4g} m/s, which move by {RESOLVED:g} of their "
-            f"reach of {reach[n]:g} m. Take a step of less than {finer:.2g} s; or, if the contact is too "
-            'soft for the impact, a larger reach, more strength or stiffer springs; or unresolved="count"'
+            f"{who} of copy {copy} met before t = {self.time[copy]:g} s {how}: a step of {self.step:g} s "
+            f"cannot resolve that. It resolves contacts of up to {resolved[n]:.4g} m/s, which move by "
+            f'{RESOLVED:g} of their reach of {reach[n]:g} m. Take {remedies}; or unresolved="count"'
         )
 
     def _check_distance(self, positions: np.ndarray) -> None:

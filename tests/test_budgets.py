@@ -12,7 +12,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 
-CODE_LINES = {"springgym": 25_948, "agents": 4_412, "tests": 22_585}
+CODE_LINES = {"springgym": 25_947, "agents": 4_412, "tests": 22_585}
 """Most lines that hold a token which is neither a comment nor part of a docstring, by folder."""
 
 CIRCLES = 0
@@ -97,7 +97,7 @@ def parameters(function: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
 
 @pytest.mark.parametrize("folder", CODE_LINES)
 def test_code_lines(folder: str) -> None:
-    assert code_lines(folder) <= CODE_LINES[folder]
+    assert code_lines(folder) <= CODE_LINES[folder], "see 'Code does not grow' in CONTRIBUTING.md"
 
 
 def test_circles_of_imports() -> None:

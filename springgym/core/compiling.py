@@ -660,8 +660,7 @@ def _report_compiling(over: threading.Event, kernel: int) -> None:
     if logs or sys.stderr is None or not sys.stderr.isatty():
         if _TOLD.acquire(blocking=False):
             LOGGER.warning(
-                "springgym: compiling kernels. This takes seconds to a minute, once; later runs start at "
-                "once. The command `springgym compile` compiles in advance"
+                "springgym compiles kernels, once per kind of scene, up to a minute; see `springgym compile`"
             )
         return
     began = time.perf_counter() - PATIENCE

@@ -16,10 +16,9 @@ from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import BodyOptions, EnvOptions, Modes, made, number
 from springgym.envs.randomisation import NOMINAL, weight_of
-from springgym.envs.rewards import angle_of, gaussian, put_axis, spinning, thrift
+from springgym.envs.rewards import angle_of, gaussian, put_axis, spinning, thrift, tilt_of
 from springgym.envs.starts import above_bowl, standing, uniform, varied_top
 from springgym.envs.task import Drawn, Factors, ResetOptions, Start, Task
-from springgym.envs.top import tilt_of
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks
 from springgym.rendering.look import GREEN, RED

@@ -16,7 +16,7 @@ from springgym.envs.arrows import across, torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import BodyOptions, EnvOptions, Modes, made, number
-from springgym.envs.rewards import angle_of, gaussian, put_axis, spinning, thrift
+from springgym.envs.rewards import angle_of, gaussian, put_axis, spinning, thrift, tilt_of
 from springgym.envs.starts import uniform
 from springgym.envs.task import Drawn, Factors, ResetOptions, Start, Task, at_rest
 from springgym.measures import Measures
@@ -34,11 +34,10 @@ TOO_FAST = 8.0  # angular velocity that ends an episode [rad/s]
 @kernel
 def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     for c in range(out.shape[0]):
-        up = m.axis[c, 2]
-        tilt = math.atan2(math.hypot(m.axis[c, 0], m.axis[c, 1]), up)
+        tilt = tilt_of(m, c)
         spin, across = spinning(m, c)
         speed = math.hypot(spin, across)
-        raised = ((1 + up) / 2) ** 2 / 4 * thrift(s.action, c)
+        raised = ((1 + m.axis[c, 2]) / 2) ** 2 / 4 * thrift(s.action, c)
         out["reward_raised"][c] = raised
         out["reward_held"][c] = 3 * raised * gaussian(tilt, 0.2, 0.05) * gaussian(speed, 0.8, 0.2)
         out["tilt"][c] = tilt

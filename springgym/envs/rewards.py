@@ -35,6 +35,12 @@ def thrift(action: np.ndarray, c: int) -> float:
 
 
 @compiled
+def tilt_of(m: Measures, c: int) -> float:
+    """Return the angle of the third axis of copy c from the vertical [rad]."""
+    return math.atan2(math.hypot(m.axis[c, 0], m.axis[c, 1]), m.axis[c, 2])
+
+
+@compiled
 def spinning(m: Measures, c: int) -> tuple[float, float]:
     """Return the angular velocity of copy c along its third axis, and its magnitude across it [rad/s]."""
     n, w = m.axis[c], m.angular_velocity[c]

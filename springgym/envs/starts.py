@@ -92,10 +92,10 @@ def headed(shapes: np.ndarray, headings: np.ndarray) -> np.ndarray:
 
 
 @compiled
-def turn_of(s: float, sine: float, cos: float, cosine: float) -> tuple[tuple[float, float, float], ...]:
+def turn_of(sz: float, sy: float, cz: float, cy: float) -> tuple[tuple[float, float, float], ...]:
     """Return a rotation about y, then z, from the sines of the angles about z and y, and their cosines."""
-    c, cosine = 1.0 - (1.0 - cos), 1.0 - (1.0 - cosine)
-    return (c * cosine, -s, c * sine), (s * cosine, c, s * sine), (-sine, 0.0 * c, cosine)
+    cz, cy = 1.0 - (1.0 - cz), 1.0 - (1.0 - cy)
+    return (cz * cy, -sz, cz * sy), (sz * cy, cz, sz * sy), (-sy, 0.0 * cz, cy)
 
 
 def varied_top(factors: Mapping[str, float]) -> tuple[float, float]:
@@ -133,21 +133,21 @@ def lean(
     """Scale upright shapes (k, N, 3), turn them about the tip, and let them spin; see `standing`."""
     for k in range(shapes.shape[0]):
         azimuth, tilt, spin = poses[k, 0], poses[k, 1], poses[k, 2]
-        scale, (i, j, m) = poses[k, 3], (shapes[k, tip, 0], shapes[k, tip, 1], shapes[k, tip, 2])
+        scale, foot = poses[k, 3], (shapes[k, tip, 0], shapes[k, tip, 1], shapes[k, tip, 2])
         turn = turn_of(math.sin(azimuth), math.sin(tilt), math.cos(azimuth), math.cos(tilt))
-        u, v, w = spin * turn[0][2], spin * turn[1][2], spin * turn[2][2]
+        wx, wy, wz = spin * turn[0][2], spin * turn[1][2], spin * turn[2][2]
         for n in range(shapes.shape[1]):
-            x = scale * shapes[k, n, 0] - scale * i
-            y = scale * shapes[k, n, 1] - scale * j
-            z = scale * shapes[k, n, 2] - scale * m
+            x = scale * shapes[k, n, 0] - scale * foot[0]
+            y = scale * shapes[k, n, 1] - scale * foot[1]
+            z = scale * shapes[k, n, 2] - scale * foot[2]
             for axis in range(3):
                 total = multiply_add(turn[axis][0], x, 0.0)
                 total = multiply_add(turn[axis][1], y, total)
                 positions[k, n, axis] = multiply_add(turn[axis][2], z, total)
             x, y, z = positions[k, n, 0], positions[k, n, 1], positions[k, n, 2]
-            velocities[k, n, 0] = v * z - w * y
-            velocities[k, n, 1] = w * x - u * z
-            velocities[k, n, 2] = u * y - v * x
+            velocities[k, n, 0] = wy * z - wz * y
+            velocities[k, n, 1] = wz * x - wx * z
+            velocities[k, n, 2] = wx * y - wy * x
 
 
 def above_bowl(radius: float, away: float, height: float) -> tuple[float, float]:

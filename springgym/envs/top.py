@@ -11,12 +11,12 @@ import numpy as np
 
 from springgym.bodies import Body, rigid_velocities, solid_top, stretched_shapes, top
 from springgym.checks import flag
-from springgym.core.compiling import compiled, kernel
+from springgym.core.compiling import kernel
 from springgym.envs.arrows import across, torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import BodyOptions, EnvOptions, Modes, made, number
-from springgym.envs.rewards import angle_of, long_tail, put_axis, spinning, thrift
+from springgym.envs.rewards import angle_of, long_tail, put_axis, spinning, thrift, tilt_of
 from springgym.envs.starts import standing, uniform, varied_top
 from springgym.envs.task import Drawn, Factors, ResetOptions, Start, Task
 from springgym.measures import Measures
@@ -33,12 +33,6 @@ FALLEN = 1.2  # tilt [rad]
 PAPER_MOMENT = 9.0  # mass times height of the centre of mass of the paper's top, 1 m high [kg·m]
 SOLID = {"radius": 0.61, "height": 1.0}  # of a solid top that stands upright from the same spin on [m]
 FASTEST = 100.0  # largest initial spin as a reset option [rad/s]
-
-
-@compiled
-def tilt_of(m: Measures, c: int) -> float:
-    """Return the angle of the axis from the vertical [rad]."""
-    return math.atan2(math.hypot(m.axis[c, 0], m.axis[c, 1]), m.axis[c, 2])
 
 
 @kernel

@@ -123,6 +123,14 @@ def workspace(method: Integrator, scene: Scene, dtype: DTypeLike) -> Nested:
     return arrays, stacked([envelope(len(body.masses), body.springs, dtype) for body in bodies], blocks=False)
 
 
+def no_node(method: Integrator) -> str:
+    """Return the refusal of collisions by a method whose steps have no node for them."""
+    return (
+        f"bodies collide at the node of a step, where all impulses act at once, and {method.name} has no "
+        "node of that kind; use verlet, or say collisions=None to let bodies pass through each other"
+    )
+
+
 def refusal(method: Integrator, scene: Scene, varying: Collection[str] = ()) -> str | None:
     """Return the reason why a method does not suit a scene; None if it does.
 
@@ -145,10 +153,7 @@ def refusal(method: Integrator, scene: Scene, varying: Collection[str] = ()) -> 
             "own; use verlet or rk4"
         )
     if scene.meetings and not method.meets_bodies:
-        return (
-            f"bodies collide at the node of a step, where all impulses act at once, and {method.name} has no "
-            "node of that kind; use verlet, or say collisions=None to let bodies pass through each other"
-        )
+        return no_node(method)
     rolls = scene.surfaces and any(placed.body.rounds for placed in scene.bodies)
     both = [placed.name for placed in scene.bodies if placed.body.rounds and len(placed.body.triangles)]
     if rolls and scene.meetings and both:

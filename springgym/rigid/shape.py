@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from springgym.bodies.motion import axes
-from springgym.integrators.record import Integrator
+from springgym.integrators.record import Integrator, no_node
 from springgym.scene import Scene
 from springgym.surfaces import PaperContact
 
@@ -137,10 +137,7 @@ def check_rigid(scene: Scene, method: Integrator) -> None:
         paper's contact; or a field that rigid dynamics does not support.
     """
     if scene.meetings and not method.meets_bodies:
-        raise ValueError(
-            f"bodies collide at the node of a step, where all impulses act at once, and {method.name} has no "
-            "node of that kind; use verlet, or say collisions=None to let bodies pass through each other"
-        )
+        raise ValueError(no_node(method))
     for part in scene.parts:
         _check_body(part)
         _check_rest(part, method)

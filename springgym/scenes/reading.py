@@ -114,6 +114,8 @@ def read(path: Path, changes: Changes | None = None) -> Plan:
         if integrator not in METHODS:
             known = suggestion(integrator, METHODS)
             raise _error(tree, ("integrator",), f"unknown method {shown(integrator)}{known}")
+        if isinstance(gravity, float) and gravity < 0:
+            raise _error(tree, ("gravity",), f"gravity is {gravity:g}; it pulls down if it is positive")
         pull = (0.0, 0.0, -gravity) if isinstance(gravity, float) else gravity
         met, paper = (Contact(), PaperContact())
         if contact is not None:

@@ -23,7 +23,7 @@ def test_record_is_complete(name: str) -> None:
     assert record.order >= 1
     assert record.evaluations >= 1
     assert record.imaginary_limit > 0
-    assert record.workspace >= 3
+    assert record.workspace >= 1
     assert any(character.isdigit() for character in record.citation)
     if record.implicit:
         assert math.isinf(record.imaginary_limit)
@@ -38,13 +38,13 @@ def test_unknown_method_is_named() -> None:
 
 
 @pytest.mark.parametrize("name", METHODS)
-def test_damping_is_refused_with_negative_substeps(name: str) -> None:
+def test_damping_is_refused_by_methods_that_allow_none(name: str) -> None:
     damped = tetrahedron("verlet", 1.0)
     undamped = damped.with_(body=damped.body.with_(damping=0.0))
     Simulator(undamped, integrator=name)
-    if integrator(name).negative_substeps:
+    if integrator(name).real_limit == 0:
         for scene, varying in ((damped, ()), (undamped, ("damping",))):
-            with pytest.raises(ValueError, match=f"{name} takes substeps back in time"):
+            with pytest.raises(ValueError, match=f"{name} takes (substeps back in time|no dampers)"):
                 Simulator(scene, integrator=name, varying=varying)
     else:
         Simulator(damped, integrator=name, varying=("damping",))

@@ -64,14 +64,15 @@ def test_what_a_small_file_means(read):
         (BOX + "surfaces: false", "mine.yaml:4: surfaces: expected a list of surfaces, got False"),
         (
             "title: a\nbody:\n  kind: box\n  mass: -1\nduration: 1",
-            "body: mass is -1.0; it must be a positive number",
+            "mass is -1.0; it must be a positive number",
         ),
         ("title: a\nbody: {kind: top, scaled: {40: 2}}\nduration: 1", "a particle that scaled names is 40"),
         (BOX.replace("duration: 1", "duration: 0"), "mine.yaml:3: duration: duration is 0 s"),
         (BOX + "integrator: euler", "mine.yaml:4: integrator: unknown method 'euler'; choose from: verlet"),
         (BOX + f"trace: {'x' * 1000}", "mine.yaml:4: trace: unknown part 'xxx"),
+        (BOX + "gravity: -9.81", "mine.yaml:4: gravity: gravity is -9.81; it pulls down if it is positive"),
         (
-            BOX + "start: {height: rest}\ngravity: -1\nsurfaces: [{kind: floor}]",
+            BOX + "start: {height: rest}\ngravity: [0, 0, 1]\nsurfaces: [{kind: floor}]",
             "height: gravity does not press the body onto the plane",
         ),
         (BOX + "pinned: [tip]", "mine.yaml:4: pinned: unknown part 'tip'"),
