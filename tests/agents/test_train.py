@@ -375,9 +375,11 @@ def test_stopped_while_it_is_evaluated(copied, monkeypatch, capsys):
 
     monkeypatch.setattr(train, "evaluate", interrupted)
     assert train.main(["--resume", str(copied)]) == 130
-    assert f"stopped, with the agent trained; to see it: springgym train --resume {copied}" in (
-        capsys.readouterr().out
-    )
+    told = f"stopped, with the agent trained; to see it: springgym train --resume {copied}"
+    assert told in capsys.readouterr().out
+    monkeypatch.setattr(recorder.Recorder, "play", interrupted)  # before the checkpoint is written
+    assert train.main(start(copied.parent / "new")) == 130
+    assert "continue from step 0 with: springgym train --resume" in capsys.readouterr().out
 
 
 def test_learning_that_diverges_is_told_in_a_line(tmp_path, monkeypatch, capsys):

@@ -39,7 +39,7 @@ def test_imaginary_limit(name: str) -> None:
     if math.isinf(limit):
         assert grown(name, 300.0, 1000) < 1.1
         return
-    # beyond the limit dopri5 grows by 7e-6 a step, blanes_moan by 6.5e-4 in a resonance, all others by over 1 %
+    # beyond the limit dopri5 grows by 7e-6 a step, blanes_moan by 6.5e-4 in a resonance, others by over 1 %
     steps = {"dopri5": 500_000, "blanes_moan": 10_000}.get(name, 2000)
     assert grown(name, 0.99 * limit, steps) < 6.0
     assert not grown(name, 6.3486 if name == "blanes_moan" else 1.01 * limit, steps) < 10.0
