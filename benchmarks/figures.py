@@ -36,7 +36,7 @@ PEER, INK = "#9aa3ad", "#343c4c"
 PEERS = ("MuJoCo", "SciPy")
 MARKS = {"MuJoCo": "s", "SciPy": "^"}
 TITLES = {
-    "spin-down": "the spin that implicit methods leave a top",
+    "spin-down": "the spin that implicit methods leave a free cube",
     "rigid gap": "how far bodies of springs are from rigid ones",
     "crossover": "where implicit methods begin to pay",
     "rigid twin": "the top as one rigid body",
@@ -155,7 +155,7 @@ def _methods(result: dict[str, Any]) -> dict[str, list[dict[str, Any]]]:
 
 def _work_precision(figure: Figure, result: dict[str, Any]) -> None:
     """Draw error over cost: failed steps as crosses at the top, the default starred, the model dashed."""
-    per_period = "period" in result["kind"] or "consistency" in result["kind"]
+    per_period = "local error" in result["kind"]
     axes = plain(
         figure,
         *(0.1, 0.14, 0.63, 0.76),

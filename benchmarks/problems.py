@@ -159,7 +159,7 @@ PROBLEMS = {
     "free-body": Problem("box that flips about its middle axis", _free, 1e5, 1.0, _free_theory),
     "rope": Problem("70 kg on a rope let go at 0.5 rad, dampers of 100 kg/s", _rope(100.0), 1e5, 1.0),
     "stiff-chain": Problem("the same rope, a thousand times as stiff, undamped", _rope(0.0), 1e8, 0.25),
-    "bounce": Problem("elastic bounce of a cube on an edge of the barrier", _bounce, 1e5, 0.6),
+    "bounce": Problem("a tilted cube that bounces without loss", _bounce, 1e5, 0.6),
     "sliding-stop": Problem("cube that slides to a stop", _slide, 1e5, 0.6, _slide_theory),
     "tumble": Problem("irregular body that falls and tumbles", _tumble, 1e5, 3.0, period=0.02),
 }

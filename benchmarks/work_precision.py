@@ -8,7 +8,7 @@ end of the time, over the body's size.
 
 *Model*: what the springs do. The reference against rigid theory at k, 2k and 4k, with the fitted power.
 
-*Consistency*: where the motion is chaotic, the time error over one control period, from many states along
+*Local error*: where the motion is chaotic, the time error over one control period, from many states along
 a run, in the mean square.
 
 Cost is the time that steps take, in µs per simulated second: the median of runs that take turns with those
@@ -164,7 +164,7 @@ def model_error(problem: Problem) -> dict[str, Any]:
 # --- Chaotic motion -----------------------------------------------------------------------------------
 
 
-def consistency(problem: Problem, scene: Scene, quick: bool) -> list[dict[str, Any]]:
+def local_errors(problem: Problem, scene: Scene, quick: bool) -> list[dict[str, Any]]:
     """Return the error over one control period by steps, each from the same states along a run."""
     assert problem.period is not None
     method = integrator("verlet")
@@ -234,9 +234,9 @@ def measure(name: str, quick: bool = False, peers: bool = True) -> dict[str, Any
     if problem.period is not None:
         step = automatic_step(scene, integrator("verlet"), problem.period)
         return result | {
-            "kind": f"consistency per {1e3 * problem.period:g} ms",
+            "kind": f"local error in {1e3 * problem.period:g} ms",
             "default": {"method": "verlet", "step": step},
-            "rows": consistency(problem, scene, quick),
+            "rows": local_errors(problem, scene, quick),
         }
     exact, agreement, methods = reference(problem, scene)
     result |= {"kind": "time error", "reference": methods, "agreement": agreement}

@@ -103,7 +103,7 @@ def sum_pairs(totals: np.ndarray, reach: np.ndarray, sums: np.ndarray) -> None:
             sums[n, c] = total
 
 
-class Here(NamedTuple):
+class SteppedBlock(NamedTuple):
     """A block of copies that was just advanced by a step."""
 
     block: int
@@ -131,7 +131,7 @@ def refusal(scene: Scene, terms: Terms, nodes: bool) -> str:
     return ""
 
 
-def of_block(scene: Scene, here: Here) -> Contacts:
+def of_block(scene: Scene, here: SteppedBlock) -> Contacts:
     """Return the contacts of a block's copies in arrays (n,), with the index of the copy in ``there``."""
     return _with_surfaces(scene, here) if here.terms.collisions is None else _of_rows(scene, here)
 
@@ -160,7 +160,7 @@ def padded(found: list[Contacts], copies: int) -> Contacts:
     return Contacts(there, *arrays)
 
 
-def _of_rows(scene: Scene, here: Here) -> Contacts:
+def _of_rows(scene: Scene, here: SteppedBlock) -> Contacts:
     """Return the contacts that were solved together, from the rows of a thread."""
     contacts, pairs = here.workspace.rows.contacts, here.terms.collisions.pairs
     rows, width = int(contacts.length[ROWS]), here.begin[0].shape[-1]
@@ -192,7 +192,7 @@ def _of_rows(scene: Scene, here: Here) -> Contacts:
     return Contacts(copy, first, second, surface, particle, point, n, gap, impulse, impulse / here.step)
 
 
-def _with_surfaces(scene: Scene, here: Here) -> Contacts:
+def _with_surfaces(scene: Scene, here: SteppedBlock) -> Contacts:
     """Return contacts with surfaces, from their impulse on each particle, divided among them."""
     begin, x, end, given = _ways(here)
     reach, radius = scene.of_particles(
@@ -221,7 +221,7 @@ def _with_surfaces(scene: Scene, here: Here) -> Contacts:
     return Contacts(*(of[order] for of in found))
 
 
-def _ways(here: Here) -> tuple[np.ndarray, ...]:
+def _ways(here: SteppedBlock) -> tuple[np.ndarray, ...]:
     """Return the positions of particles where the step begins, at its node and where it ends, and the impulse
     of surfaces on them.
 

@@ -903,14 +903,14 @@ class Simulator:
         x, pairs = self.readout.positions[copies], self.scene.meetings
         if find_overlaps(x, pairs.first, pairs.second, self._outlines, self._boxes[thread], overlap):
             assert self._terms.collisions is not None
-            totals.count_shown(self._terms.collisions, start, overlap)
+            totals.count_overlaps(self._terms.collisions, start, overlap)
 
     def _find_unresolved(self, first: int, last: int) -> None:
         """Find the copies of blocks whose counts show contacts that a step cannot resolve."""
         own, reach = self._totals
         if own is not None:
             copies = slice(first * self.width, last * self.width)
-            totals.tell_unresolved(numbers(own)[first:last], reach, self.step, self.unresolved[copies])
+            totals.mark_unresolved(numbers(own)[first:last], reach, self.step, self.unresolved[copies])
 
     @guarded
     def counts(self) -> np.ndarray:
@@ -1027,7 +1027,7 @@ class Simulator:
             for block in range(self._x.shape[0]) if self.scene.can_touch else ():
                 self._run(0, block, block + 1, 1, settles=True, reads=False)
                 begin, end = (x[block], v[block]), (numbers(self._x)[block], numbers(self._v)[block])
-                here = contacts.Here(
+                here = contacts.SteppedBlock(
                     block, begin, end, self._workspace[0], self._terms, self._twin, self.step
                 )
                 found.append(contacts.of_block(self.scene, here))
@@ -1139,9 +1139,9 @@ class Simulator:
     @guarded
     def __getstate__(self) -> dict[str, Any]:
         # made again: views do not survive copying, and the workspace is most of the memory with many bodies
-        anew = {"_advance", "_actuators", "_packed", "_kind", "_workspace"}
-        anew |= {name for name, own in vars(Simulator).items() if isinstance(own, cached_property)}
-        return {name: value for name, value in vars(self).items() if name not in anew} | {
+        renewed = {"_advance", "_actuators", "_packed", "_kind", "_workspace"}
+        renewed |= {name for name, own in vars(Simulator).items() if isinstance(own, cached_property)}
+        return {name: value for name, value in vars(self).items() if name not in renewed} | {
             "_orders": [packed.order for packed in self._packed]
         }
 

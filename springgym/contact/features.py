@@ -108,7 +108,7 @@ def grown(rows: int, have: Number) -> int:
 @compiled
 def begin(contacts: ContactRows) -> None:
     """Start the next contacts of all copies in the same row."""
-    store(contacts.have, 1, 0.0)
+    store(contacts.counts, 1, 0.0)
 
 
 @compiled
@@ -121,13 +121,13 @@ def leave_out(pair: int, one: Number, contacts: ContactRows) -> None:
 def add_contact(count: int, first: int, members: int, touch: Closest, near: Near, seen: Search) -> int:
     """Add a contact of each copy after its others, from row ``first`` on; return the number of rows."""
     contacts = seen.contacts
-    whole, own, wanted = load(contacts.have, 0), load(contacts.have, 1), touch.share > 0.0
+    whole, own, wanted = load(contacts.counts, 0), load(contacts.counts, 1), touch.share > 0.0
     fits = select(wanted, whole, FAR) < 1.0 * seen.pairs.most
     one = select(fits, 1.0, 0.0 * whole)
     leave_out(near.pair, select(wanted, 1.0 - one, 0.0), contacts)
     if any_lane(fits):
-        store(contacts.have, 0, whole + one)
-        store(contacts.have, 1, own + one)
+        store(contacts.counts, 0, whole + one)
+        store(contacts.counts, 1, own + one)
         none = 0.0 * whole
         i, j, m, n = touch.particles
         particles = (i + none, j + none, m + none, n + none)

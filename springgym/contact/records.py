@@ -322,7 +322,7 @@ class ContactRows(NamedTuple):
     """(pairs,) list of the pairs of bodies that have contacts, in ascending order"""
     left_out: np.ndarray
     """(pairs,) number of contacts at this node that were left out for lack of space"""
-    have: np.ndarray
+    counts: np.ndarray
     """(2,) number of contacts of each copy: in all, and of the pair that is being searched"""
     pair: np.ndarray
     """(rows,) the pair that this contact belongs to, the same in all copies"""

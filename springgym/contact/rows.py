@@ -42,7 +42,7 @@ def new_contacts(
     return ContactRows(
         length=whole(2),
         touching_pairs=whole(count),
-        have=lanes(2),
+        counts=lanes(2),
         left_out=lanes(count),
         pair=whole(rows),
         body=whole(2 * rows),

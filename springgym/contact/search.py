@@ -126,10 +126,10 @@ def find(x: Rows, w: Rows, span: Times, pairs: Pairs, lists: Neighbours, contact
     fresh = not all_far_are_far(lists)
     if fresh:
         watch(x, w, span, pairs, lists)
-    anew = not lists_hold(w, span, pairs, lists) or fresh
-    if anew:
+    relist = not lists_hold(w, span, pairs, lists) or fresh
+    if relist:
         begin_lists(x, fresh, pairs, lists)
-    store(contacts.have, 0, 0.0)
+    store(contacts.counts, 0, 0.0)
     count = 0
     contacts.length[MET] = 0
     for n in range(lists.length[CLOSE]):
@@ -138,11 +138,11 @@ def find(x: Rows, w: Rows, span: Times, pairs: Pairs, lists: Neighbours, contact
         near = Near(p, (a, b), span.lead, load(lists.reach, p), shapes.radius[a] + shapes.radius[b])
         before = count
         store(contacts.left_out, p, select(near.reach > WIDEST, 1.0 + 0.0 * near.reach, 0.0))
-        brief = anew and list_features(near, span, seen, shapes.triangles, shapes.edges)
-        needed = anew or any_lane(load(lists.nearest, p) < ROUNDING * near.reach)
+        brief = relist and list_features(near, span, seen, shapes.triangles, shapes.edges)
+        needed = relist or any_lane(load(lists.nearest, p) < ROUNDING * near.reach)
         if needed and (is_listed(VERTICES, p, lists) or is_listed(EDGES, p, lists)):
             locate(p, seen, shapes.triangles, shapes.edges)
-            if anew:
+            if relist:
                 list_candidates(p, brief, seen, shapes.triangles, shapes.edges)
             count = compare(count, near, seen, shapes.triangles, shapes.edges)
         if count > before or any_lane(load(contacts.left_out, p) > 0.0):
@@ -302,7 +302,7 @@ def begin_lists(x: Rows, fresh: bool, pairs: Pairs, lists: Neighbours) -> None:
     """Empty the lists of features, store the positions of vertices, and compute the boxes around all bodies.
 
     The known distance of a pair that is not close decreases by the motion of its bodies. If the watched pairs
-    are ``fresh``, the margins of all bodies start anew. A position that is NaN is stored as one far from any
+    are ``fresh``, the margins of all bodies begin again. A position that is NaN is stored as one far from any
     later position.
     """
     shapes = pairs.shapes

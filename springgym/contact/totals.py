@@ -148,7 +148,7 @@ def read_pairs(totals: np.ndarray | None, copies: int, pairs: int | None = None)
 
 
 @kernel
-def tell_unresolved(totals: np.ndarray, reach: np.ndarray, step: float, found: np.ndarray) -> None:
+def mark_unresolved(totals: np.ndarray, reach: np.ndarray, step: float, found: np.ndarray) -> None:
     """Mark the copies, ``found`` (copies,), with contacts that a step [s] cannot resolve.
 
     The first block of ``totals`` (blocks, pairs × `ENTRIES`, copies of a block) begins with the first of
@@ -165,7 +165,7 @@ def tell_unresolved(totals: np.ndarray, reach: np.ndarray, step: float, found: n
                 found[copy] = True
 
 
-def count_shown(collisions: Collisions, first: int, found: np.ndarray) -> None:
+def count_overlaps(collisions: Collisions, first: int, found: np.ndarray) -> None:
     """Count a miss for each copy, from ``first`` on, and pair where ``found`` (copies, pairs) is set."""
     lanes = numbers(collisions.totals)
     for n, pair in np.argwhere(found).tolist():

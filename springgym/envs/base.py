@@ -286,7 +286,7 @@ class SpringEnv(SingleEnv, gym.Env[np.ndarray, np.ndarray]):
     tolerance
         Largest error of a control period, relative to the body's size. It chooses the step and, unless you
         give one, the integrator, see `springgym.envs.tolerance`. The environment tries them when it is made,
-        which takes seconds. ``info["error_bound"]`` is the bound that was found.
+        which takes seconds. ``info["error_bound"]`` is the estimated bound.
     sparse
         Whether the reward is 1 in steps where the aim is met and 0 otherwise, instead of the shaped reward.
         ``info`` still contains the terms of the shaped reward.

@@ -49,7 +49,8 @@ def set_forces(x: Rows, force: Rows, direction: Rows, directs: bool, terms: Term
 
 @compiled
 def accelerate_and_damp(x: Rows, v: Rows, a: Rows, weight: Number, ledger: Ledger, terms: Terms) -> None:
-    """`accelerate` with dampers; ``weight`` [s] times their power goes to the ledger."""
+    """`accelerate` with dampers, without forces of users; ``weight`` [s] times the dampers' power goes to the
+    ledger."""
     set_weights(a, terms.particles, terms.gravity)
     add_spring_forces(x, v, a, None, False, terms.springs, terms.dampers, ledger, weight)
     divide_by_mass(a, terms.particles)
@@ -167,7 +168,7 @@ def drift(x: Rows, v: Rows, tau: Number) -> None:
 
 
 @compiled
-def potential_energy(x: Numbers, terms: Terms) -> Number:
+def potential_energy(x: Numbers, terms: Terms) -> tuple[Number, ...]:
     """Energies [J] of gravity (0 at the origin), springs and contact, and the largest |L/L₀ − 1|²."""
     weight, elastic, strain = stored_energy(x, terms)
     return weight, elastic, barriers_energy(x, terms, terms.rounds), strain
@@ -184,7 +185,7 @@ def barriers_energy(x: Numbers, terms: Terms, rounds: Rounds | None) -> Number:
 
 
 @compiled
-def stored_energy(x: Numbers, terms: Terms) -> Number:
+def stored_energy(x: Numbers, terms: Terms) -> tuple[Number, ...]:
     """Energies [J] of gravity and springs, without contact, and the largest |L/L₀ − 1|²."""
     weight = gravity_energy(x, terms.particles, terms.gravity)
     elastic, strain = spring_energy(x, terms.springs)
@@ -195,6 +196,7 @@ def stored_energy(x: Numbers, terms: Terms) -> Number:
 
 @compiled
 def gravity_energy(x: Numbers, particles: Particles, gravity: Numbers) -> Number:
+    """Return the energy of a body in the gravity field [J], 0 at the origin."""
     energy = 0.0 * load(x, (0, 0))
     if gravity is not None:
         for i in range(particles.mass.size):

@@ -197,7 +197,7 @@ class Page:
         self._button.on_click(lambda event: self.play(not self.playing))
         gui.add_command("play or pause", hotkey="space").on_trigger(lambda event: self.play(not self.playing))
         self._moment = gui.add_slider("Time [s]", 0.0, 1.0, 0.001, 0.0)
-        self._heed(self._moment, "time", self._sought)
+        self._heed(self._moment, "time", self._seek)
         self._speed = gui.add_dropdown("Speed", tuple(map(fraction, SPEEDS)), initial_value="1")
         self._readings = gui.add_markdown("")
         tabs = gui.add_tab_group()
@@ -296,7 +296,7 @@ class Page:
                 self._graphed.value = graph if graph in motion.graphs else next(iter(motion.graphs))
             for name, tick in self._ticks.items():
                 tick.visible = _there(name, motion)
-            self._tell_key()
+            self._show_legend()
             self._replot()
             self._draw(read=True)
 
@@ -307,7 +307,7 @@ class Page:
             self.play(False)
             self._stage.clear()
             self._readings.content = self._summary.content = ""
-            self._tell_key()
+            self._show_legend()
             self._offer()
 
     def _offer(self) -> None:
@@ -321,7 +321,7 @@ class Page:
         kind = "told wrong" if wrong else "told"
         self._over.content = f"<div class='{kind}'>{html.escape(text)}</div>" if text else ""
 
-    def _tell_key(self) -> None:
+    def _show_legend(self) -> None:
         """Show the legend of the colours over the stage."""
         shown = {name for name, tick in self._ticks.items() if tick.value}
         self._key.content = key(self.motion, shown, self._stage.strain_scale) if self._shown else ""
@@ -340,7 +340,7 @@ class Page:
 
         part.on_update(changed)
 
-    def _sought(self, time: float) -> None:
+    def _seek(self, time: float) -> None:
         with self._lock, self._server.atomic():
             self.time = float(time)
             if self.playing:
@@ -352,7 +352,7 @@ class Page:
     def _ticked(self) -> None:
         with self._lock:
             self._stage.show(**{name.replace(" ", "_"): tick.value for name, tick in self._ticks.items()})
-            self._tell_key()
+            self._show_legend()
             self._draw(read=False)
 
     def _slid(self) -> None:
