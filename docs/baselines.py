@@ -256,25 +256,23 @@ def table_of(tier: str, rows: Sequence[dict[str, Any]]) -> list[str]:
 def suite(rows: Sequence[dict[str, Any]]) -> list[str]:
     """Return the section that compares algorithms at equal seconds and at equal steps."""
     current = [row for row in [*rows, *planned()] if not is_old(row)]
-    lines = []
-    for column, budget, unit in ((1, SECONDS, "seconds of one core"), (0, SAMPLES, "steps")):
-        found = scores(current, column, budget)
+    tables = {
+        f"{SECONDS:,.0f} seconds of one core": scores(current, 1, SECONDS),
+        f"{SAMPLES:,.0f} steps": scores(current, 0, SAMPLES),
+    }
+    seeds = sorted({len(own) for found in tables.values() for of in found.values() for own in of.values()})
+    lines = [COMPARISON.format(tasks=len(SUITE), seeds=" or ".join(map(str, seeds)))]
+    for budget, found in tables.items():
         names = sorted(found)
-        seeds = {len(own) for of in found.values() for own in of.values()}
-        lines += (
-            [] if lines else [COMPARISON.format(tasks=len(SUITE), seeds=" or ".join(map(str, sorted(seeds))))]
-        )
-        lines += [f"### After {budget:,.0f} {unit}\n"]
+        lines += [f"### After {budget}\n"]
         if not names:
             lines.append("There is no result of this protocol yet.\n")
             continue
         lines.append(f"| task | {' | '.join(', '.join(name) for name in names)} | zero |")
         lines.append("|---" * (len(names) + 2) + "|")
         for task in SUITE:
-            own = [found[name].get(task, np.array([])) for name in names]
-            lines.append(
-                f"| `{task}` | {' | '.join(map(spread, own))} | {spread(zero_score(task, current))} |"
-            )
+            own = [*(found[name].get(task, np.array([])) for name in names), zero_score(task, current)]
+            lines.append(f"| `{task}` | {' | '.join(map(spread, own))} |")
         means = [f"{quartiles([*found[name].values()])}, {len(found[name])} tasks" for name in names]
         lines += [f"| all | {' | '.join(means)} | |", ""]
     return lines
@@ -289,12 +287,10 @@ def zero_score(task: str, rows: Sequence[dict[str, Any]]) -> np.ndarray:
 
 def spread(scores: np.ndarray) -> str:
     """Return the mean of scores (seeds,) and, of several, the lowest and the highest [%]."""
-    told = (
-        [f"{100 * score:z.0f}" for score in (scores.mean(), scores.min(), scores.max())]
-        if len(scores)
-        else []
-    )
-    return f"{told[0]} % ({told[1]} to {told[2]})" if len(scores) > 1 else f"{told[0]} %" if told else ""
+    if not len(scores):
+        return ""
+    mean, least, most = (f"{100 * score:z.0f}" for score in (scores.mean(), scores.min(), scores.max()))
+    return f"{mean} % ({least} to {most})" if len(scores) > 1 else f"{mean} %"
 
 
 def table_of_plans(rows: Sequence[dict[str, Any]]) -> list[str]:
