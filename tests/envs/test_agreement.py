@@ -63,6 +63,9 @@ def family(env_id: str, policy: Policy, **arguments: Any) -> list[Played]:
     return [play(env_id, degraded(policy, *own), 50, **arguments) for own in kinds]
 
 
+MISSED = {"SpringShove-v0": [pytest.mark.xfail(reason="γ is 0.88: noise costs success first", strict=True)]}
+
+
 @pytest.mark.parametrize(
     ("env_id", "with_published"),
     [
@@ -71,7 +74,7 @@ def family(env_id: str, policy: Policy, **arguments: Any) -> list[Played]:
             for one in ALL_IDS
             if "Sparse" not in one
         ),
-        *(pytest.param(one, True, marks=pytest.mark.slow) for one in IDS),
+        *(pytest.param(one, True, marks=(pytest.mark.slow, *MISSED.get(one, ()))) for one in IDS),
     ],
 )
 def test_returns_rank_as_successes_do(env_id: str, with_published: bool) -> None:
@@ -84,9 +87,8 @@ def test_returns_rank_as_successes_do(env_id: str, with_published: bool) -> None
         interface = {name: value for name, value in agent.env_kwargs.items() if name in INTERFACE}
         played += family(env_id, agent.policy(env), **interface)
         env.close()
-    success, earned = (
-        np.array([getattr(own, of).mean() for own in played]) for of in ("successes", "returns")
-    )
+    success = np.array([own.successes.mean() for own in played])
+    earned = np.array([own.returns.mean() for own in played])
     more = success[:, None] - success > 0.2
     assert np.count_nonzero(more) >= 5
     ranked = np.sign(earned[:, None] - earned)[more]
