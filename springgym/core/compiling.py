@@ -660,7 +660,7 @@ def _report_compiling(over: threading.Event, kernel: int) -> None:
     if logs or sys.stderr is None or not sys.stderr.isatty():
         if _TOLD.acquire(blocking=False):
             LOGGER.warning(
-                "springgym compiles kernels, once per kind of scene, up to a minute; see `springgym compile`"
+                "springgym: compiling, up to a minute, once per kind of scene; see `springgym compile`"
             )
         return
     began = time.perf_counter() - PATIENCE
