@@ -389,11 +389,12 @@ def scale_of(task: str, rows: Iterable[Row]) -> tuple[float, float] | None:
 def reached(row: Row, column: int, budget: float) -> float | None:
     """Return the return per step that a run had reached after a budget of steps (column 0) or seconds (1).
 
-    At its end it is that of the held-out episodes, before that of the learning curve, between whose points it
-    is interpolated. None if the run was shorter than the budget, or its curve begins later.
+    At its end, and if it learns nothing, it is that of the held-out episodes; before, that of the learning
+    curve, interpolated between its points. None if the run was shorter than the budget, or its curve begins
+    later.
     """
     spent = row[("steps", "seconds")[column]]
-    if abs(spent / budget - 1.0) <= ENOUGH:
+    if not row["steps"] or abs(spent / budget - 1.0) <= ENOUGH:
         return float(row["mean_return"])
     points = np.array([point[:3] for point in row["curve"]], float)
     if spent < budget or not len(points) or budget < points[0, column]:
@@ -404,14 +405,15 @@ def reached(row: Row, column: int, budget: float) -> float | None:
 def scores(rows: Sequence[Row], column: int, budget: float) -> dict[tuple[str, ...], dict[str, np.ndarray]]:
     """Return the scores (seeds,) in tasks of `SUITE`, by algorithm with what it used, and by task.
 
-    A score is the share of the way from random actions to the reference, see `scale_of`.
+    A score is the return, rescaled from that of random actions (0) to the reference's (1), see `scale_of`.
+    Of the algorithms that learn nothing, "zero" alone is scored, at every budget.
     """
     found: dict[tuple[str, ...], dict[str, np.ndarray]] = {}
     for task in SUITE:
         scale = scale_of(task, rows)
         for row in rows:
-            value = reached(row, column, budget) if row["task"] == task and row["steps"] else None
-            if scale and value is not None:
+            scored = row["task"] == task and (row["steps"] or row["algorithm"] == "zero")
+            if scale and scored and (value := reached(row, column, budget)) is not None:
                 own = found.setdefault((row["algorithm"], *row["used"]), {})
                 score = (value - scale[0]) / (scale[1] - scale[0])
                 own[task] = np.append(own.get(task, []), score)

@@ -11,7 +11,7 @@ import subprocess
 import sys
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeGuard, TypeVar
 
 ROOT = Path(__file__).parents[1]
 
@@ -69,17 +69,17 @@ def changed_since(commit: str | None) -> bool:
     changed = git("diff", "--name-only", commit, "--", "springgym/**.py") if commit else None
     if changed is None:
         return True
-    return any(code(git("show", f"{commit}:{name}")) != code(now(name)) for name in changed.split())
+    return any(code(git("show", f"{commit}:{name}")) != code(text_here(name)) for name in changed.split())
 
 
-def now(name: str) -> str | None:
-    """Return the text of a file of this clone; None if there is none."""
+def text_here(name: str) -> str | None:
+    """Return the text of a file in the working tree of this clone; None if there is no such file."""
     path = ROOT / name
-    return path.read_text() if path.exists() else None
+    return path.read_text(encoding="utf-8") if path.exists() else None
 
 
 def code(text: str | None) -> str | None:
-    """Return the syntax tree of a text, without docstrings and strings that describe an attribute."""
+    """Return the syntax tree of Python source as text, without its docstrings; None for None."""
     if text is None:
         return None
     tree = ast.parse(text)
@@ -90,7 +90,7 @@ def code(text: str | None) -> str | None:
     return ast.dump(tree)
 
 
-def is_text(line: ast.AST) -> bool:
+def is_text(line: ast.AST) -> TypeGuard[ast.Expr]:
     """Return whether a statement is a string alone."""
     return (
         isinstance(line, ast.Expr)

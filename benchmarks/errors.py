@@ -94,12 +94,12 @@ def batch(env_id: str, copies: int, **options: Any) -> Any:
 
 
 class Played(NamedTuple):
-    """A step of a batch and, if its errors count, its control periods as repeated by other simulators."""
+    """An environment step of a batch. If its errors count, other simulators repeat its control periods."""
 
     counts: np.ndarray
     """which copies count"""
     positions: np.ndarray
-    """(periods, copies, N, 3) where each control period ends"""
+    """(periods, copies, N, 3) positions at the end of each control period [m]"""
     infos: dict[str, Any]
     took: float
     """processor time of the environment's step [s]"""
@@ -109,7 +109,7 @@ class Played(NamedTuple):
     """(simulators,) processor time of the repetitions by each simulator [s]"""
 
     def distances(self, positions: np.ndarray, others: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-        """Return the largest distance of a particle in all control periods, of each copy that counts [1]."""
+        """Return the errors (copies that count,): largest distances in all periods over the bodies' sizes."""
         return np.asarray(largest_distances(positions, others, sizes).max(axis=0)[self.counts])
 
 

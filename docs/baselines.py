@@ -40,7 +40,6 @@ from results import (  # noqa: E402
     probe,
     refusal,
     same_probe,
-    scale_of,
     scores,
     used,
 )
@@ -260,7 +259,8 @@ def suite(rows: Sequence[dict[str, Any]]) -> list[str]:
         f"{SECONDS:,.0f} seconds of one core": scores(current, 1, SECONDS),
         f"{SAMPLES:,.0f} steps": scores(current, 0, SAMPLES),
     }
-    seeds = sorted({len(own) for found in tables.values() for of in found.values() for own in of.values()})
+    learned = [own for found in tables.values() for name, own in found.items() if name != ("zero",)]
+    seeds = sorted({len(scores) for own in learned for scores in own.values()})
     lines = [COMPARISON.format(tasks=len(SUITE), seeds=" or ".join(map(str, seeds)))]
     for budget, found in tables.items():
         names = sorted(found)
@@ -268,25 +268,18 @@ def suite(rows: Sequence[dict[str, Any]]) -> list[str]:
         if not names:
             lines.append("There is no result of this protocol yet.\n")
             continue
-        lines.append(f"| task | {' | '.join(', '.join(name) for name in names)} | zero |")
-        lines.append("|---" * (len(names) + 2) + "|")
+        lines.append(f"| task | {' | '.join(', '.join(name) for name in names)} |")
+        lines.append("|---" * (len(names) + 1) + "|")
         for task in SUITE:
-            own = [*(found[name].get(task, np.array([])) for name in names), zero_score(task, current)]
+            own = [found[name].get(task, np.array([])) for name in names]
             lines.append(f"| `{task}` | {' | '.join(map(spread, own))} |")
         means = [f"{quartiles([*found[name].values()])}, {len(found[name])} tasks" for name in names]
-        lines += [f"| all | {' | '.join(means)} | |", ""]
+        lines += [f"| all | {' | '.join(means)} |", ""]
     return lines
 
 
-def zero_score(task: str, rows: Sequence[dict[str, Any]]) -> np.ndarray:
-    """Return the score of no action in a task, (1,) or, without a result, (0,)."""
-    scale = scale_of(task, rows)
-    own = [row["mean_return"] for row in rows if (row["task"], row["algorithm"]) == (task, "zero")]
-    return (np.array(own) - scale[0]) / (scale[1] - scale[0]) if scale else np.array([])
-
-
 def spread(scores: np.ndarray) -> str:
-    """Return the mean of scores (seeds,) and, of several, the lowest and the highest [%]."""
+    """Return scores (seeds,) as text in %: their mean and, of several, the lowest and the highest."""
     if not len(scores):
         return ""
     mean, least, most = (f"{100 * score:z.0f}" for score in (scores.mean(), scores.min(), scores.max()))
@@ -438,9 +431,8 @@ def page(rows: Sequence[dict[str, Any]]) -> str:
         *([FROM_DATA.format(table="\n".join(table_of_data(offline)))] if offline else []),
         METHOD.format(older=older(rows)),
     ]
-    cpus, commits = (
-        ", ".join(sorted({row[key][:width] for row in rows})) for key, width in (("cpu", 99), ("commit", 8))
-    )
+    cpus = ", ".join(sorted({row["cpu"] for row in rows}))
+    commits = ", ".join(sorted({(row["commit"] or "unknown")[:8] for row in rows}))
     lines.append(f"Measured on {cpus}, at the commits {commits}.\n")
     return re.sub(r"(?<=\|)  (?=\|)", " – ", "\n".join(lines))
 

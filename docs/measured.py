@@ -259,7 +259,7 @@ def _longer(report: Report) -> str:
 
 
 def _faster(report: Report) -> str:
-    """Return how many times as fast a rigid top is here as by MuJoCo's RK4."""
+    """Return the speed of a rigid top over that of MuJoCo's ball joint with RK4, both in steps per second."""
     own, other = (
         row(report, "peers", program=f"{who} rigid{how}", copies=1)["median"]
         for who, how in (("springgym", ""), ("MuJoCo", " RK4"))

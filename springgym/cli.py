@@ -150,7 +150,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 def check_new(path: Path, endings: Sequence[str] = ()) -> None:
-    """Check that a file to write has one of the endings and that its folder exists, before any work is done.
+    """Raise ValueError unless a file can be written: its name has one of the endings, and its folder exists.
 
     Raises
     ------

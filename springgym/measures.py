@@ -63,7 +63,7 @@ class Measures(NamedTuple):
     axis: np.ndarray
     """third axis of the body's triad, a unit vector; zero if the body is a single particle"""
     work: np.ndarray
-    """work of the actuators since the start [J]; work and losses are 0 without a ledger"""
+    """work done by the actuators since the start [J]; without a ledger, it and the losses are 0"""
     damping_loss: np.ndarray
     """lost to the springs' dampers since the start [J]"""
     contact_loss: np.ndarray

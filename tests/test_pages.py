@@ -73,7 +73,7 @@ def blocks(page: Path) -> list[Block]:
 
 
 def cases(pages: list[Path], runs: bool = False) -> list[Any]:
-    """Return parameters of a test, one for each page; with ``runs``, the pages of `SLOW` are marked slow."""
+    """Return one test parameter for each page; with ``runs``, those of pages in `SLOW` are marked slow."""
     return [
         pytest.param(p, id=str(p.relative_to(ROOT)), marks=slow_unless(not runs or p.name not in SLOW))
         for p in pages

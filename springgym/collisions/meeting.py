@@ -76,7 +76,7 @@ class Meetings(ReadOnly):
     first: np.ndarray
     second: np.ndarray
     contacts: tuple[Contact, ...]
-    """the distinct contacts; several pairs may share one"""
+    """parameters of contact, each once; several pairs may have the same"""
     how: np.ndarray
     """(pairs,) index of each pair's contact in `contacts`"""
     strength: np.ndarray

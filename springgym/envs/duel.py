@@ -53,6 +53,7 @@ Opponent = Callable[[np.ndarray], np.ndarray]
 
 @compiled
 def tilt_of(m: Measures, c: int, body: int) -> float:
+    """Return the angle of a top's axis from the vertical [rad]."""
     return angle_of(m.axis[c, body, 2])
 
 

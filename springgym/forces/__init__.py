@@ -49,8 +49,10 @@ def set_forces(x: Rows, force: Rows, direction: Rows, directs: bool, terms: Term
 
 @compiled
 def accelerate_and_damp(x: Rows, v: Rows, a: Rows, weight: Number, ledger: Ledger, terms: Terms) -> None:
-    """`accelerate` with dampers, without forces of users; ``weight`` [s] times the dampers' power goes to the
-    ledger."""
+    """Set ``a`` (N, 3) to the accelerations [m/s²] by weight, springs and dampers, but no forces of users.
+
+    ``weight`` [s] times the dampers' power is added to the ledger.
+    """
     set_weights(a, terms.particles, terms.gravity)
     add_spring_forces(x, v, a, None, False, terms.springs, terms.dampers, ledger, weight)
     divide_by_mass(a, terms.particles)

@@ -170,7 +170,7 @@ def _check_body(scene: Scene) -> None:
 
 
 def _check_rest(scene: Scene, method: Integrator) -> None:
-    """Raise ValueError if the scene has a field, such as a drive, that rigid dynamics cannot simulate."""
+    """Raise ValueError if the scene has a drive, a surface or another field that a rigid body cannot have."""
     if scene.drive:
         raise ValueError("a rigid body takes no drive: the pin that it turns about must stay at rest")
     if scene.surfaces:

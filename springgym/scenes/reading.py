@@ -405,7 +405,7 @@ def _collisions(tree: Tree) -> Collisions:
 # --- Starts -----------------------------------------------------------------------------------------
 
 
-class _Started(NamedTuple):
+class _Beginning(NamedTuple):
     start: InitialState
     stretched: bool
 
@@ -430,7 +430,7 @@ def _started(
     end: Vector | None = None,
     kick: Mapping[str, Vector] | None = None,
     stretched: bool = True,
-) -> _Started:
+) -> _Beginning:
     """Return a body's start, by `springgym.bodies.start`; the precession may be "slow" or "fast".
 
     These are the steady precessions of a heavy top. The body is moved so that its lowest particle is at
@@ -468,7 +468,7 @@ def _started(
         if max(particles) >= len(body.masses):
             raise ValueError(f"kick names particle {name}; there are 0 to {len(body.masses) - 1}")
         velocities[list(particles)] += change
-    return _Started(InitialState(positions, velocities), stretched)
+    return _Beginning(InitialState(positions, velocities), stretched)
 
 
 def _lifted(

@@ -46,7 +46,7 @@ class Knob(NamedTuple):
 
 
 def _linear(unit: str, low: float, high: float, step: float, most: float = math.inf) -> Callable[..., Knob]:
-    """Return a function that makes a linear slider, whose range includes twice the value in a scene file."""
+    """Return a function that makes a `Knob` on a linear scale from ``low`` to ``high`` or twice the value."""
 
     def knob(path: tuple[str, ...], value: float) -> Knob:
         label = f"{path[-1].replace('_', ' ')} {unit}".strip()
@@ -56,7 +56,7 @@ def _linear(unit: str, low: float, high: float, step: float, most: float = math.
 
 
 def _share(unit: str) -> Callable[..., Knob | None]:
-    """Return a function that makes a slider of up to 4 times the value in a scene file, or None for 0."""
+    """Return a function that makes a `Knob` from a fifth of the value to four times it, or None for 0."""
 
     def knob(path: tuple[str, ...], value: float) -> Knob | None:
         if value <= 0:
@@ -69,7 +69,7 @@ def _share(unit: str) -> Callable[..., Knob | None]:
 
 
 def _decades(unit: str) -> Callable[..., Knob | None]:
-    """Return a function that makes a slider of 0.01 to 10 times the value in a scene file, or None for 0."""
+    """Return a function that makes a `Knob` on a logarithmic scale, value/100 to 10 value; None for 0."""
 
     def knob(path: tuple[str, ...], value: float) -> Knob | None:
         if value <= 0:

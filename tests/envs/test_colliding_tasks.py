@@ -378,7 +378,7 @@ def test_opponents_are_checked_and_so_is_what_they_give() -> None:
 
 @pytest.mark.slow
 def test_waiting_does_not_win() -> None:
-    """An agent that does nothing never wins; one that only guards earns less where it does not win."""
+    """An agent that does nothing wins no duel; one that only guards earns less wherever it does not win."""
     idle, guard = (
         play("SpringDuel-v0", duel.OPPONENTS[of], 50, observation="frame") for of in ("still", "guard")
     )

@@ -55,13 +55,16 @@ def test_what_a_small_file_means(read):
         ("title: a box\nduration: 1", "the file lacks body"),
         ("title: a\nbody: box\nduration: 1", "mine.yaml:2: body must be a mapping with a kind"),
         ("title: a\nbody: {kind: bax}\nduration: 1", "mine.yaml:2: unknown kind 'bax'; did you mean 'box'?"),
-        (BOX + "interval: 1e-300", "mine.yaml:4: interval: interval is 1e-300 s; it must be at least 1e-06"),
+        (
+            BOX + "interval: 1e-300",
+            "mine.yaml:4: interval: interval is 1e-300 s; it must be at least 1e-06 s",
+        ),
         (BOX + "step: 1e-300", "mine.yaml:4: step: step is 1e-300 s; it must be at least 1e-09 s"),
         (BOX + "gravity: .nan", "mine.yaml:4: gravity: expected a number of size at most 1e+30, got nan"),
         (BOX + "surfaces: false", "mine.yaml:4: surfaces: expected a list of surfaces, got False"),
         (
             "title: a\nbody:\n  kind: box\n  mass: -1\nduration: 1",
-            "mass is -1.0; it must be a positive number",
+            "body: mass is -1.0; it must be a positive number",
         ),
         ("title: a\nbody: {kind: top, scaled: {40: 2}}\nduration: 1", "a particle that scaled names is 40"),
         (BOX.replace("duration: 1", "duration: 0"), "mine.yaml:3: duration: duration is 0 s"),

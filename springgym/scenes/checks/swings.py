@@ -20,7 +20,7 @@ SMALL = 0.01
 """Relative tolerance of the frequencies of small swings: rotations by 0.1 do not commute, by 0.1²."""
 
 HANGING = 1e-6
-"""Relative tolerance of the length of a hanging rope, which still bounces a little when it is measured."""
+"""Relative tolerance of the length of a hanging rope; the rope still oscillates when it is measured."""
 
 BOUNCE = 0.02
 """Relative tolerance of the frequency of a hanging bounce: beads of 1 % of the mass shift it by as much."""
