@@ -23,8 +23,10 @@ def pytest(session: nox.Session, *arguments: str) -> None:
 def style(session: nox.Session) -> None:
     """Check the style and format of code, and the spelling; `nox -s style -- --fix` corrects what it can."""
     fix = "--fix" in session.posargs
-    session.run(sys.executable, "-m", "ruff", "check", *(["--fix", "--exit-zero"] if fix else []), ".")
+    if fix:
+        session.run(sys.executable, "-m", "ruff", "check", "--fix-only", ".")
     session.run(sys.executable, "-m", "ruff", "format", *([] if fix else ["--check"]), ".")
+    session.run(sys.executable, "-m", "ruff", "check", ".")
     session.run("codespell", *(["--write-changes"] if fix else []), external=True)
 
 

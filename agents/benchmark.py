@@ -309,10 +309,14 @@ def planned(tasks: Sequence[str], algorithms: Sequence[str], seeds: int, plan: P
 
 
 def is_current(row: Row, cell: Cell, plan: Plan) -> bool:
-    """Return whether a row is of a cell as it is now: its protocol, configuration, episodes and task."""
+    """Return whether a row is of a cell as it is now: its protocol, configuration, episodes and task.
+
+    A row that a changed tree has made is, until the changes are committed.
+    """
     now = PROTOCOL, digest_of(config_of(cell, plan)), plan.episodes
     same = tuple(map(row.get, ("protocol", "config", "episodes"))) == now
-    return same and same_probe(row["probe"], cell.task)
+    kept = "dirty" not in str(row.get("commit")) or "dirty" in str(versions()["git_revision"])
+    return same and kept and same_probe(row["probe"], cell.task)
 
 
 def add_hyperparameters(parser: argparse.ArgumentParser) -> None:
@@ -441,7 +445,6 @@ def collected(
     """Write rows as they come, show how far all has come, and return what failed."""
     failed, left = [], {cell: config_of(cell, plan) for cell in cells}
     with tqdm(total=len(cells), unit="run", mininterval=1.0, smoothing=0.02) as bar:
-        bar.update(0)
         for result in results:
             if result is not None:
                 cell, row = result

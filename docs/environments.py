@@ -86,14 +86,17 @@ def film(row: Row) -> list[str]:
 def in_short(row: Row, report: Report) -> list[str]:
     """Return the shapes of an environment's spaces, its tier and the error of its steps."""
     first, *others = (environment(row, "")(observation=kind) for kind in environment(row, "").observations)
-    (own,) = (own for env_id, options, own in _errors(report) if env_id == row.id and not options)
+    measured = [
+        f"; sub-step {own['step_ms']:.3g} ms; median [error](../features.md#error-of-a-control-period) "
+        f"of a step {own['median']:.1e}"
+        for env_id, options, own in _errors(report)
+        if env_id == row.id and not options
+    ]
     seen = [str(first.observation_space.shape)]
     seen += [f'{task.observation_space.shape} as `"{task.observation}"`' for task in others]
     return [
         f"Action shape {first.action_space.shape}; observation shape {', '.join(seen)}; "
-        f"tier [{row.tier}](../environments.md#tiers-and-harder-variants); sub-step "
-        f"{own['step_ms']:.3g} ms; median [error](../features.md#error-of-a-control-period) of a step "
-        f"{own['median']:.1e}.\n"
+        f"tier [{row.tier}](../environments.md#tiers-and-harder-variants){''.join(measured)}.\n"
     ]
 
 

@@ -57,7 +57,8 @@ class Measures(NamedTuple):
     angular_momentum: np.ndarray
     """about the pivot of the body if there is one, else about the centre of mass [kg·m²/s]"""
     angular_velocity: np.ndarray
-    """ω of the rigid rotation with that angular momentum: I ω = L [rad/s]"""
+    """ω of the rigid rotation with that angular momentum, relative to the pivot if a drive moves it: I ω = L
+    [rad/s]; along a straight line of particles, I is round-off, and so is ω"""
     side: np.ndarray
     """first axis of the body's triad, a unit vector; zero while its markers lie on a line"""
     axis: np.ndarray
@@ -189,7 +190,9 @@ def measure_block(x: Rows, v: Rows, ledger: Ledger, out: Numbers, markers: Marke
     energy = kinetic + gravity + elastic + contact
     centre = mass_centre(x, mass)
     about = row(x, markers.pivot) if markers.pivot >= 0 else centre
-    momentum = angular_momentum(x, v, mass, about)
+    momentum = turning = angular_momentum(x, v, mass, about)
+    if markers.pivot >= 0:  # of a pivot p that a drive moves: I ω = L − M (c − p) × v_p
+        turning = momentum - total * cross(centre - about, row(v, markers.pivot))
     e1, _, e3 = triad(x, markers.triad)
     sideways = row(x, markers.triad[2]) - row(x, markers.triad[0])
     across, share = cross(e3, sideways), ROUND_OFF * epsilon(kinetic)
@@ -200,7 +203,7 @@ def measure_block(x: Rows, v: Rows, ledger: Ledger, out: Numbers, markers: Marke
     write(out, AT.centre_velocity, velocity)
     write(out, AT.momentum, total * velocity)
     write(out, AT.angular_momentum, momentum)
-    write(out, AT.angular_velocity, solve_symmetric(inertia(x, mass, about), momentum))
+    write(out, AT.angular_velocity, solve_symmetric(inertia(x, mass, about), turning))
     write(out, AT.side, e1)
     write(out, AT.axis, e3)
     balance = energy

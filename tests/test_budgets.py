@@ -93,7 +93,8 @@ def parameters(function: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
 
 @pytest.mark.parametrize("folder", CODE_LINES)
 def test_code_lines(folder: str) -> None:
-    assert code_lines(folder) <= CODE_LINES[folder], "see 'Code does not grow' in CONTRIBUTING.md"
+    more = code_lines(folder) - CODE_LINES[folder]
+    assert more <= 0, f"{more} lines too many in {folder}; see 'Code does not grow' in CONTRIBUTING.md"
 
 
 def test_circles_of_imports() -> None:

@@ -90,7 +90,7 @@ def start(
         If a number is not finite, that shape does not exist, or the pins do not allow the motion.
     """
     instance("body", body, Body)
-    tilt = None if tilt is None else number("tilt", tilt)
+    tilt = None if tilt is None else number("tilt [rad]", tilt, -2 * np.pi, 2 * np.pi)
     azimuth, roll = number("azimuth", azimuth), number("roll", roll)
     spin, precession = number("spin", spin), number("precession", precession)
     hanging, stretched = flag("hanging", hanging), flag("stretched", stretched)
@@ -118,8 +118,7 @@ def start(
         place = np.eye(3)
     place = rotating(turn) @ place
     third = place @ own[:, 2]
-    rate = omega + spin * third
-    rate = rate + precession * (np.array([0.0, 0.0, 1.0]) - third[2] * third)
+    rate = omega + spin * third + precession * (np.array([0.0, 0.0, 1.0]) - third[2] * third)
     shape = body.positions
     if stretched:
         pull = None if gravity is None else place.T @ gravity

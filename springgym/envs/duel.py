@@ -52,12 +52,6 @@ Opponent = Callable[[np.ndarray], np.ndarray]
 
 
 @compiled
-def tilt_of(m: Measures, c: int, body: int) -> float:
-    """Return the angle of a top's axis from the vertical [rad]."""
-    return angle_of(m.axis[c, body, 2])
-
-
-@compiled
 def away_of(m: Measures, c: int, body: int) -> float:
     """Return the distance of a top's centre of mass from the middle [m]."""
     return math.hypot(m.centre[c, body, 0], m.centre[c, body, 1])
@@ -68,9 +62,9 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     own = int(s.parameters[0])
     other = 1 - own
     for c in range(out.shape[0]):
-        tilt, away, others = tilt_of(m, c, own), away_of(m, c, own), away_of(m, c, other)
+        tilt, away, others = angle_of(m.axis[c, own, 2]), away_of(m, c, own), away_of(m, c, other)
         lost = tilt > FALLEN or away > RIM
-        down = tilt_of(m, c, other) > FALLEN or others > RIM
+        down = angle_of(m.axis[c, other, 2]) > FALLEN or others > RIM
         won = down and not lost
         safe = gaussian(tilt, 0.6, 0.1) * gaussian(away, 0.8, 0.3) * thrift(s.action, c)
         out["reward_won"][c] = 1.0 - SHAPED if won else 0.0

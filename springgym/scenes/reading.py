@@ -120,6 +120,8 @@ def read(path: Path, changes: Changes | None = None) -> Plan:
         met, paper = (Contact(), PaperContact())
         if contact is not None:
             met, paper = build(_met, tree, ("contact",), skip=Contact.__dataclass_fields__, file=tree)
+            if not surfaces and not bodies:
+                raise _error(tree, ("contact",), "a single body has no contact without surfaces")
         world: dict[str, Any] = {"gravity": pull, "surfaces": _surfaces(tree), "contact": met}
         begun = _bodies(tree, world, body, bodies, pinned, start)
         meet = _collisions(tree)

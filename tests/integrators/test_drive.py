@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from springgym.bodies import Body
+from springgym.bodies import Body, top
 from springgym.scene import DriveActuator, Scene
 from springgym.simulator import Simulator
 
@@ -27,3 +27,11 @@ def test_drive_reaches_its_speed_and_keeps_it(name: str) -> None:
     assert (np.abs(made.velocities[0, 0]) <= np.where(ACCELERATION != 0, SPEED + late, 0.0)).all()
     assert (np.abs(made.positions[0, 0] - way) <= late * DURATION).all()
     assert np.linalg.norm(made.positions[0, 2] - x[2]) > 0.5
+
+
+def test_a_body_that_its_pivot_carries_along_does_not_turn() -> None:
+    body, velocity, omega = top(), np.array([1.0, 0.5, 0.0]), np.array([0.3, -0.2, 7.0])
+    tip = body.particle("tip")
+    carried = velocity + np.cross(omega, body.positions - body.positions[tip])
+    scene = Scene(body, velocities=carried, pinned=(tip,), drive=DriveActuator(tip, SPEED))
+    assert Simulator(scene).measure().angular_velocity[0] == pytest.approx(omega, abs=1e-12)
