@@ -286,7 +286,7 @@ class Simulator:
                     "a PaperContact"
                 )
             contact = PaperContact(contact.friction, 0.0, contact.strength, contact.reach)
-        return cls(scene.with_(contact=contact), **PAPER_METHOD, **options)
+        return cls(scene.with_(contact=contact), **(PAPER_METHOD | options))
 
     def _kernel(self) -> SameTypes:
         read = measures.read if len(self.scene.bodies) == 1 else measures.read_bodies

@@ -20,7 +20,7 @@ import numpy as np
 
 from springgym.bodies.body import Body
 from springgym.bodies.round import LARGEST, SMALLEST, Round, ellipsoid_of, rim, sphere
-from springgym.checks import TINY, array, number
+from springgym.checks import TINY, array, number, shown
 
 SOLID = 0.4
 """Moment of inertia of a solid ball over m r²."""
@@ -98,6 +98,8 @@ def ellipsoid(
     feature = ellipsoid_of(semi_axes)
     mass = number("mass", mass, low=TINY)
     centre = array("centre_of_mass", centre_of_mass, (3,))
+    if (centre**2 / np.diag(feature.matrix)).sum() >= 1:
+        raise ValueError(f"centre_of_mass is {shown(centre_of_mass)}; it must be inside the ellipsoid")
     if inertia is None:
         squares = np.diag(feature.matrix)
         tensor = np.diag(mass / 5 * (squares.sum() - squares))

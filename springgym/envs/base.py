@@ -66,7 +66,7 @@ class _Common(Stateful):
         if task is not None:
             cls.task_type = task
 
-    def _make(self, copies: int, *, tolerance: float | None = None, **options: Any) -> None:
+    def _make(self, copies: int, /, *, tolerance: float | None = None, **options: Any) -> None:
         self._guard = Guard()
         kind = type(self)
         settings = Settings(**{name: options.pop(name) for name in Settings._fields if name in options})

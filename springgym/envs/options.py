@@ -109,7 +109,7 @@ def refuse_unknown(what: str, given: Mapping[str, Any], *takers: Callable[..., A
     names = [[one.name for one in parameters if one.kind in named] for parameters in each]
     for name in given:
         if name not in names[0]:
-            known = [one for listed in names for one in listed if one not in ("self", "copies")]
+            known = [one for listed in names for one in listed if one != "self"]
             raise TypeError(f"{what} has no argument {name!r}{checks.suggestion(name, dict.fromkeys(known))}")
 
 

@@ -10,7 +10,7 @@ import inspect
 from collections.abc import Callable
 from functools import cache
 
-from springgym.checks import instance, shown
+from springgym.checks import instance, shown, suggestion
 from springgym.core.blocks import at
 from springgym.core.compiling import compiled, is_inner, kernel
 from springgym.core.kinds import Nested, Number
@@ -93,7 +93,7 @@ def _method(name: str, special: str = "") -> tuple[Integrator, Callable[..., Non
     if name in _OWN:
         return _OWN[name]
     if name not in METHODS:
-        raise ValueError(f"unknown integrator {name!r}; there are {', '.join((*METHODS, *_OWN))}")
+        raise ValueError(f"unknown integrator {name!r}{suggestion(name, (*METHODS, *_OWN))}")
     module = importlib.import_module(f"{__name__}.{name}")
     return module.RECORD, getattr(module, special, module.integrate)
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from springgym.checks import suggestion
 from springgym.core.blocks import set_copies
 from springgym.integrators.record import Integrator
 from springgym.rigid.motion import kernel_reading, move_together
@@ -120,7 +121,7 @@ def integrator(name: str) -> Integrator:
         If there is no method of that name for rigid bodies.
     """
     if name not in METHODS:
-        raise ValueError(f"unknown integrator {name!r} for rigid dynamics; there are {', '.join(METHODS)}")
+        raise ValueError(f"unknown integrator {name!r} for rigid dynamics{suggestion(name, METHODS)}")
     return METHODS[name].record
 
 

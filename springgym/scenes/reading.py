@@ -113,7 +113,7 @@ def read(path: Path, changes: Changes | None = None) -> Plan:
                 raise _error(tree, (name,), f"{name} is {value:g} s; it must be at least {LEAST[name]:g} s")
         if integrator not in METHODS:
             known = suggestion(integrator, METHODS)
-            raise _error(tree, ("integrator",), f"unknown method {shown(integrator)}{known}")
+            raise _error(tree, ("integrator",), f"unknown integrator {shown(integrator)}{known}")
         if isinstance(gravity, float) and gravity < 0:
             raise _error(tree, ("gravity",), f"gravity is {gravity:g}; it pulls down if it is positive")
         pull = (0.0, 0.0, -gravity) if isinstance(gravity, float) else gravity
@@ -189,7 +189,7 @@ def _traced(tree: Tree, scene: Scene, trace: str | int | None) -> int | None:
     if trace is None:
         return None
     number, part = 0, trace
-    if len(scene.bodies) > 1:
+    if "bodies" in tree.value:
         name, _, part = str(trace).partition(".")
         names = [placed.name for placed in scene.bodies]
         if name not in names:

@@ -87,8 +87,8 @@ def record(
     Parameters
     ----------
     plan
-        The plan. If it has a step, its interval is rounded to a whole number of steps; otherwise a whole
-        number of steps is fitted into the interval. The interval is at most the duration.
+        The plan. A whole number of intervals is fitted into its duration, and a whole number of steps into
+        the interval; if the plan has a step, the interval is rounded to a whole number of them instead.
     dynamics
         "springs", or "rigid" for the rigid twin, which has its own method and, unless it rolls, its own step.
     contacts
@@ -105,7 +105,7 @@ def record(
     ValueError
         If the integrator or the step does not fit the scene, or there are too many steps or states.
     """
-    plan = replace(plan, interval=min(plan.interval, plan.duration))
+    plan = replace(plan, interval=plan.duration / max(1, round(plan.duration / plan.interval)))
     simulator = _simulator(plan, dynamics)
     steps = max(1, round(plan.interval / simulator.step))
     count = 1 + max(1, round(plan.duration / (steps * simulator.step)))

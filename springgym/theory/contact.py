@@ -127,15 +127,10 @@ def rebound(speed: float, restitution: float, slow: float) -> float:
     angles = np.linspace(0.0, math.asinh(speed / slow), 40001)
     rise, up, kept = np.sinh(angles) * np.cosh(angles) ** 2, np.exp(angles), restitution**2
     way_in, way_out = (
-        _sums(rise / (kept / grows + grows), angles)  # cosh a + beta sinh a, without cancellation
-        for grows in (up, 1 / up)
+        np.append(0.0, np.cumsum((values[1:] + values[:-1]) / 2 * np.diff(angles)))  # trapezoidal rule
+        for values in (rise / (kept / grows + grows) for grows in (up, 1 / up))  # cosh a + beta sinh a
     )
     return math.sinh(float(np.interp(way_in[-1], way_out, angles))) * slow / speed
-
-
-def _sums(values: Floats, places: Floats) -> Floats:
-    """Return the integral up to each place, by the trapezoidal rule."""
-    return np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(places))])
 
 
 def stopping_distance(speed: float, friction: float, gravity: float = 9.81) -> float:

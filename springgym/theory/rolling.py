@@ -42,7 +42,7 @@ def resisted_acceleration(
     Parameters
     ----------
     angle : float
-        a of the slope, rad, 0 or more.
+        a of the slope, rad.
     moment : float
         I/(m r^2) about the centre, 2/5 of a solid ball.
     resistance, radius : float
@@ -50,8 +50,8 @@ def resisted_acceleration(
     gravity : float
         g, m/s^2.
     """
-    pull = math.sin(angle) - resistance / radius * math.cos(angle)
-    return gravity * max(pull, 0.0) / (1 + moment)
+    pull = abs(math.sin(angle)) - resistance / radius * math.cos(angle)
+    return math.copysign(gravity * max(pull, 0.0) / (1 + moment), angle)
 
 
 def resisted_way(

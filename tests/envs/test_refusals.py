@@ -51,7 +51,7 @@ def arguments(kind: type[SpringEnv] | type[SpringVectorEnv]) -> list[str]:
         found += [
             p.name
             for p in inspect.signature(function).parameters.values()
-            if p.kind in (p.KEYWORD_ONLY, p.POSITIONAL_OR_KEYWORD) and p.name not in ("self", "copies")
+            if p.kind in (p.KEYWORD_ONLY, p.POSITIONAL_OR_KEYWORD) and p.name != "self"
         ]
     return found
 
@@ -61,6 +61,7 @@ MEANT = {
     "randomise": "; did you mean 'randomize'?",
     "rendermode": "; did you mean 'render_mode'?",
     "xyz": None,
+    "copies": None,
 }
 
 

@@ -403,6 +403,7 @@ def test_disk_rolls_round_as_the_rigid_one(angle: float) -> None:
         (lambda: ellipsoid(inertia=(1e-3, 1e-3, 2e-3)), ValueError, "less than the sum"),
         (lambda: ellipsoid(inertia=(1e-3, 1e-3, -2e-3)), ValueError, "inertia"),
         (lambda: ellipsoid(inertia=[[1, 1, 0], [0, 1, 0], [0, 0, 1]]), ValueError, "symmetric"),
+        (lambda: ellipsoid(centre_of_mass=(0, 0.11, 0)), ValueError, "inside the ellipsoid"),
         (lambda: disk(0.1, thickness=1e-4), ValueError, "thickness"),
         *((lambda of=of: capsule(0.1, of), ValueError, "from 0.001 to 100") for of in (9e-4, 101.0, 1e20)),
         (lambda: BALL.with_(rounds=sphere(0.1)), TypeError, "rounds"),

@@ -32,11 +32,6 @@ def test_record_is_complete(name: str) -> None:
         assert record.real_limit == 0
 
 
-def test_unknown_method_is_named() -> None:
-    with pytest.raises(ValueError, match="unknown integrator 'euler'; there are verlet, symplectic_euler"):
-        integrator("euler")
-
-
 @pytest.mark.parametrize("name", METHODS)
 def test_damping_is_refused_by_methods_that_allow_none(name: str) -> None:
     damped = tetrahedron("verlet", 1.0)

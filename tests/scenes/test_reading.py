@@ -68,7 +68,7 @@ def test_what_a_small_file_means(read):
         ),
         ("title: a\nbody: {kind: top, scaled: {40: 2}}\nduration: 1", "a particle that scaled names is 40"),
         (BOX.replace("duration: 1", "duration: 0"), "mine.yaml:3: duration: duration is 0 s"),
-        (BOX + "integrator: euler", "mine.yaml:4: integrator: unknown method 'euler'; choose from: verlet"),
+        (BOX + "integrator: euler", "mine.yaml:4: integrator: unknown integrator 'euler'; choose from: v"),
         (BOX + f"trace: {'x' * 1000}", "mine.yaml:4: trace: unknown part 'xxx"),
         (BOX + "gravity: -9.81", "mine.yaml:4: gravity: gravity is -9.81; it pulls down if it is positive"),
         (

@@ -38,10 +38,10 @@ def test_the_interval_is_a_whole_number_of_given_steps():
     assert len(recording.times) == 1 + round(0.1 / (14 * 7e-4))
 
 
-def test_interval_is_at_most_the_duration():
-    recording = record(replace(PLAN, interval=1.0, duration=0.1))
-    assert len(recording.times) == 2
-    assert recording.times[-1] == pytest.approx(0.1)
+@pytest.mark.parametrize(("interval", "parts"), [(1.0, 1), (0.06, 2), (0.03, 3)])
+def test_a_whole_number_of_intervals_is_fitted_into_the_duration(interval, parts):
+    recording = record(replace(PLAN, interval=interval, duration=0.1))
+    assert recording.times == pytest.approx(np.linspace(0.0, 0.1, parts + 1))
 
 
 @pytest.mark.parametrize("states", [0, 1])

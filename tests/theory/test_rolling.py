@@ -106,7 +106,8 @@ def test_resistance_is_that_of_the_equations_of_motion() -> None:
     slows = np.array([[1.0, 1.0], [moment, -1.0]])
     pulls = np.array([g * math.sin(angle), -rho / radius * g * math.cos(angle)])
     expected = np.linalg.solve(slows, pulls)[0]
-    assert rolling.resisted_acceleration(angle, moment, rho, radius, g) == pytest.approx(expected, rel=1e-12)
+    found = [rolling.resisted_acceleration(a, moment, rho, radius, g) for a in (angle, -angle)]
+    assert found == pytest.approx([expected, -expected], rel=1e-12)
     assert rolling.resisted_acceleration(math.atan(rho / radius) - 1e-9, moment, rho, radius, g) == 0.0
     way, time = rolling.resisted_way(0.3, moment, rho, radius, g)
     slower = -np.linalg.solve(slows, [0.0, -rho / radius * g])[0]
