@@ -320,11 +320,8 @@ def _crossover(problem: str) -> Number:
 
 
 DEARER = (
-    ("free-body", "1e-3"),
-    ("cusp-top", "1e-3"),
     ("rope", "1e-3"),
     ("stiff-chain", "1e-3"),
-    ("stiff-chain", "1e-5"),
     ("rope", "1e-5"),
     ("cusp-top", "1e-5"),
     ("damped-top", "1e-5"),
