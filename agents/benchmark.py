@@ -64,6 +64,7 @@ from results import (
     digest_of,
     folder_name,
     identity,
+    is_clean,
     probe,
     read_rows,
     row_of,
@@ -309,14 +310,14 @@ def planned(tasks: Sequence[str], algorithms: Sequence[str], seeds: int, plan: P
 
 
 def is_current(row: Row, cell: Cell, plan: Plan) -> bool:
-    """Return whether a row is of a cell as it is now: its protocol, configuration, episodes and task.
+    """Return whether a row is up to date: of the protocol, configuration, episodes and task of now.
 
-    A row that a changed tree has made is, until the changes are committed.
+    A row made with uncommitted changes is so only while the tree has some.
     """
     now = PROTOCOL, digest_of(config_of(cell, plan)), plan.episodes
     same = tuple(map(row.get, ("protocol", "config", "episodes"))) == now
-    kept = "dirty" not in str(row.get("commit")) or "dirty" in str(versions()["git_revision"])
-    return same and kept and same_probe(row["probe"], cell.task)
+    final = is_clean(row.get("commit")) or not is_clean(versions()["git_revision"])
+    return same and final and same_probe(row["probe"], cell.task)
 
 
 def add_hyperparameters(parser: argparse.ArgumentParser) -> None:
@@ -425,7 +426,7 @@ def benchmark(options: argparse.Namespace) -> int:
         rows = read_rows(path)
         left = [cell for cell in cells if not is_current(rows.get(identity(cell._asdict()), {}), cell, plan)]
         print(f"{len(cells)} runs, {len(left)} of them to do; rows in {path}")
-        if (revision := versions()["git_revision"]) and str(revision).endswith("-dirty"):
+        if not is_clean(versions()["git_revision"]):
             print("files of the source tree differ from its commit: --check will refuse these rows")
         if not left:
             return 0

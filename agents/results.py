@@ -250,14 +250,17 @@ def probe(task: str) -> list[float]:
 def same_probe(given: object, task: str) -> bool:
     """Return whether a probe is that of a task as it is now; numbers of an older protocol are not."""
     present = probe(task)
-    if not isinstance(given, list) or len(given) != len(present):
-        return False
-    return bool(np.allclose(given, present, rtol=0.0, atol=SAME))
+    return isinstance(given, list) and len(given) == len(present) and np.allclose(given, present, 0.0, SAME)
 
 
 def is_old(row: Row) -> bool:
     """Return whether a row follows an older protocol, or was marked as of a task that has changed since."""
     return row.get("protocol") != PROTOCOL or "present_probe" in row
+
+
+def is_clean(commit: object) -> bool:
+    """Return whether what a row or `versions` says of the commit is `COMMIT`, or None outside of a clone."""
+    return commit is None or re.fullmatch(COMMIT, str(commit)) is not None
 
 
 def made_with() -> dict[str, Any]:
@@ -294,7 +297,7 @@ def refusal(row: Any) -> str:
         return f"springgym has no task {row['task']!r}"
     if not same_probe(row["probe"], row["task"]):
         return f"its task was another one: the probe is {row['probe']}, and now {probe(row['task'])}"
-    if row["commit"] is not None and not re.fullmatch(COMMIT, row["commit"]):
+    if not is_clean(row["commit"]):
         return f"its commit is {row['commit']!r}: it must be one, and the tree must not differ from it"
     return refused_episodes(row)
 
@@ -415,8 +418,7 @@ def scores(rows: Sequence[Row], column: int, budget: float) -> dict[tuple[str, .
             scored = row["task"] == task and (row["steps"] or row["algorithm"] == "zero")
             if scale and scored and (value := reached(row, column, budget)) is not None:
                 own = found.setdefault((row["algorithm"], *row["used"]), {})
-                score = (value - scale[0]) / (scale[1] - scale[0])
-                own[task] = np.append(own.get(task, []), score)
+                own[task] = np.append(own.get(task, []), (value - scale[0]) / (scale[1] - scale[0]))
     return found
 
 

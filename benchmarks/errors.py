@@ -94,7 +94,7 @@ def batch(env_id: str, copies: int, **options: Any) -> Any:
 
 
 class Played(NamedTuple):
-    """An environment step of a batch. If its errors count, other simulators repeat its control periods."""
+    """A step of a batch of environments and, where errors are measured, its repetitions in exact steps."""
 
     counts: np.ndarray
     """which copies count"""
@@ -109,7 +109,7 @@ class Played(NamedTuple):
     """(simulators,) processor time of the repetitions by each simulator [s]"""
 
     def distances(self, positions: np.ndarray, others: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-        """Return the errors (copies that count,): largest distances in all periods over the bodies' sizes."""
+        """Return the errors of the copies that count: largest distances of particles over sizes of bodies."""
         return np.asarray(largest_distances(positions, others, sizes).max(axis=0)[self.counts])
 
 

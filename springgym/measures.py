@@ -57,14 +57,16 @@ class Measures(NamedTuple):
     angular_momentum: np.ndarray
     """about the pivot of the body if there is one, else about the centre of mass [kg·m²/s]"""
     angular_velocity: np.ndarray
-    """ω of the rigid rotation with that angular momentum, relative to the pivot if a drive moves it: I ω = L
-    [rad/s]; along a straight line of particles, I is round-off, and so is ω"""
+    """angular velocity ω of a rigid body with the same inertia I and angular momentum, I ω = L [rad/s]
+
+    If a drive moves the pivot, L is that of the motion relative to the pivot. For particles on a line, I
+    about the line is round-off, and so is this component of ω."""
     side: np.ndarray
     """first axis of the body's triad, a unit vector; zero while its markers lie on a line"""
     axis: np.ndarray
     """third axis of the body's triad, a unit vector; zero if the body is a single particle"""
     work: np.ndarray
-    """work done by the actuators since the start [J]; without a ledger, it and the losses are 0"""
+    """work done by the actuators since the start [J]; 0 without a ledger, as are the losses"""
     damping_loss: np.ndarray
     """lost to the springs' dampers since the start [J]"""
     contact_loss: np.ndarray

@@ -25,8 +25,9 @@ class Row(NamedTuple):
     name: str
     max_episode_steps: int
     reward_threshold: float
-    """return of an episode at which the task counts as solved: classical control earns more, and doing
-    nothing less than a quarter"""
+    """return of an episode from which on the task counts as solved
+
+    Classical control earns more. Zero and random actions earn less than a quarter."""
     tier: Tier
     scored_per: Literal["step", "episode"] = "step"
     """unit for which returns are reported: an episode if most is earned in one step, as in a duel"""

@@ -73,7 +73,7 @@ def blocks(page: Path) -> list[Block]:
 
 
 def cases(pages: list[Path], runs: bool = False) -> list[Any]:
-    """Return one test parameter for each page; with ``runs``, those of pages in `SLOW` are marked slow."""
+    """Return a test parameter for each page; with ``runs``, mark those of the pages in `SLOW` as slow."""
     return [
         pytest.param(p, id=str(p.relative_to(ROOT)), marks=slow_unless(not runs or p.name not in SLOW))
         for p in pages

@@ -76,7 +76,7 @@ class Meetings(ReadOnly):
     first: np.ndarray
     second: np.ndarray
     contacts: tuple[Contact, ...]
-    """parameters of contact, each once; several pairs may have the same"""
+    """the sets of contact parameters that differ; several pairs may have the same set"""
     how: np.ndarray
     """(pairs,) index of each pair's contact in `contacts`"""
     strength: np.ndarray

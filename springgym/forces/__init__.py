@@ -49,7 +49,7 @@ def set_forces(x: Rows, force: Rows, direction: Rows, directs: bool, terms: Term
 
 @compiled
 def accelerate_and_damp(x: Rows, v: Rows, a: Rows, weight: Number, ledger: Ledger, terms: Terms) -> None:
-    """Set ``a`` (N, 3) to the accelerations [m/s²] by weight, springs and dampers, but no forces of users.
+    """Set ``a`` (N, 3) to the acceleration [m/s²] by weight, springs and dampers, not by user-defined forces.
 
     ``weight`` [s] times the dampers' power is added to the ledger.
     """

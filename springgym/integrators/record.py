@@ -124,7 +124,7 @@ def workspace(method: Integrator, scene: Scene, dtype: DTypeLike) -> Nested:
 
 
 def no_node(method: Integrator) -> str:
-    """Return the message that bodies cannot collide with a method whose steps have no node."""
+    """Return the error message for bodies that collide under a method whose step has no node."""
     return (
         f"bodies collide at the node of a step, where all impulses act at once, and {method.name} has no "
         "node of that kind; use verlet, or say collisions=None to let bodies pass through each other"

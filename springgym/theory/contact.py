@@ -128,7 +128,7 @@ def rebound(speed: float, restitution: float, slow: float) -> float:
     rise, up, kept = np.sinh(angles) * np.cosh(angles) ** 2, np.exp(angles), restitution**2
     way_in, way_out = (
         np.append(0.0, np.cumsum((values[1:] + values[:-1]) / 2 * np.diff(angles)))  # trapezoidal rule
-        for values in (rise / (kept / grows + grows) for grows in (up, 1 / up))  # cosh a + beta sinh a
+        for values in (rise / (kept / grows + grows) for grows in (up, 1 / up))  # no cancellation
     )
     return math.sinh(float(np.interp(way_in[-1], way_out, angles))) * slow / speed
 

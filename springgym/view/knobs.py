@@ -46,7 +46,7 @@ class Knob(NamedTuple):
 
 
 def _linear(unit: str, low: float, high: float, step: float, most: float = math.inf) -> Callable[..., Knob]:
-    """Return a function that makes a `Knob` on a linear scale from ``low`` to ``high`` or twice the value."""
+    """Return a function that makes a `Knob` from ``low`` to ``high`` or, if that is more, twice the value."""
 
     def knob(path: tuple[str, ...], value: float) -> Knob:
         label = f"{path[-1].replace('_', ' ')} {unit}".strip()
@@ -56,7 +56,7 @@ def _linear(unit: str, low: float, high: float, step: float, most: float = math.
 
 
 def _share(unit: str) -> Callable[..., Knob | None]:
-    """Return a function that makes a `Knob` from a fifth of the value to four times it, or None for 0."""
+    """Return a function that makes a `Knob` from 0.2 to 4 times a value, or returns None if it is 0."""
 
     def knob(path: tuple[str, ...], value: float) -> Knob | None:
         if value <= 0:
@@ -69,7 +69,7 @@ def _share(unit: str) -> Callable[..., Knob | None]:
 
 
 def _decades(unit: str) -> Callable[..., Knob | None]:
-    """Return a function that makes a `Knob` on a logarithmic scale, value/100 to 10 value; None for 0."""
+    """Return a function that makes a logarithmic `Knob` from 0.01 to 10 times a value, or None if it is 0."""
 
     def knob(path: tuple[str, ...], value: float) -> Knob | None:
         if value <= 0:

@@ -297,12 +297,14 @@ def without_seconds(folder):
 
 
 @pytest.mark.parametrize("protocol", [2, None])
-def test_rows_of_an_older_protocol_are_made_again(protocol, done, configs):
+def test_rows_of_an_older_protocol_are_made_again(protocol, done, configs, monkeypatch):
     (row,) = (row for row in json.loads((done / "baselines.json").read_text()) if row["algorithm"] == "zero")
     cell, plan = results.Cell(TOY, "zero", 0), benchmark.Plan(done, 20, (), configs)
     assert benchmark.is_current(row, cell, plan)
     assert not benchmark.is_current(row | {"protocol": protocol}, cell, plan)
     assert not benchmark.is_current(row | {"probe": [0.5, 40.0]}, cell, plan)
+    monkeypatch.setattr(benchmark, "versions", lambda: {"git_revision": 40 * "0"})
+    assert not benchmark.is_current(row | {"commit": f"{40 * '0'}-dirty"}, cell, plan)
 
 
 def test_a_probe_knows_of_controllers_and_of_whole_episodes(monkeypatch):

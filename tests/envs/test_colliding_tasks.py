@@ -378,7 +378,7 @@ def test_opponents_are_checked_and_so_is_what_they_give() -> None:
 
 @pytest.mark.slow
 def test_waiting_does_not_win() -> None:
-    """An agent that does nothing wins no duel; one that only guards earns less wherever it does not win."""
+    """Doing nothing wins no duel. A duel that guarding does not win earns less than any that it wins."""
     idle, guard = (
         play("SpringDuel-v0", duel.OPPONENTS[of], 50, observation="frame") for of in ("still", "guard")
     )
