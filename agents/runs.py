@@ -30,6 +30,7 @@ import sys
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import IO, Any, NamedTuple
@@ -237,21 +238,23 @@ def versions() -> dict[str, object]:
 
 
 def _cpu_model() -> str:
-    cpuinfo = Path("/proc/cpuinfo")
-    if cpuinfo.exists():
+    if (cpuinfo := Path("/proc/cpuinfo")).exists():
         for line in cpuinfo.read_text().splitlines():
             if line.startswith("model name"):
                 return line.partition(":")[2].strip()
     return platform.processor()
 
 
+@cache
 def _git_revision() -> str | None:
-    """Return the revision of the source tree, ``-dirty`` if it was changed since; None outside of a clone."""
+    """Return the revision of the source tree, ``-dirty`` if it was changed since; None outside of a clone.
+
+    It is that of the first call: rows that this process writes into the tree do not change its code.
+    """
     if not (SOURCE / "pyproject.toml").is_file():  # installed, maybe within somebody's own tree
         return None
     command = ["git", "--no-optional-locks", "describe", "--always", "--dirty", "--abbrev=40"]
     try:
-        result = subprocess.run(command, cwd=SOURCE, capture_output=True, text=True, check=True)
+        return subprocess.run(command, cwd=SOURCE, capture_output=True, text=True, check=True).stdout.strip()
     except (OSError, subprocess.CalledProcessError):
         return None
-    return result.stdout.strip()

@@ -96,8 +96,7 @@ def test_a_run_learns_and_leaves_everything(finished):
     assert trained["return_per_step"] > 0.9
     assert (finished / "learning_curve.png").read_bytes().startswith(b"\x89PNG")
     assert (finished / "episode.gif").read_bytes().startswith(b"GIF8")
-    versions = json.loads((finished / "versions.json").read_text())
-    assert versions["packages"]["stable-baselines3"]
+    assert json.loads((finished / "versions.json").read_text())["packages"]["stable-baselines3"]
     run = runs.open_run(finished)
     assert (run.algo, run.env_id, run.seed) == ("ppo", "toy_env:Toy-v0", 0)
     assert run.config.learning_rate == 3e-3
