@@ -277,8 +277,10 @@ def table_of_variants(report: Report) -> list[str]:
     for row in ENVIRONMENTS:
         told = "{success:.3g} %" if measure(row.id)[1] else "{success:.3g} %, {earned:.2f}"
         for action, variant, arguments in actions_and_variants(row):
-            own = reached[row.id, repr(arguments)]
-            figures = " | ".join(told.format(success=100 * own[n][0], earned=own[n][1]) for n in names)
+            own = reached.get((row.id, repr(arguments)))  # None: not measured yet
+            figures = " | ".join(
+                told.format(success=100 * own[n][0], earned=own[n][1]) if own else "–" for n in names
+            )
             written = ", ".join(filter(None, (f'`action="{action}"`', variant.written)))
             lines.append(f"| `{row.id}` | {written} | {figures} |")
     return [*lines, ""]

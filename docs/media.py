@@ -1,12 +1,16 @@
 """Films, figures and checks of the site: of every scene, and of the trained agent of every environment.
 
-What is there and newer than the package is kept; so the first build takes minutes, and the next ones do not.
+    python docs/media.py SpringTop-v0 elongated-top    # of these alone, into docs/_media
+
+docs/build.py makes all. It keeps what is there and newer than the package; so the first build takes minutes,
+and the next ones do not.
 """
 
 from __future__ import annotations
 
 import json
 import subprocess
+import sys
 from base64 import b64encode
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
@@ -43,8 +47,7 @@ STILL = 1.0
 
 def make_all(folder: Path, newest: float) -> None:
     """Make what is missing, or older than the package."""
-    tasks = [(name, scene) for name in names()] + [(row.id, environment) for row in ENVIRONMENTS]
-    for name, make in tasks:
+    for name, make in MAKERS.items():
         done = folder / f"{name}.mp4"  # written last
         if not done.exists() or done.stat().st_mtime < newest:
             print(f"film of {name}", flush=True)
@@ -142,3 +145,14 @@ def write(frames: Iterable[np.ndarray], path: Path, rate: float, pixels: int = P
         subprocess.run([*ffmpeg, *shrink, *first], check=True)
         film = ["-crf", "30", "-preset", "slow", "-movflags", "+faststart", str(path)]
         subprocess.run([*ffmpeg, *shrink, *film], check=True)
+
+
+MAKERS = dict.fromkeys(names(), scene) | {row.id: environment for row in ENVIRONMENTS}
+"""What makes the film of a scene or of an environment, by its name."""
+
+if __name__ == "__main__":
+    if unknown := sorted(set(sys.argv[1:]) - MAKERS.keys()):
+        sys.exit(f"{unknown[0]!r} is neither a scene nor an environment")
+    (HERE / "_media").mkdir(exist_ok=True)
+    for own in sys.argv[1:]:
+        MAKERS[own](own, HERE / "_media")

@@ -14,7 +14,7 @@ from benchmarks.conditions import is_text
 
 ROOT = Path(__file__).parents[1]
 
-CODE_LINES = {"springgym": 25_947, "agents": 4_412, "tests": 22_582}
+CODE_LINES = {"springgym": 25_947, "agents": 4_412, "tests": 22_580}
 """Most lines that hold a token which is neither a comment nor part of a docstring, by folder."""
 
 CIRCLES = 0
