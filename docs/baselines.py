@@ -447,7 +447,7 @@ def older(rows: Sequence[dict[str, Any]]) -> str:
 def draw_curves(rows: Sequence[dict[str, Any]], folder: Path) -> None:
     """Draw the learning curves of every environment of which rows have some, and remove the others."""
     from matplotlib import pyplot as plt
-    from matplotlib.ticker import EngFormatter
+    from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
 
     folder.mkdir(exist_ok=True)
     by_cell = cells([*rows, *planned()])
@@ -473,7 +473,10 @@ def draw_curves(rows: Sequence[dict[str, Any]], folder: Path) -> None:
             own.margins(y=0.1)
             own.grid(alpha=0.3)
         axes[0].set(xlabel="samples", xscale="log", ylabel=f"return{unit or ' per step'}", title=row.id)
+        axes[0].set_ylim(bottom=min(0.0, axes[0].get_ylim()[0]))
+        axes[0].xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
         axes[0].xaxis.set_major_formatter(EngFormatter(sep=""))
+        axes[0].xaxis.set_minor_formatter(NullFormatter())
         axes[1].set(xlabel="seconds of one core")
         figure.legend(*axes[1].get_legend_handles_labels(), loc="outside right upper", frameon=False)
         figure.savefig(path, metadata={"Date": None})
