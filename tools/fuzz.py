@@ -135,8 +135,9 @@ def ranges(env_id: str, arguments: dict[str, Any], rng: Generator) -> dict[str, 
     absent = set(OF_SPRINGS) if arguments["dynamics"] == "rigid" else set()
     absent |= set() if scene.surfaces else {"friction", "restitution"}
     absent |= {"gravity"} if scene.gravity is None else set()
+    most = {"restitution": 1.0}  # a larger factor may make it more than 1, which is refused
     return {
-        name: (float(rng.uniform(0.8, 1.0)), float(rng.uniform(1.0, 1.2)))
+        name: (float(rng.uniform(0.8, 1.0)), float(rng.uniform(1.0, most.get(name, 1.2))))
         for name in RANDOMIZABLE
         if name not in absent
     }
