@@ -281,7 +281,8 @@ def _shapes(shapes: tuple[tuple[int | None, ...], ...]) -> str:
 
 
 def _shape(shape: tuple[int | None, ...]) -> str:
-    return str(tuple("n" if n is None else n for n in shape)).replace("'", "") if shape else "() (a number)"
+    lengths = str(tuple(n or "nmk"[axis] for axis, n in enumerate(shape)))
+    return lengths.replace("'", "") if shape else "() (a number)"
 
 
 def _mixed(value: object) -> bool:

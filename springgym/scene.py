@@ -731,8 +731,9 @@ class Scene(ReadOnly):
 
     def _pairs(self) -> str:
         """Return the names of the bodies that may collide, or the number of pairs if they are many."""
-        count, each = len(self.meetings), (f"{met.first}–{met.second}" for met in self.meetings)
-        return f"{count} pairs" if count > MOST_LISTED else ", ".join(each)
+        if len(self.meetings) > MOST_LISTED:
+            return f"{len(self.meetings)} pairs"
+        return ", ".join(f"{met.first}–{met.second}" for met in self.meetings)
 
     def _kinds(self) -> str:
         """Return the reprs of the bodies or, if they are many, how many there are of each kind."""

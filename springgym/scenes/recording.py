@@ -203,20 +203,20 @@ def _check_size(plan: Plan, step: float, steps: int, count: int) -> None:
 
 def _simulator(plan: Plan, dynamics: str) -> Simulator:
     # Dampers act in every step: with cycles bodies ring for longer, and theory is of bodies that do not ring.
-    options: dict[str, Any] = {"dynamics": dynamics, "damping_every": 1}
+    # A rigid body's own step may not resolve the impacts that the plan's does.
+    step = plan.step if dynamics == "springs" or plan.scene.surfaces else None
+    options: dict[str, Any] = {"dynamics": dynamics, "damping_every": 1, "step": step}
     if dynamics == "springs":
-        options |= {"integrator": plan.integrator, "step": plan.step}
-    elif any(placed.body.rounds for placed in plan.scene.bodies):
-        options["step"] = plan.step
+        options["integrator"] = plan.integrator
     simulator = Simulator(plan.scene, **options)
-    if options.get("step") is not None:
+    if step is not None:
         return simulator
     options["step"] = plan.interval / math.ceil(plan.interval / simulator.step - 1e-9)
     return Simulator(plan.scene, **options)
 
 
 def rigid_twin(recording: Recording) -> Recording | None:
-    """Simulate the same plan with a rigid body, at the same times; with the same step if bodies roll.
+    """Simulate the same plan with a rigid body, at the same times; with the same step on surfaces.
 
     Return None if a body or the scene has no rigid twin, or if bodies collide: after some impacts, springs
     and twin follow different paths.

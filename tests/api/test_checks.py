@@ -104,8 +104,8 @@ def test_an_array():
     "value", [[1, 2], [[1, 2, 3]], 1.0, np.ones((3, 1)), [[1, 2], [3]], (), np.ones((2, 3)), np.ones((3, 0))]
 )
 def test_an_array_of_another_shape(value):
-    with pytest.raises(ValueError, match=r"x is .*it must be an array of shape \(3,\) or \(n, 4\)"):
-        array("x", value, (3,), (None, 4))
+    with pytest.raises(ValueError, match=r"x is .*be an array of shape \(3,\) or \(n, 4\) or \(n, m, 4\)"):
+        array("x", value, (3,), (None, 4), (None, None, 4))
 
 
 @pytest.mark.parametrize(
