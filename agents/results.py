@@ -259,7 +259,7 @@ def is_old(row: Row) -> bool:
 
 
 def is_clean(commit: object) -> bool:
-    """Return whether what a row or `versions` says of the commit is `COMMIT`, or None outside of a clone."""
+    """Return whether a commit is that of an unchanged tree (`COMMIT`), or None (outside of a clone)."""
     return commit is None or re.fullmatch(COMMIT, str(commit)) is not None
 
 

@@ -247,7 +247,7 @@ def _cpu_model() -> str:
 
 @cache
 def _git_revision() -> str | None:
-    """Return the revision of the source tree, ``-dirty`` if it was changed since; None outside of a clone.
+    """Return the Git commit of the source tree, with ``-dirty`` if files differ; None outside of a clone.
 
     It is that of the first call: rows that this process writes into the tree do not change its code.
     """

@@ -94,7 +94,7 @@ def batch(env_id: str, copies: int, **options: Any) -> Any:
 
 
 class Played(NamedTuple):
-    """A step of a batch of environments and, where errors are measured, its repetitions in exact steps."""
+    """A step of a batch of environments; where errors are measured, also repeated by other simulators."""
 
     counts: np.ndarray
     """which copies count"""
@@ -109,7 +109,7 @@ class Played(NamedTuple):
     """(simulators,) processor time of the repetitions by each simulator [s]"""
 
     def distances(self, positions: np.ndarray, others: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-        """Return the errors of the copies that count: largest distances of particles over sizes of bodies."""
+        """Return the errors of the copies that count: largest particle distances, divided by body sizes."""
         return np.asarray(largest_distances(positions, others, sizes).max(axis=0)[self.counts])
 
 

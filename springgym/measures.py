@@ -66,7 +66,7 @@ class Measures(NamedTuple):
     axis: np.ndarray
     """third axis of the body's triad, a unit vector; zero if the body is a single particle"""
     work: np.ndarray
-    """work done by the actuators since the start [J]; 0 without a ledger, as are the losses"""
+    """work done by the actuators since the start [J]; without a ledger, this and all losses are 0"""
     damping_loss: np.ndarray
     """lost to the springs' dampers since the start [J]"""
     contact_loss: np.ndarray

@@ -25,7 +25,7 @@ class Row(NamedTuple):
     name: str
     max_episode_steps: int
     reward_threshold: float
-    """return of an episode from which on the task counts as solved
+    """smallest return of an episode at which the task counts as solved
 
     Classical control earns more. Zero and random actions earn less than a quarter."""
     tier: Tier

@@ -124,7 +124,7 @@ class LastNode(NamedTuple):
     """Data of the last node that dampers need where contact acts: see `springgym.integrators.node`."""
 
     half_change: np.ndarray
-    """(N, 3) half of the velocity change by contact at the last node [m/s]: the first guess at the next"""
+    """(N, 3) half of the velocity change by contact at the last node [m/s]; first guess at the next node"""
     sweep: np.ndarray
     """(1,) 0 if the next sweep of dampers comes before the actuators, 1 if after them"""
 

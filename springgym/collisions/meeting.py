@@ -76,7 +76,7 @@ class Meetings(ReadOnly):
     first: np.ndarray
     second: np.ndarray
     contacts: tuple[Contact, ...]
-    """the sets of contact parameters that differ; several pairs may have the same set"""
+    """distinct sets of contact parameters; several pairs may share one"""
     how: np.ndarray
     """(pairs,) index of each pair's contact in `contacts`"""
     strength: np.ndarray

@@ -126,12 +126,13 @@ def rebound(speed: float, restitution: float, slow: float) -> float:
         return 1.0
     angles = np.linspace(0.0, math.asinh(speed / slow), 40001)
     rise, up, kept = np.sinh(angles) * np.cosh(angles) ** 2, np.exp(angles), restitution**2
+    # cosh a ± beta sinh a, but for a factor, without cancellation
     way_in, way_out = (_sums(rise / (kept / grows + grows), angles) for grows in (up, 1 / up))
     return math.sinh(float(np.interp(way_in[-1], way_out, angles))) * slow / speed
 
 
 def _sums(values: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Return the integrals of values (n,) from the first place to each, by the trapezoidal rule."""
+    """Return the integral of sampled values (n,) from the first place to each, by the trapezoidal rule."""
     return np.append(0.0, np.cumsum((values[1:] + values[:-1]) / 2 * np.diff(at)))
 
 
