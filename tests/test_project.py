@@ -58,7 +58,7 @@ def test_addresses_stand_where_the_release_writes_them_and_nowhere_else() -> Non
     places = [*(path for kind in kinds for path in ROOT.glob(kind))]
     places += [path for folder in folders for kind in kinds for path in (ROOT / folder).rglob(kind)]
     assert len(places) > 300
-    own = re.compile(r"OWNER|github\.com/[\w-]+/springgym|[\w-]+\.github\.io/springgym")
+    own = re.compile(r"OWNER|github(\.com)?/[\w-]+/springgym|[\w-]+\.github\.io/springgym")
     holding = {
         path.relative_to(ROOT).as_posix()
         for path in places
