@@ -310,7 +310,7 @@ def planned(tasks: Sequence[str], algorithms: Sequence[str], seeds: int, plan: P
 
 
 def is_current(row: Row, cell: Cell, plan: Plan) -> bool:
-    """Return whether a row has the present protocol, configuration, number of episodes and task.
+    """Return whether a row has the current protocol, configuration, number of episodes and task.
 
     A row made with uncommitted changes is so only while the tree has some.
     """

@@ -259,7 +259,7 @@ def is_old(row: Row) -> bool:
 
 
 def is_clean(commit: object) -> bool:
-    """Return whether a commit is that of an unchanged tree (`COMMIT`), or None (outside of a clone)."""
+    """Return whether a commit names an unchanged tree (matches `COMMIT`), or is None (outside of a clone)."""
     return commit is None or re.fullmatch(COMMIT, str(commit)) is not None
 
 

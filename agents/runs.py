@@ -247,7 +247,7 @@ def _cpu_model() -> str:
 
 @cache
 def _git_revision() -> str | None:
-    """Return the Git commit of the source tree, with ``-dirty`` if files differ; None outside of a clone.
+    """Return the Git commit of the source tree, then ``-dirty`` if files differ from it; None if not a clone.
 
     It is that of the first call: rows that this process writes into the tree do not change its code.
     """

@@ -94,7 +94,7 @@ def batch(env_id: str, copies: int, **options: Any) -> Any:
 
 
 class Played(NamedTuple):
-    """A step of a batch of environments; where errors are measured, also repeated by other simulators."""
+    """A step of a batch of environments, and the same step by other simulators if errors are measured."""
 
     counts: np.ndarray
     """which copies count"""

@@ -118,7 +118,7 @@ score over {seeds} seeds and, in brackets, the lowest and the highest. *Zero* do
 the interquartile mean over all runs and, of several seeds, its 95 % interval, a bootstrap over seeds
 stratified by task. An algorithm that used more than the rewards of its own episodes has a column of its own.
 A dash means that there is no result, or that its run was shorter than the budget. The
-[protocol](benchmark.md) asks for five seeds; half of the tasks outside the suite have one so far.
+[protocol](benchmark.md) asks for five seeds; learned results below that name no number of seeds are of one.
 """
 WORLDS = """## Generalization
 

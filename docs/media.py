@@ -148,7 +148,7 @@ def write(frames: Iterable[np.ndarray], path: Path, rate: float, pixels: int = P
 
 
 MAKERS = dict.fromkeys(names(), scene) | {row.id: environment for row in ENVIRONMENTS}
-"""The function that makes the film of each scene and each environment, by its name."""
+"""Functions that make the film of a scene or of an environment, by its name."""
 
 if __name__ == "__main__":
     if unknown := sorted(set(sys.argv[1:]) - MAKERS.keys()):

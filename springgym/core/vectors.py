@@ -180,7 +180,7 @@ def solve_symmetric(tensor: Tensor, b: Vector) -> Vector:
 
 @compiled
 def inverse_symmetric(tensor: Tensor) -> tuple[Vector, Vector]:
-    """Return the inverse of a symmetric tensor: diagonal (xx, yy, zz) and other entries (xy, xz, yz)."""
+    """Return the inverse of a symmetric tensor: diagonal (xx, yy, zz), off-diagonal entries (xy, xz, yz)."""
     xx, yy, zz, _, _, _ = tensor
     first, second, third, determinant = cofactors(tensor)
     size = 0.5 * (xx + yy + zz)

@@ -216,7 +216,7 @@ def _simulator(plan: Plan, dynamics: str) -> Simulator:
 
 
 def rigid_twin(recording: Recording) -> Recording | None:
-    """Simulate the plan of a recording with a rigid body, at the same times and, on surfaces, the same step.
+    """Simulate the plan of a recording with a rigid body, at the same times; on surfaces, in the same steps.
 
     Return None if a body or the scene has no rigid twin, or if bodies collide: after some impacts, springs
     and twin follow different paths.

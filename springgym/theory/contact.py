@@ -132,7 +132,7 @@ def rebound(speed: float, restitution: float, slow: float) -> float:
 
 
 def _sums(values: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Return the integral of sampled values (n,) from the first place to each, by the trapezoidal rule."""
+    """Return the cumulative integral (n,) of values (n,) at places (n,), by the trapezoidal rule."""
     return np.append(0.0, np.cumsum((values[1:] + values[:-1]) / 2 * np.diff(at)))
 
 

@@ -223,7 +223,7 @@ def test_a_changed_task_or_commit_is_another_run(what, done, configs, tmp_path, 
 
 
 def test_rows_are_of_the_commit_at_which_the_process_began(monkeypatch):
-    """Rows that a process writes make the tree dirty, but the process runs the code of that commit."""
+    """Writing a row changes the tree, but later rows name the same commit, as the process runs its code."""
     began = benchmark.versions()
     monkeypatch.setattr("runs.subprocess.run", None)
     assert benchmark.versions() == began

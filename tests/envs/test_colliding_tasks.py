@@ -378,7 +378,7 @@ def test_opponents_are_checked_and_so_is_what_they_give() -> None:
 
 @pytest.mark.slow
 def test_waiting_does_not_win() -> None:
-    """An idle agent wins no duel; a guarding one earns less in duels that it does not win than in others."""
+    """An idle agent wins no duel; a guarding agent earns less in every duel that it does not win."""
     idle, guard = (
         play("SpringDuel-v0", duel.OPPONENTS[of], 50, observation="frame") for of in ("still", "guard")
     )
