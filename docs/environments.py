@@ -267,7 +267,7 @@ def table_of_variants(report: Report) -> list[str]:
     names = tuple(reversed(BASELINES))
     lines = [
         "## Variants by keyword\n",
-        "These keyword arguments make variants; the page of each environment says what they change. The last "
+        "These keyword arguments make variants; each environment's page describes them. The last "
         f"columns show controllers without learning on {SEEDS} held-out episodes: success rate and return "
         "per step (in SpringDuel, SpringStack and SpringBilliards, success rate alone).\n",
         f"| environment | arguments | {' | '.join(names)} |",
@@ -300,7 +300,7 @@ def table_of_errors(report: Report) -> list[str]:
         "collide, with steps of h/64. The last column is the largest distance of this reference from a "
         "second one: `rk4` with h/128; on surfaces, `verlet` with h/256; for bodies that collide, with h/16. "
         "With friction, the error in contact falls only in proportion to the step.\n",
-        "| environment | step h | median error | largest error | references differ by |",
+        "| environment | step h | median error | largest error | difference between references |",
         "|---|---|---|---|---|",
     ]
     for env_id, options, own in _errors(report):
@@ -337,14 +337,14 @@ assert info["error_bound"] <= 1e-5
 ```
 
 - Making the environment takes a few seconds: springgym plays 16 episodes of 50 periods with random actions,
-  begun with the factors of `randomize` at the ends of their ranges. `info["error_bound"]` is 1.5 times the
-  largest error of these, as `error=True` estimates it. This is an estimate, not a guarantee.
-- `env.unwrapped.chosen` holds the method, the sub-steps of a control period, the largest error that was
-  seen, and the cost in force evaluations.
-- A batch chooses as a single environment does.
-- A target that cannot be reached raises a ValueError, which names the least error that can. With friction,
-  contact converges to first order only, so `SpringTumble-v0`, for example, stays above 5e-4.
-- A larger tolerance takes fewer sub-steps, as far as the method is stable. Where bodies meet something, it
+  starting with the factors of `randomize` at the ends of their ranges. `info["error_bound"]` is 1.5 times the
+  largest error in these episodes, as `error=True` estimates it. This is an estimate, not a guarantee.
+- `env.unwrapped.chosen` holds the method, the sub-steps of a control period, the largest error observed, and
+  the cost in force evaluations.
+- A batch makes the same choice as a single environment.
+- A target that cannot be reached raises a ValueError, which names the smallest error that can. With friction,
+  contact converges only to first order, so `SpringTumble-v0`, for example, stays above 5e-4.
+- A larger tolerance takes fewer sub-steps, as far as the method is stable. Where bodies touch anything, it
   never takes fewer than the default.
 """
 
@@ -367,13 +367,13 @@ assert 0 < info["step_error"] < 1e-3
 ```
 
 - This is the error of one period. How fast errors grow over many periods depends on the motion.
-- It uses the randomised parameters of the environment.
+- It uses the environment's randomised parameters.
 - The first `info` of an episode reports 0, and after divergence it is infinity.
 - With `dynamics="rigid"` it is the error of the rigid motion, not its distance from the motion of the
   springs.
-- In float32 both runs round, so the estimate does not fall below some 1e-7.
-- In impacts it is less reliable: with friction the method is of first order there, and an impact may fall
-  into one of the two runs alone.
+- In float32 both runs round, so the estimate does not fall below about 1e-7.
+- During impacts it is less reliable: with friction the method is of first order there, and an impact may fall
+  into only one of the two runs.
 - Environments with `dopri5`, which chooses its own steps, refuse `error=True`.
 """
 
@@ -400,27 +400,27 @@ def table_of_estimates(report: Report) -> list[str]:
 # --- Texts ------------------------------------------------------------------------------------------
 
 INTRODUCTION = """Each environment has a page with its spaces, reward, starting states, arguments and
-baselines. All share [these definitions](#shared-definitions). *Solved at* is the return of an episode, the
-sum of its rewards, from which a task counts as solved.
+baselines. Shared notation is defined [below](#shared-definitions). *Solved at* is the return of an episode,
+the sum of its rewards, above which a task counts as solved (Gymnasium's `reward_threshold`).
 """
 
 SHARED = """## Shared definitions
 
-These hold for all environments; their pages give the rest.
+These definitions hold on the pages of all environments.
 
-- **U(a, b)** is drawn uniformly from a to b.
+- **U(a, b)** is a number drawn uniformly between a and b.
 - **Actions** lie in [−1, 1]; values outside are clipped.
 - **Observations** are positions and velocities of particles (`observation="particles"`), or a few numbers
   such as axis and spin (`"frame"`). Each number is divided by its *scale*, then clipped to ±10.
 - **Rewards** lie between 0 and 1; `info` holds their terms, `reward_…`. With d = max(|x| − b, 0)/m, pages
   write G(x; b, m) = 0.1^(d²) and L(x; b, m) = 1/(1 + 9d²): both are 1 up to |x| = b, and 0.1 at b + m. The
-  effort of actions a gives the factor E = 1 − 0.1 mean(a²).
+  effort of the actions a gives the factor E = 1 − 0.1 mean(a²).
 - **Divergence**: if the simulation diverges, the episode terminates with reward 0 and `info["diverged"]`.
-- **Success**: `info["is_success"]`. An episode that ends by failure is not a success.
+- **Success**: `info["is_success"]`. An episode that ends in failure is not a success.
 - **Rolling balls** have the inertia of a solid sphere, and are made of four particles and six springs.
 - **Version**: all environments are in their initial version.
 
-In all environments, `info` holds, besides the entries of the page:
+In all environments, `info` has these entries, in addition to those on the environment's page:
 
 | entry | meaning |
 |---|---|
@@ -428,42 +428,42 @@ In all environments, `info` holds, besides the entries of the page:
 | `energy_drift` | change of the energy balance since the start, the integrator's error [J] |
 | `strain` | largest strain of any spring |
 | `pairs_touching` | number of pairs of bodies in contact now (`pairs_…`: where bodies collide) |
-| `pairs_impulse` | sum of their impulses along normals since the start [N·s] |
-| `pairs_least_gap` | the least gap of any pair since the start [m], at most the contact margin |
-| `pairs_missed` | number of contacts since the start that were found too late |
-| `too_fast` | number of contacts since the start that move by over a fifth of their margin in a sub-step |
+| `pairs_impulse` | sum of the normal impulses between these bodies since the start [N·s] |
+| `pairs_least_gap` | smallest gap of any pair since the start [m], at most the contact margin |
+| `pairs_missed` | number of contacts since the start that were detected too late |
+| `too_fast` | number of contacts since the start that moved by over a fifth of their margin in a sub-step |
 
 All environments have these arguments (see `springgym.envs.base.SpringEnv`):
 
 | argument | default | meaning |
 |---|---|---|
 | `observation` | `"particles"` | or `"frame"` (SpringBilliards: `"frame"` only) |
-| `action` | the page's first | mode of the actions |
+| `action` | first mode on the environment's page | action mode |
 | `dynamics` | `"springs"` | or `"rigid"` (not SpringRope) |
-| `integrator`, `step` | `"verlet"`, as on the page | method and sub-step [s] |
+| `integrator`, `step` | `"verlet"`, the sub-step on the environment's page | integrator and sub-step [s] |
 | `dtype` | `"float64"` | or `"float32"` |
-| `sparse` | `False` | reward 1 where the aim is met, else 0 |
-| `goals` | `False` | [goal environments](features.md#goals), of four tasks |
-| `randomize` | none | [ranges of factors](features.md#randomisation), as of masses |
+| `sparse` | `False` | reward 1 where the goal is met, else 0 |
+| `goals` | `False` | [goal environments](features.md#goals), for four tasks |
+| `randomize` | none | [ranges of factors](features.md#randomisation), for example for masses |
 | `error` | `False` | [estimate](features.md#error-estimates-at-run-time) the error of each step |
 | `tolerance` | none | [bound](features.md#choosing-an-error-tolerance) that error |
 | `render_mode` | none | `"rgb_array"`, `"rgb_array_list"` or `"human"` |
 """
 
 TIERS = {
-    "first steps": "A linear policy (`--algo linear`) solves these tasks, and is found in seconds.",
+    "first steps": "A linear policy (`--algo linear`), found in seconds, solves these tasks.",
     "standard": "PPO solves most of these tasks with the package's hyperparameters; linear policies do not.",
     "harder": "Variants that are harder to control. PPO succeeds in most episodes.",
-    "hard": "PPO fails in most episodes, although these tasks can be done.",
+    "hard": "PPO fails in most episodes, although these tasks can be solved.",
 }
 HARDER = """## Tiers and harder variants
 
 | tier | meaning |
 |---|---|
 {tiers}
-| sparse | Tasks with a sparse reward: none before the aim is met. |
+| sparse | Tasks with a sparse reward: no reward until the goal is met. |
 
-These variants have ids of their own. [Baselines](baselines.md) shows what each algorithm reaches.
+Each variant has its own id. [Baselines](baselines.md) shows what each algorithm reaches.
 """
 
 RANDOMISATION = f"""## Randomisation
@@ -471,12 +471,12 @@ RANDOMISATION = f"""## Randomisation
 `randomize={{"masses": (0.8, 1.2), …}}` draws a factor from each range at the start of every episode, for each
 environment of a batch. You can randomise {", ".join(f"`{n}`" for n in RANDOMIZABLE)}.
 
-- `scale` is the size of the body. `actuator` is the strength of the actions, an opponent's included.
-- `info["randomization"]` holds the factors. `reset(options={{"randomize": {{"masses": 1.1}}}})` sets some.
-- The default step is stable for the stiffest and lightest body of the ranges. A step that you choose is
-  checked against it.
+- `scale` is the size of the body. `actuator` is the strength of the actions, including an opponent's.
+- `info["randomization"]` holds the factors. `reset(options={{"randomize": {{"masses": 1.1}}}})` sets them.
+- The default step is stable for the stiffest and lightest body in the ranges. springgym checks that a step of
+  your choice is, too.
 - Randomising gravity in free fall, friction and restitution without a surface, or stiffness and damping of
-  rigid bodies raises a ValueError. Stiffness, damping and scale of a body without springs change nothing.
+  rigid bodies raises a ValueError. Stiffness, damping and scale have no effect on a body without springs.
 """
 
 GOALS = """## Goals
@@ -499,18 +499,18 @@ assert reward == env.unwrapped.compute_reward(achieved, desired, info)
 assert env.unwrapped.compute_reward(achieved, achieved, info) == 1.0
 ```
 
-- `observation` holds the particles, without the goal. Positions are those in the world.
+- `observation` holds the particles, without the goal. Positions are in world coordinates.
 - `achieved_goal` and `desired_goal` hold the same quantities, in SI units; each environment's page lists
   them. They include velocities, because a goal must be reached at rest.
-- The goal is reached if each quantity is nearer to the desired one than its limit, that of success.
+- The goal is reached if each quantity is closer to the desired one than its limit for success.
   `compute_reward` returns 1 or 0, for goals (K,) or (n, K). It equals the sparse reward (in SpringTumble, up
   to the strain of the body).
-- Episodes do not end when a goal is reached, because success means holding it. So there is no
+- Episodes do not end when a goal is reached, because success means holding it. Therefore there is no
   `compute_terminated`. Quantities of 100 m or m/s or more, and those after divergence, reach no goal.
 
-[Your own tasks](tutorials/task.md) need two arguments for this. `achieved` returns the current value of the
-goal's quantities from the motion alone, not from `s.goal`. Each `Aim` names some of them, with their number
-and the distance within which they are reached:
+[Your own tasks](tutorials/task.md) need two arguments for this. `achieved` returns the current values of the
+goal's quantities, computed from the motion alone, not from `s.goal`. Each `Aim` names some of these
+quantities, with their number and the distance within which they count as reached:
 
 ```python
 from springgym.bodies import cube
@@ -519,7 +519,7 @@ from springgym.scene import Scene
 
 
 def start(rng):
-    # the cube starts at rest; the goal is a place, and a velocity of zero there
+    # the cube starts at rest; the goal is a position, and zero velocity there
     return cube().positions, np.zeros((8, 3)), [*rng.uniform(-1, 1, 3), 0, 0, 0]
 
 
@@ -545,57 +545,59 @@ seen, info = env.reset(seed=0)
 print(seen["achieved_goal"], seen["desired_goal"])
 ```
 
-Without `goals=True`, `achieved` and `aims` replace `succeeded`: the aim is met where the goal is reached.
+Without `goals=True`, `achieved` and `aims` replace `succeeded`: a step is successful where the goal is
+reached.
 
 [Train an agent](training.md#hindsight-experience-replay) shows hindsight experience replay.
 """
 
 PROMISES = """## Seeds, states and versions
 
-**Seeds.** Episodes are bit-for-bit reproducible from their seed, on one machine with one set of versions,
-in a single environment or in a batch of any size, on any number of threads. A refused reset or step changes
-nothing, not even random generators. (Only the time limit of `gymnasium.make` restarts with any call of
-`reset`.)
+**Seeds.** Episodes are bit-for-bit reproducible from their seed, on one machine with one set of versions, in
+a single environment or in a batch of any size, on any number of threads. A reset or step that raises an error
+changes nothing, not even random generators. (Only the time limit of `gymnasium.make` restarts with any call
+of `reset`.)
 
 **Other machines and versions.** With other versions of Python, NumPy or Numba, or on another kind of
 processor, the same seed draws the same numbers, and initial states agree to rounding. They are computed in
 closed form, so they do not depend on LAPACK conventions. From there, regular motion stays close, and chaotic
-trajectories diverge at their Lyapunov rate. A new version of springgym may start a seed differently; its
-changelog then says so. If the task changes, the version in the environment's id changes, too.
+trajectories diverge at their Lyapunov rate. A new version of springgym may start an episode differently from
+the same seed; its changelog then says so. If the task changes, the version in the environment's id changes,
+too.
 
 **States.** `springgym.get_state(env)` returns the full state of an environment or a batch: positions and
 velocities, clocks, goals, factors, actuators, the time limit, random generators, and the counts of the
 monitor of `make_sb3`. `springgym.set_state(env, state)` restores it, in the same environment or in another
-one made alike; what follows is bit-identical. Both work for what `gymnasium.make`, `gymnasium.make_vec`,
-`springgym.envs.parallel` and `springgym.envs.sb3.make_sb3` make.
+one with the same settings; what follows is bit-identical. Both functions work for environments made by
+`gymnasium.make`, `gymnasium.make_vec`, `springgym.envs.parallel` and `springgym.envs.sb3.make_sb3`.
 
 In a batch, `springgym.get_state(envs, copies)` returns the states of the environments with the indices
-`copies`. `springgym.set_state(envs, state, copies)` sets as many states or, as planning needs, one state in
-all of them. Each then continues as its original would, resets included, because the state includes the
-random generator. To make them differ, reset them with new seeds.
+`copies`. `springgym.set_state(envs, state, copies)` sets one state for each of them or, for planning, a
+single state in all of them. Each environment then continues as its original would, including resets, because
+the state includes the random generator. To make them differ, reset them with new seeds.
 
-- A state of an environment made differently, say with another friction, step or variant, is refused with a
-  message that names the difference. Only the time limit, `error` and, of a batch, the number of copies may
-  differ. A state that was edited is refused, too. To change an episode, use reset options; to change a
-  `Simulator`, `place`, `vary` and `actuate`.
+- A state of an environment created with other settings, for example friction, step or variant, is refused
+  with a message that names the difference. Only the time limit, `error` and, of a batch, the number of copies
+  may differ. An edited state is refused, too. To change an episode, use reset options; to change a
+  `Simulator`, use `place`, `vary` and `actuate`.
 - `set_state` sets the whole state, or raises an error and changes nothing.
 - `env.unwrapped.set_state` leaves the counter of `gymnasium.make`'s time limit alone;
   `springgym.set_state` sets it.
 - `pickle` and `copy.deepcopy` copy an environment in the middle of an episode, with all its wrappers.
 
-**Interrupted calls.** If Ctrl-C, or an exception in your reward, interrupts a step or a reset, the next step
-asks for a reset. You can also set an earlier state. `Simulator.advance` needs neither: `time` says how far
-each simulation got.
+**Interrupted calls.** If Ctrl-C or an exception in your reward interrupts a step or a reset, the next step
+asks for a reset. You can also set an earlier state. `Simulator.advance` needs neither: `time` holds the time
+that each simulation has reached.
 
 **Threads.** One thread at a time may use an environment or a simulator. A call while another thread uses it
-raises a `RuntimeError`; it does not wait.
+raises a `RuntimeError` instead of waiting.
 
 **Divergence.** An environment diverges if a spring is strained by more than half, a number is not finite, or
 a step cannot resolve a contact. The episode ends with reward 0, an observation of zeros and
 `info["diverged"]`. `energy` and `strain` in `info` are reported as they are.
 
-**Specs.** `env.spec` holds plain data. `to_json` works for arguments of all types, and its text makes the
-same environment. `render_fps` is one picture per control period, so that films play in real time.
+**Specs.** `env.spec` holds plain data. `to_json` works for arguments of all types, and its text recreates the
+environment. `render_fps` is one picture per control period, so films play in real time.
 
 In a clone, `python -m tools.fuzz --steps 1e8` tests all of this with random actions, checks every step and
 prints the seed of every round.
@@ -603,11 +605,11 @@ prints the seed of every round.
 
 OWN_SCENES = """## A scene of your own
 
-`springgym.make_scene_env(scene, reward, actuators={"force": 20.0, "torque": 2.0})` makes an environment
-from a `Scene`, or from a scene file by name. With `num_envs` it makes a batch. Your functions compute for all
+`springgym.make_scene_env(scene, reward, actuators={"force": 20.0, "torque": 2.0})` makes an environment from
+a `Scene`, or from a scene file by name. With `num_envs` it makes a batch. Your functions compute for all
 environments of the batch at once, from the measures `m` (centre, energy, …) and the situation `s` (goal,
-action, …). With several bodies, `m["box"].centre` names one. [A tutorial](tutorials/task.md) shows goals,
-memory, terms of the reward, marks and colours:
+action, …). With several bodies, `m["box"]` holds the measures of one. [A tutorial](tutorials/task.md) shows
+goals, memory, reward terms, marks and colours:
 
 ```python
 import gymnasium
@@ -635,10 +637,10 @@ env = springgym.make_scene_env(
 )
 ```
 
-At every step, springgym checks that what your functions return has the right shape and is finite. The
-arrays that they receive are read-only, and change with the next step. `gymnasium.make`, `make_vec` and
-`springgym.envs.sb3.make_sb3` make the environment again from `env.spec`, which pickles if the functions
-belong to a module; JSON cannot hold functions. You can register an id:
+At every step, springgym checks that the return values of your functions are finite and have the right shape.
+The arrays that they receive are read-only, and change with the next step. `gymnasium.make`, `make_vec` and
+`springgym.envs.sb3.make_sb3` recreate the environment from `env.spec`, which pickles if the functions belong
+to a module; JSON cannot hold functions. You can register an id:
 
 ```python
 def hover(**options):

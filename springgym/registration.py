@@ -65,28 +65,28 @@ ENVIRONMENTS = (
 
 REASONS = {
     "SpringGyroscopeHard": "spin of either sign, which reverses the effect of a push",
-    "SpringTopSparse": "reward only while the top is upright, calm and at its spin, all at once",
+    "SpringTopSparse": "reward only while the top is upright, calm and at its target spin, all at once",
     "SpringGyroscopeSparse": "reward only while the axle points to its target and rests",
     "SpringPendulumSparse": "reward only while the cube stands upside down and rests",
     "SpringDetumbleSparse": "reward only while the box is at rest",
     "SpringRopeSparse": "reward only while the load rests at its target",
     "SpringDetumbleParticles": (
-        "angular momentum is not observed; it is a product of positions and velocities"
+        "angular momentum is hidden; the agent must infer it from products of positions and velocities"
     ),
     "SpringPendulumWeak": "a quarter of the torque that would lift the cube, so swing-up takes many periods",
-    "SpringTopHard": "slower initial spin, too slow for some tops to stand by themselves; weaker torques",
+    "SpringTopHard": "slower initial spin, too slow for some tops to stay up on their own; weaker torques",
     "SpringTopImpulseHard": "slower initial spin; pushes on the crown cannot speed the top up",
     "SpringDetumbleFlat": "rotation about the axis of the largest moment, which takes longest to stop",
     "SpringTumbleHard": "longer distance, weaker forces and torques",
-    "SpringTumbleSparse": "reward only while the body rests at its target on the given face",
+    "SpringTumbleSparse": "reward only while the body rests at its target, on the given face",
     "SpringFreeTopRough": "the tip sticks: an agent moves it by leaning the top, not by pushing",
     "SpringJuggleTwo": "two balls in turn, each on its own vertical",
     "SpringFreeTopSparse": "reward only inside the circle, upright and at the given spin",
     "SpringShoveHard": "longer distance and any heading, so the box must be turned on the way",
-    "SpringShoveSparse": "reward only while the box rests at its place and heading",
-    "SpringLabyrinthHard": "the board turns more slowly, and holes are larger",
+    "SpringShoveSparse": "reward only while the box rests at its target position and heading",
+    "SpringLabyrinthHard": "the board tilts more slowly, and the holes are larger",
     "SpringDuelStrong": (
-        "the opponent is as good as classical control: it attacks with full force and rights its top"
+        "the opponent is as strong as classical control: it attacks at full force and keeps itself upright"
     ),
 }
 """The reasons for the tiers of variants."""

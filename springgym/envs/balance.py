@@ -200,54 +200,54 @@ class BalanceOptions(EnvOptions, total=False):
 class SpringBalanceEnv(SpringEnv, gym.Env, task=SpringBalance):
     """
     ## Description
-    A plate stands with its tip on a stick, as a juggler's does, and a ball lies on it. Keep the ball at a
-    place that moves on a circle; plate and ball are both unstable. 19 springs hold the plate: a ring of
-    6 particles and a crown, flat above, with a pinned tip below. The ball (radius 6 cm) rolls, skids where
-    friction (0.5) cannot hold it, and bounces.
+    A plate balances on a stick, as a juggler's does, and a ball lies on it. Make the ball follow a target
+    that moves on a circle; plate and ball are both unstable. The plate is a ring of 6 particles and a crown,
+    flat above, with a pinned tip below, held together by 19 springs. The ball (radius 6 cm) rolls, skids
+    where friction (0.5) cannot hold it, and bounces.
 
     ## Action Space
-    Actions are held for a control period of 20 ms.
+    Actions are held for a control period of 20 ms, in the axes of the world.
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
-    | `"torque"` | 0, 1 | torque on it about the world's x, y, less its part along the axis | ±3 N·m |
+    | `"torque"` | 0, 1 | torque on the plate about x, y, minus its component along the axis | ±3 N·m |
 
     ## Observation Space
     | `observation` | entries | meaning | scale |
     |---|---|---|---|
-    | `"particles"` | 0–29 | ring particles 0–5, crown, and three of the ball, from the place | 0.25 m |
+    | `"particles"` | 0–29 | ring particles 0–5, crown, and three of the ball, from the target | 0.25 m |
     | | 30–59 | their velocities | 0.5 m/s |
-    | | 60, 61 | velocity x, y of the place | 1 m/s |
-    | | 62 | its angular velocity on the circle | 1 rad/s |
-    | `"frame"` | 0, 1 | ball x, y, from the place | 0.2 m |
+    | | 60, 61 | velocity x, y of the target | 1 m/s |
+    | | 62 | angular velocity of the target on its circle | 1 rad/s |
+    | `"frame"` | 0, 1 | ball x, y, from the target | 0.2 m |
     | | 2, 3 | its velocity x, y | 0.5 m/s |
     | | 4, 5 | axis of the plate x, y | 0.2 |
     | | 6, 7 | its angular velocity x, y | 1 rad/s |
-    | | 8, 9 | place x, y, from the tip | 0.2 m |
+    | | 8, 9 | target x, y, from the tip | 0.2 m |
     | | 10, 11 | its velocity x, y | 0.5 m/s |
 
     ## Rewards
-    With the horizontal distance e of the ball from the place, the reward is E [L(e; 0.02, 0.3) +
+    With the horizontal distance e of the ball from the target, the reward is E [L(e; 0.02, 0.3) +
     G(e; 0.02, 0.15)]/2 ([G, L, E](../environments.md#shared-definitions)) while the ball is on the plate, and
     0 while it is more than 2 cm above it. `reward_near` is the half with L, `reward_placed` that with G.
 
     ## Starting State
-    At rest, the ball lies within 0.25 m of the axis of the plate, which is tilted by U(0, 0.05) rad. The
-    place starts anywhere on its circle of radius U(0.05, 0.2) m, and moves either way at U(0.4, 1.2) rad/s.
-    `reset(options={"tilt": …, "away": …, "radius": …, "rate": …})` sets them.
+    The ball lies at rest within 0.25 m of the axis of the plate, which is tilted by U(0, 0.05) rad. The
+    target starts anywhere on a circle of radius U(0.05, 0.2) m, and moves in either direction at U(0.4, 1.2)
+    rad/s. `reset(options={"tilt": …, "away": …, "radius": …, "rate": …})` sets them.
 
     ## Episode End
     Termination: the ball is 2 cm below the plate's plane or 0.3 m above it, or the plate is tilted by 0.7
-    rad. Truncation: 500 steps, 10 s. `info["is_success"]`: e < 0.05 m, the ball on the plate, for the last 50
-    steps.
+    rad. Truncation: 500 steps, 10 s. `info["is_success"]`: e < 0.05 m, with the ball on the plate, for the
+    last 50 steps.
 
     ## Information
     `error` e [m], `tilt` of the plate [rad], `gap` between ball and plate's plane [m], `pairs_…`.
 
     ## Arguments
-    - `restitution=0.8`: a ball that bounces more than the usual one (0.3).
-    - `hard=True`: torques up to 1.5 N·m, and a place that moves at U(1.2, 2) rad/s.
-    - `randomize`: the factor `scale` leaves the ball as it is.
+    - `restitution=0.8`: a ball that bounces more than the default one (0.3).
+    - `hard=True`: torques up to 1.5 N·m, and a target that moves at U(1.2, 2) rad/s.
+    - `randomize`: the factor `scale` does not change the ball.
     """
 
     if TYPE_CHECKING:

@@ -180,21 +180,21 @@ class BilliardsOptions(EnvOptions, total=False):
 class SpringBilliardsEnv(SpringEnv, gym.Env, task=SpringBilliards):
     """
     ## Description
-    Strike a ball once, so that it sends another one into a pocket. The table has no cushions, and friction
+    Strike a ball once so that it sends a second ball into a pocket. The table has no cushions, and friction
     slows both balls by 0.49 m/s². Each ball is a single particle with a radius of 3 cm and a mass of 170 g.
-    It slides without turning, and stays in the pocket.
+    It slides without rotating. A ball in the pocket stays there.
 
-    An episode is one decision: the agent sees where the balls and the pocket are, and strikes. The second
-    ball leaves along the line between the centres, which multiplies an angular error of the stroke by d/2R:
-    12 times for balls of radius R at a distance d = 0.7 m. To hit the pocket, ±6 cm at 0.6 m, the stroke must
-    be precise to 0.01 rad, and more for a cut. Hardly one random stroke in a hundred is that good.
+    An episode is one decision: the agent observes the balls and the pocket, and strikes. The second ball
+    leaves along the line between the centres, which multiplies an angular error of the stroke by d/2R: 12
+    times for balls of radius R at a distance d = 0.7 m. To hit the pocket, ±6 cm at 0.6 m, the stroke must be
+    precise to 0.01 rad, and more precise for a cut. Fewer than 1 % of random strokes succeed.
 
     ## Action Space
     The force is held for a control period of 20 ms. Then the balls slide.
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
-    | `"stroke"` | 0, 1 | force on the first ball along x, y, which gives it 2.3 m/s at 1 | ±20 N |
+    | `"stroke"` | 0, 1 | force on the first ball along x, y; at 1 it reaches 2.3 m/s | ±20 N |
 
     ## Observation Space
     | `observation` | entries | meaning | scale |
@@ -208,20 +208,21 @@ class SpringBilliardsEnv(SpringEnv, gym.Env, task=SpringBilliards):
     are `reward_potted` and `reward_near`.
 
     ## Starting State
-    Both balls rest. The second one is within U(−0.2, 0.2) m of the middle along x and y, U(0.5, 0.8) m from
-    the first, in any direction. The pocket is U(0.4, 0.7) m farther, in a direction that differs from that
-    one by U(−0.7, 0.7) rad. `reset(options={"cut": …})` sets this angle.
+    Both balls rest. The second one is within U(−0.2, 0.2) m of the origin along x and y, and U(0.5, 0.8) m
+    from the first, in a random direction. The pocket is U(0.4, 0.7) m beyond the second ball, in a direction
+    that differs from the first one by the cut angle U(−0.7, 0.7) rad. `reset(options={"cut": …})` sets this
+    angle.
 
     ## Episode End
     Termination: every step, after 100 control periods. Truncation: 1 step, 2 s. `info["is_success"]`: the
-    ball is in the pocket. It falls if its centre is less than 0.06 m from that of the pocket at the end of a
-    control period. The render mode `"rgb_array_list"` has a picture of each period.
+    ball is in the pocket. It falls in if its centre is less than 0.06 m from the pocket's centre at the end
+    of a control period. The render mode `"rgb_array_list"` returns one picture per period.
 
     ## Information
     `away` e [m], `pairs_…`.
 
     ## Arguments
-    None of its own.
+    None beyond the [shared ones](../environments.md#shared-definitions).
     """
 
     if TYPE_CHECKING:

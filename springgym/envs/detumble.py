@@ -165,11 +165,11 @@ class DetumbleOptions(EnvOptions, total=False):
 class SpringDetumbleEnv(SpringEnv, gym.Env, task=SpringDetumble):
     """
     ## Description
-    An uneven box tumbles in free fall, often about the axis of its middle moment of inertia, where it flips
-    over and over. Bring it to rest. A spring joins every pair of its eight particles, whose masses differ.
+    An uneven box tumbles in free fall, often about the axis of its middle moment of inertia, which makes it
+    flip repeatedly. Stop it. A spring joins every pair of its eight particles, whose masses differ.
 
     ## Action Space
-    Actions are held for a control period of 20 ms in axes that turn with the body.
+    Actions are held for a control period of 20 ms, in axes that rotate with the body.
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
@@ -180,20 +180,21 @@ class SpringDetumbleEnv(SpringEnv, gym.Env, task=SpringDetumble):
     | `observation` | entries | meaning | scale |
     |---|---|---|---|
     | `"particles"` | 0–23 | positions of the corners, from the centre of mass | distance from it |
-    | | 24–47 | their velocities, less that of the centre of mass | 4 rad/s × distance |
+    | | 24–47 | their velocities, relative to the centre of mass | 4 rad/s × distance |
     | | 48–50 | angular momentum in the body's axes | 0.3 kg·m²/s |
     | `"frame"` | 0–2 | angular velocity in the body's axes | 4 rad/s |
     | | 3–5 | angular momentum in the body's axes | 1 kg·m²/s |
 
-    The angular momentum is a product of positions and velocities, which small networks learn poorly.
+    Angular momentum is a product of positions and velocities, which small networks learn poorly.
 
     ## Rewards
     With S = G(|ω|; 0.05, 2) E / 4, the reward is S [1 + 3 G(|ω|; 0.05, 0.2)] ([G, L,
     E](../environments.md#shared-definitions)): `reward_slow` + `reward_still`.
 
     ## Starting State
-    The box has any orientation and turns at |ω| = U(2, 6) rad/s, in half of the episodes about any direction,
-    in the others within about 0.1 rad of the middle principal axis. `reset(options={"speed": …})` sets |ω|.
+    The box has a random orientation and rotates at |ω| = U(2, 6) rad/s: in half of the episodes about a
+    random axis, in the others within about 0.1 rad of the middle principal axis.
+    `reset(options={"speed": …})` sets |ω|.
 
     ## Episode End
     Termination: only by divergence. Truncation: 400 steps, 8 s. `info["is_success"]`: |ω| < 0.15 rad/s for
@@ -203,9 +204,9 @@ class SpringDetumbleEnv(SpringEnv, gym.Env, task=SpringDetumble):
     `speed` |ω| [rad/s].
 
     ## Arguments
-    - `start="flat"`: rotation about the axis of the largest moment, within about 0.1 rad, the flat spin that
+    - `start="flat"`: rotation within about 0.1 rad of the axis of the largest moment, the flat spin that
       dissipation leaves.
-    - `momentum=False`: particles without the angular momentum.
+    - `momentum=False`: the particles' observation without the angular momentum.
     - `body`: arguments of `springgym.bodies.box`.
     """
 

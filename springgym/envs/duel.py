@@ -326,69 +326,69 @@ class DuelOptions(EnvOptions, total=False):
 class SpringDuelEnv(SpringEnv, gym.Env, task=SpringDuel):
     """
     ## Description
-    Two spinning tops stand in a bowl, within a ring. Knock the other one over, or out of the ring, and stay.
-    The agent pushes its own top at the crown, and an opponent pushes the other one. Each top (14 particles,
-    37 springs) spins fast enough to stand by itself. Tops strike each other with their rims, and exchange
-    spin.
+    Two spinning tops stand in a bowl, within a ring. Knock the opponent's top over or out of the ring, and
+    keep your own up and inside. The agent pushes its own top at the crown, and the opponent does the same.
+    Each top (14 particles, 37 springs) spins fast enough to stay up on its own. When the rims of the tops
+    collide, the tops exchange spin.
 
     ## Action Space
     Actions are held for a control period of 20 ms.
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
-    | `"push"` | 0, 1 | force on the crown of one's own top along x, y | ±40 N |
+    | `"push"` | 0, 1 | force on the crown of the own top along x, y | ±40 N |
 
-    Nothing drives the spin.
+    No action drives the spin.
 
     ## Observation Space
     | `observation` | entries | meaning | scale |
     |---|---|---|---|
-    | `"particles"` | 0–83 | positions of ring particles 0–11, crown and tip, one's own top first | 0.7 m |
+    | `"particles"` | 0–83 | positions of ring particles 0–11, crown and tip, own top first | 0.7 m |
     | | 84–167 | their velocities | 30 rad/s × its distance from the axis + 1 m/s |
-    | `"frame"` | 0, 1 | centre of mass x, y of one's own top, from the middle | 0.5 m |
+    | `"frame"` | 0, 1 | centre of mass x, y of the own top, from the middle | 0.5 m |
     | | 2, 3 | its velocity x, y | 1 m/s |
     | | 4, 5 | its axis x, y | 0.2 |
     | | 6, 7 | its angular velocity across the axis, x, y | 1 rad/s |
     | | 8 | its spin | 25 rad/s |
     | | 9, 10 | its angular momentum x, y | 6 kg·m²/s |
-    | | 11, 12 | centre of mass x, y of the other top, from that of one's own | 0.5 m |
-    | | 13, 14 | its velocity x, y, less that of one's own | 1 m/s |
+    | | 11, 12 | centre of mass x, y of the opponent's top, from the own top's | 0.5 m |
+    | | 13, 14 | its velocity x, y, relative to the own top | 1 m/s |
     | | 15, 16 | its axis x, y | 0.2 |
     | | 17, 18 | its angular velocity across the axis, x, y | 1 rad/s |
     | | 19 | its spin | 25 rad/s |
     | | 20, 21 | its angular momentum x, y | 6 kg·m²/s |
 
     ## Rewards
-    With the tilt θ of one's own top, its distance a from the middle and the other's distance b ≤ 1.1 m, every
-    step earns 0.002 G(θ; 0.1, 0.6) G(a; 0.3, 0.8) E b/1.1 m ([G, L,
-    E](../environments.md#shared-definitions)), and the step that wins earns 0.998 more. So waiting pays less
-    than winning. Its terms are `reward_driven` and `reward_won`.
+    With the tilt θ of the own top, its distance a from the middle and the opponent's distance b ≤ 1.1 m,
+    every step earns 0.002 G(θ; 0.1, 0.6) G(a; 0.3, 0.8) E b/1.1 m ([G, L,
+    E](../environments.md#shared-definitions)), and the winning step earns an additional 0.998. Waiting
+    therefore pays less than winning. The terms are `reward_driven` and `reward_won`.
 
     ## Starting State
-    The tops stand 0.65 m from the middle on opposite sides, in any direction. They are tilted by U(0, 0.08)
-    rad and spin at U(22, 30) rad/s, each of either sign. Below 10 rad/s a top does not stand by itself.
-    `reset(options={"tilt": …, "spin": …, "other_tilt": …, "other_spin": …})` sets them.
+    The tops stand 0.65 m from the middle on opposite sides, in a random direction. They are tilted by U(0,
+    0.08) rad and spin at U(22, 30) rad/s, each of either sign. Below 10 rad/s, a top does not stay up on its
+    own. `reset(options={"tilt": …, "spin": …, "other_tilt": …, "other_spin": …})` sets them.
 
     ## Episode End
     Termination: a top is down, because it is tilted by more than 0.7 rad, or its centre of mass is more than
     1.1 m from the middle. If both go down in the same step, both lose. Truncation: 500 steps, 10 s.
-    `info["is_success"]`: the other top is down, and one's own is not.
+    `info["is_success"]`: the opponent's top is down, and the own top is not.
 
     ## Information
     `tilt` θ [rad], `away` a [m], `other_away` b [m], `pairs_…`.
 
     ## Arguments
-    - `opponent="still"`: does nothing, while the usual `"script"` attacks with 20 N and returns to the middle
-      with 20 N/m.
-    - `opponent="guard"`: returns to the middle, and rights its top.
-    - `opponent="strong"`: attacks with full force, on the side on which its top rolls off the other one,
-      rights its top and keeps to the middle, as classical control does.
+    - `opponent="still"`: does nothing, while the default `"script"` attacks with 20 N and returns to the
+      middle with 20 N/m.
+    - `opponent="guard"`: returns to the middle, and keeps itself upright.
+    - `opponent="strong"`: attacks at full force, on the side on which its top rolls off the other one, keeps
+      itself upright and stays near the middle, like the classical controller.
     - `opponent` can also be a function of observations as `"frame"` (n, 22) that returns actions (n, 2). Its
-      axes are turned by half a turn, so that both players see the same duel. Agents trained with
+      axes are rotated by 180°, so that both players see the same duel. Agents trained with
       `observation="frame"` are such functions, see `springgym.envs.agent`.
 
     `springgym.envs.parallel("SpringDuel-v0")`, or `pettingzoo.make("parallel", "SpringDuel-v0")` where
-    `pettingzoo` has a registry, is the same duel for two agents, as PettingZoo's `ParallelEnv`. Import
+    `pettingzoo` has a registry, is the same duel for two agents, as a PettingZoo `ParallelEnv`. Import
     `pettingzoo` before `springgym`, or call `springgym.register()` afterwards.
     """
 

@@ -198,10 +198,10 @@ class FreeTopOptions(EnvOptions, total=False):
 class SpringFreeTopEnv(SpringEnv, gym.Env, task=SpringFreeTop):
     """
     ## Description
-    A spinning top stands with its bare tip on an almost frictionless floor, too slow to stand by itself.
-    Keep it upright, at 8 rad/s, in a small circle. 37 springs hold a ring of 12 particles, a crown and a tip,
-    as in SpringTop, but this top is low, wide and not pinned. A push on the crown moves the whole top, so an
-    agent has to push the top away first to tilt it back.
+    A spinning top stands with its bare tip on an almost frictionless floor, spinning too slowly to stay up on
+    its own. Keep it upright, at 8 rad/s, in a small circle. It has the particles and springs of SpringTop,
+    but is low, wide and not pinned. A push on the crown moves the whole top, so the agent has to push the top
+    away first to tilt it back.
 
     ## Action Space
     Actions are held for a control period of 20 ms.
@@ -209,7 +209,7 @@ class SpringFreeTopEnv(SpringEnv, gym.Env, task=SpringFreeTop):
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
     | `"push"` | 0, 1 | force on the crown along the world's x, y | ±40 N |
-    | | 2 | torque about the top's axis | ±10 N·m, which turns the ring by ±8 rad/s² |
+    | | 2 | torque about the top's axis | ±10 N·m, which accelerates the ring by ±8 rad/s² |
 
     ## Observation Space
     | `observation` | entries | meaning | scale |
@@ -230,11 +230,11 @@ class SpringFreeTopEnv(SpringEnv, gym.Env, task=SpringFreeTop):
 
     ## Starting State
     The top stands on its tip, anywhere within 0.4 m of the middle, with a tilt of U(0.02, 0.12) rad and a
-    spin of U(5, 9) rad/s. Below 10 rad/s the upright top is unstable.
+    spin of U(5, 9) rad/s. Below 10 rad/s, an upright top is unstable.
     `reset(options={"tilt": …, "spin": …, "error": …})` sets them.
 
     ## Episode End
-    Termination: θ > 0.7 rad, e > 1 m, or |ω₃ − 8| > 4.5 rad/s (a faster top would stand by itself).
+    Termination: θ > 0.7 rad, e > 1 m, or |ω₃ − 8| > 4.5 rad/s (a faster top would stay up on its own).
     Truncation: 500 steps, 10 s. `info["is_success"]`: θ < 0.1 rad, e < 0.15 m and |ω₃ − 8| < 1 rad/s for the
     last 100 steps.
 
@@ -243,7 +243,7 @@ class SpringFreeTopEnv(SpringEnv, gym.Env, task=SpringFreeTop):
 
     ## Arguments
     - `surface="bowl"`: a spherical bowl of 4 m radius instead of a floor.
-    - `friction=0.1`: more friction than the usual 0.02; from about 0.05 on, the tip sticks and the top has to
+    - `friction=0.1`: more friction than the default 0.02; above about 0.05, the tip sticks and the top has to
       be balanced differently.
     - `hard=True`: tilt U(0.02, 0.16) rad, spin U(4, 7) rad/s, within 0.6 m.
     - `body`: arguments of `springgym.bodies.top`.

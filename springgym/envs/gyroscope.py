@@ -174,15 +174,15 @@ class SpringGyroscopeEnv(SpringEnv, gym.Env, task=SpringGyroscope):
     """
     ## Description
     A rotor spins on an axle that is pinned at its centre of mass. Turn the axle to a given direction and hold
-    it there. A push towards the target moves the axle perpendicular to it. 50 springs hold the rotor: a ring
-    of 12 particles, a centre and two axle ends.
+    it there. A push towards the target moves the axle perpendicular to the push. The rotor is a ring of 12
+    particles, a centre and two axle ends, held together by 50 springs.
 
     ## Action Space
     Actions are held for a control period of 20 ms.
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
-    | `"torque"` | 0–2 | torque about the world's x, y, z, its part along the axle removed | ±20 N·m |
+    | `"torque"` | 0–2 | torque about the world's x, y, z, minus its component along the axle | ±20 N·m |
     | `"impulse"` | 0–2 | impulse on the axle's head along x, y, z, spread over the period | ±0.8 N·s |
 
     ## Observation Space
@@ -203,8 +203,8 @@ class SpringGyroscopeEnv(SpringEnv, gym.Env, task=SpringGyroscope):
 
     ## Starting State
     The axle points in any direction. The rotor spins at U(25, 45) rad/s, its springs at their steady-rotation
-    equilibrium. The target is U(0.5, 1.5) rad away. `reset(options={"spin": …, "angle": …})` sets spin and
-    distance of the target.
+    equilibrium. The target is U(0.5, 1.5) rad away. `reset(options={"spin": …, "angle": …})` sets the spin
+    and the angle between axle and target.
 
     ## Episode End
     Termination: only by divergence. Truncation: 400 steps, 8 s. `info["is_success"]`: α < 0.1 rad and |ω⊥| <

@@ -247,66 +247,67 @@ class JuggleOptions(EnvOptions, total=False):
 class SpringJuggleEnv(SpringEnv, gym.Env, task=SpringJuggle):
     """
     ## Description
-    A paddle hangs in the air and a ball falls onto it. Keep the ball bouncing, straight up, to a given
-    height. Each bounce takes energy, and one off the middle throws the ball aside. 19 springs hold the
-    paddle: a ring of 6 particles and a crown, flat above, and a tip below. Friction (0.3) spins the ball
-    (radius 5 cm) where the paddle hits it obliquely, and the spin throws it aside at the next hit.
+    A paddle hangs in the air and a ball falls onto it. Keep the ball bouncing straight up to a given height.
+    Each bounce loses energy, and an off-centre bounce sends the ball sideways. The paddle is a ring of 6
+    particles and a crown, flat above, and a tip below, held together by 19 springs. If the paddle hits the
+    ball (radius 5 cm) obliquely, friction (0.3) spins the ball, and the spin sends it sideways at the next
+    hit.
 
     ## Action Space
-    Actions are held for a control period of 20 ms.
+    Actions are held for a control period of 20 ms, in the axes of the world.
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
-    | `"wrench"` | 0–2 | force on the paddle along the world's x, y, z, added to one that carries it | ±30 N |
-    | | 3, 4 | torque on it about the world's x, y, less its part along the paddle's axis | ±1.5 N·m |
+    | `"wrench"` | 0–2 | force on the paddle along x, y, z, plus one that carries its weight | ±30 N |
+    | | 3, 4 | torque on it about x, y, minus its component along the paddle's axis | ±1.5 N·m |
 
     ## Observation Space
-    Home is the paddle's starting place.
+    Home is the paddle's starting position.
 
     | `observation` | entries | meaning | scale |
     |---|---|---|---|
     | `"particles"` | 0–20 | ring particles 0, 2, 4, crown, and three of the ball, from home | 0.25 m |
     | | 21–32 | velocities of the paddle's particles | 1 m/s |
-    | | 33–41 | velocities of the ball's | 2 m/s |
-    | | 42 | wanted height | 1 m |
-    | `"frame"` | 0–2 | the paddle's centre of mass, from the home of its upper side | 0.1 m |
+    | | 33–41 | velocities of the ball's particles | 2 m/s |
+    | | 42 | target height | 1 m |
+    | `"frame"` | 0–2 | the paddle's centre of mass, from the home position of its upper side | 0.1 m |
     | | 3–5 | its velocity | 1 m/s |
     | | 6, 7 | axis of the paddle x, y | 0.2 |
     | | 8, 9 | its angular velocity x, y | 3 rad/s |
-    | | 10 | wanted height | 0.25 m |
+    | | 10 | target height | 0.25 m |
     | | 11–13 | ball, from the paddle's home | 0.25 m |
     | | 14–16 | its velocity | 2 m/s |
     | | 17–19 | its angular velocity | 10 rad/s |
-    | | 20 | height of its flight, less the wanted one | 0.1 m |
+    | | 20 | height of its flight, minus the target height | 0.1 m |
 
-    With `balls=2`, the other ball's entries follow those of the first.
+    With `balls=2`, the entries of the second ball follow those of the first.
 
     ## Rewards
-    The height of a flight is z + v_z²/2g, which the ball's lowest point would reach above the home of the
-    paddle's upper side. With its error e and the ball's distance r from the vertical through home, the reward
-    is E [L(e; 0.03, 0.3) + G(e; 0.03, 0.15) G(r; 0.05, 0.3)]/2 ([G, L,
-    E](../environments.md#shared-definitions)). `reward_high` is the half with L, `reward_true` the other.
-    With two balls the reward is the mean.
+    The height of a flight is z + v_z²/2g, which the ball's lowest point would reach above the home position
+    of the paddle's upper side. With the difference e between this height and the target height, and the
+    ball's distance r from the vertical through home, the reward is E [L(e; 0.03, 0.3) + G(e; 0.03, 0.15) G(r;
+    0.05, 0.3)]/2 ([G, L, E](../environments.md#shared-definitions)). `reward_high` is the half with L,
+    `reward_true` the other. With two balls the reward is the mean.
 
     ## Starting State
-    The paddle rests at home, level. The ball is U(0.3, 0.7) m above it, up to 0.1 m off its middle, with
-    U(−0.1, 0.1) m/s along x and y. The wanted height is U(0.4, 0.7) m.
+    The paddle rests at home, level. The ball is U(0.3, 0.7) m above it, up to 0.1 m off-centre, with U(−0.1,
+    0.1) m/s along x and y. The target height is U(0.4, 0.7) m.
     `reset(options={"wanted": …, "height": …, "away": …})` sets them.
 
     ## Episode End
     Termination: the ball is below the paddle's plane or 0.5 m off the vertical through home, or the paddle is
-    0.25 m away from home, up, down or sideways, or tilted by 0.8 rad. Truncation: 500 steps, 10 s.
+    0.25 m away from home vertically or horizontally, or tilted by 0.8 rad. Truncation: 500 steps, 10 s.
     `info["is_success"]`: r < 0.1 m and, except during hits, |e| < 0.08 m for the last 100 steps.
 
     ## Information
     `error` e [m], `aside` r [m], `tilt` of the paddle [rad], `pairs_…`.
 
     ## Arguments
-    - `restitution=0.85`: a ball that loses more in each bounce than the usual one (0.95).
+    - `restitution=0.85`: a ball that loses more energy in each bounce than the default one (0.95).
     - `balls=2`: two balls in turn, each on a vertical 0.12 m left or right of home. The second one starts on
-      its way up to the wanted height. `error` and `aside` are those of the ball that is farther off.
-    - `hard=True`: wanted heights of U(0.4, 1) m.
-    - `randomize`: the factor `scale` leaves the ball as it is.
+      its way up to the target height. `error` and `aside` are the larger of the two balls' values.
+    - `hard=True`: target heights of U(0.4, 1) m.
+    - `randomize`: the factor `scale` does not change the ball.
     """
 
     if TYPE_CHECKING:

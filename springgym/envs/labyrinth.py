@@ -361,17 +361,18 @@ class LabyrinthOptions(EnvOptions, total=False):
 class SpringLabyrinthEnv(SpringEnv, gym.Env, task=SpringLabyrinth):
     """
     ## Description
-    A ball rolls on a board that you tilt, as in the game. Bring it to the end of a path, past the holes
-    beside it. Every episode has another board: one of 3776 paths over 4 × 4 cells, shifted at random, and 18
-    holes. The ball has a radius of 2.5 cm. The world's axes are those of the board, so tilting the board
-    turns the weight. Inertial forces of the turning board, at most 0.06 m/s² along it, are left out.
+    Tilt a board to roll a ball through a maze of holes, as in the game. Bring the ball to the end of a path,
+    past the holes beside it. Every episode has a different board: one of 3776 paths over 4 × 4 cells, shifted
+    at random, and 18 holes. The ball has a radius of 2.5 cm. The world's axes are those of the board, so
+    tilting the board rotates the weight. Inertial forces of the rotating board, at most 0.06 m/s² along it,
+    are neglected.
 
     ## Action Space
     Actions are held for a control period of 20 ms.
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
-    | `"tilt"` | 0, 1 | how fast the board turns, so that it leans towards x, y | ±0.4 rad/s |
+    | `"tilt"` | 0, 1 | angular velocity at which the board tilts towards x, y | ±0.4 rad/s |
 
     Each angle stays within ±0.15 rad.
 
@@ -380,43 +381,43 @@ class SpringLabyrinthEnv(SpringEnv, gym.Env, task=SpringLabyrinth):
     |---|---|---|---|
     | `"particles"` | 0–11 | positions of the ball's particles | 0.2 m |
     | | 12–23 | their velocities | 0.3 m/s |
-    | | 24–49 | points x, y of the path, from the first to the last | 1 m |
-    | | 50–85 | middles x, y of the holes | 1 m |
-    | | 86, 87 | angles of the board towards x, y | 1 rad |
-    | | 88 | number of completed legs | 1 |
+    | | 24–49 | points x, y of the path, from first to last | 1 m |
+    | | 50–85 | centres x, y of the holes | 1 m |
+    | | 86, 87 | tilt of the board towards x, y | 1 rad |
+    | | 88 | number of completed segments | 1 |
     | `"frame"` | 0, 1 | position x, y of the ball | 0.2 m |
     | | 2, 3 | its velocity x, y | 0.3 m/s |
     | | 4, 5 | its angular velocity x, y | 12 rad/s |
-    | | 6, 7 | angles of the board towards x, y | 0.1 rad |
+    | | 6, 7 | tilt of the board towards x, y | 0.1 rad |
     | | 8–15 | points x, y of the path, from the ball: the last one passed and the next three | 0.2 m |
     | | 16 | remaining length of the path | 1 m |
-    | | 17–24 | middles x, y of the four nearest holes, from the ball | 0.1 m |
+    | | 17–24 | centres x, y of the four nearest holes, from the ball | 0.1 m |
 
     ## Rewards
     The path has 13 points; the ball starts at the first, and passes the next when it is less than 5 cm from
-    it. What remains is the distance to the next point and all legs after it; the progress p is the share of
-    the path that does not remain. With the distance e of the ball from the end, and K = 1 on the last leg,
-    else 0, the reward is E [p + K G(e; 0.02, 0.2)]/2 ([G, L, E](../environments.md#shared-definitions)).
-    `reward_way` is the half with p, `reward_end` that with G.
+    it. The remaining length is the distance to the next point plus all later segments; the progress p is the
+    share of the path that is completed. With the distance e of the ball from the end, and K = 1 on the last
+    segment, else 0, the reward is E [p + K G(e; 0.02, 0.2)]/2 ([G, L,
+    E](../environments.md#shared-definitions)). `reward_way` is the half with p, `reward_end` that with G.
 
     ## Starting State
-    The ball rests at the first point of the path, and the board is level. The path goes from a cell of 18 cm
-    to a neighbour, twelve times, and visits no cell twice; all such paths are equally likely. The middle of
-    each cell is shifted by U(−1.5, 1.5) cm along x and y, and the first leg is shorter by a share U(0, 0.6).
-    The holes, of radius 5.5 cm, lie half-way between the middles of two or four cells, as near to the path as
-    these places can be.
+    The ball rests at the first point of the path, and the board is level. The path takes twelve steps between
+    neighbouring cells of 18 cm and visits no cell twice; all such paths are equally likely. The centre of
+    each cell is shifted by U(−1.5, 1.5) cm along x and y, and the first segment is shortened by a share U(0,
+    0.6). The holes, of radius 5.5 cm, lie half-way between the centres of two or four cells, as near to the
+    path as such points can be.
 
     ## Episode End
-    Termination: the ball falls, because its centre is above a hole, or more than 0.36 m from the middle along
-    x or y. Truncation: 600 steps, 12 s. `info["is_success"]`: the ball has passed all points, and e < 0.05 m,
-    for the last 25 steps.
+    Termination: the ball falls, because its centre is above a hole, or more than 0.36 m from the centre of
+    the board along x or y. Truncation: 600 steps, 12 s. `info["is_success"]`: the ball has passed all points,
+    and e < 0.05 m, for the last 25 steps.
 
     ## Information
     `left`, the remaining length of the path [m], `gap` between the ball's centre and the nearest hole's rim
     [m], `tilt` of the board [rad].
 
     ## Arguments
-    - `hard=True`: a board that turns at up to 0.24 rad/s, and holes of 6 cm.
+    - `hard=True`: a board that tilts at up to 0.24 rad/s, and holes of 6 cm.
     - `randomize`: the factor `actuator` multiplies the force along the board.
     """
 

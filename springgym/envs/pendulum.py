@@ -151,15 +151,15 @@ class SpringPendulumEnv(SpringEnv, gym.Env, task=SpringPendulum):
     lift it. A spring joins every pair of its 8 particles, as in McDonald's paper.
 
     ## Action Space
-    Actions are held for a control period of 40 ms.
+    Actions are held for a control period of 40 ms, in the axes of the world.
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
-    | `"torque"` | 0–2 | torque about the world's x, y, z, its part along the diagonal removed | ±4.25 N·m |
+    | `"torque"` | 0–2 | torque about x, y, z, minus its component along the diagonal | ±4.25 N·m |
     | `"impulse"` | 0–2 | impulse on the far corner along x, y, z, spread over the period | ±0.1 N·s |
 
-    The diagonal runs through the pin and the far corner. Neither mode can spin the cube about it. The weight
-    exerts at most 8.5 N·m.
+    The diagonal runs through the pin and the far corner. Neither mode can spin the cube about this diagonal.
+    The weight exerts a torque of at most 8.5 N·m.
 
     ## Observation Space
     | `observation` | entries | meaning | scale |
@@ -175,11 +175,11 @@ class SpringPendulumEnv(SpringEnv, gym.Env, task=SpringPendulum):
     G(|ω|; 0.2, 0.8)] ([G, L, E](../environments.md#shared-definitions)): `reward_raised` + `reward_held`.
 
     ## Starting State
-    The cube is at rest, U(0, 0.3) rad from hanging, and turned at random about the vertical and the diagonal.
-    `reset(options={"tilt": …})` sets the tilt from the upright.
+    The cube is at rest, U(0, 0.3) rad from hanging, and rotated at random about the vertical and the
+    diagonal. `reset(options={"tilt": …})` sets the tilt from the upright.
 
     ## Episode End
-    Termination: |ω| exceeds 8 rad/s, so that whirling the cube around does not help. Truncation: 250 steps,
+    Termination: |ω| exceeds 8 rad/s, so spinning the cube up does not help. Truncation: 250 steps,
     10 s. `info["is_success"]`: θ < 0.15 rad and |ω| < 0.5 rad/s for the last 25 steps.
 
     ## Information

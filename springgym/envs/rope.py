@@ -194,21 +194,21 @@ class RopeOptions(EnvOptions, total=False):
 class SpringRopeEnv(SpringEnv, gym.Env, task=SpringRope):
     """
     ## Description
-    A load of 70 kg hangs by a 4 m rope from the trolley of an overhead crane. Bring it above the target, and
-    to rest. The rope, after McDonald's paper, is eight springs between beads of 0.1 kg: it stretches, bounces
-    and swings.
+    A load of 70 kg hangs by a 4 m rope from the trolley of an overhead crane. Move it above the target and
+    stop it. As in McDonald's paper, the rope consists of eight springs between beads of 0.1 kg: it stretches,
+    bounces and swings.
 
     ## Action Space
-    Actions are held for a control period of 50 ms. The entries are the acceleration of the trolley along x
-    and y; ±1 is ±3 m/s². Its speed along each axis is limited to 3 m/s.
+    Actions are held for a control period of 50 ms. The two entries are the trolley's acceleration along x and
+    y; ±1 is ±3 m/s². The trolley's speed along each axis is limited to 3 m/s.
 
     ## Observation Space
     | `observation` | entries | meaning | scale |
     |---|---|---|---|
     | `"particles"` | 0–25 | positions of trolley (x, y), beads and load (x, y, z), from the target | 2 m |
     | | 26–51 | their velocities | 2 m/s |
-    | `"frame"` | 0–1 | horizontal way from the load to the target | 2 m |
-    | | 2–3 | horizontal way from the load to the trolley | 1 m |
+    | `"frame"` | 0–1 | horizontal vector from the load to the target | 2 m |
+    | | 2–3 | horizontal vector from the load to the trolley | 1 m |
     | | 4–5 | horizontal velocity of the load | 2 m/s |
     | | 6–7 | velocity of the trolley | 2 m/s |
 
@@ -218,9 +218,9 @@ class SpringRopeEnv(SpringEnv, gym.Env, task=SpringRope):
     E](../environments.md#shared-definitions)): `reward_near` + `reward_still`.
 
     ## Starting State
-    The trolley rests at the origin. The rope is stretched by its load, sways by U(0, 0.25) rad in any
-    direction and swings at U(−0.3, 0.3) rad/s about any horizontal axis. The target is U(1.5, 4) m away.
-    `reset(options={"sway": …, "distance": …})` sets sway and distance.
+    The trolley rests at the origin. The rope is stretched by its load, tilted by U(0, 0.25) rad in a random
+    direction, and swings at U(−0.3, 0.3) rad/s about a random horizontal axis. The target is U(1.5, 4) m
+    away. `reset(options={"sway": …, "distance": …})` sets this tilt and the distance of the target.
 
     ## Episode End
     Termination: e exceeds 10 m. Truncation: 200 steps, 10 s. `info["is_success"]`: e < 0.1 m and s < 0.1 m/s
@@ -230,9 +230,9 @@ class SpringRopeEnv(SpringEnv, gym.Env, task=SpringRope):
     `error` e [m], `speed` s [m/s].
 
     ## Arguments
-    - `hard=True`: sway U(0, 0.6) rad, U(−0.8, 0.8) rad/s, target U(1.5, 6) m away.
-    - `material`, `diameter`: a cable in place of the paper's rope, as `"steel"` and 0.005 [m]. Steel hardly
-      stretches; nylon bounces.
+    - `hard=True`: rope tilted by U(0, 0.6) rad and swinging at U(−0.8, 0.8) rad/s, target U(1.5, 6) m away.
+    - `material`, `diameter`: a cable instead of the paper's rope, for example `"steel"` and 0.005 [m]. Steel
+      hardly stretches; nylon bounces.
     - `body`: arguments of `springgym.bodies.rope`, or of `springgym.bodies.solid_rope` with a material.
     - `goals=True`, with `sparse=True`: [goal environment](../features.md#goals). The goal is x, y of the load
       [m] and of its velocity [m/s].

@@ -248,10 +248,10 @@ class ShoveOptions(EnvOptions, total=False):
 class SpringShoveEnv(SpringEnv, gym.Env, task=SpringShove):
     """
     ## Description
-    A ball pushes a box over the floor. Bring the box to its place, and turn it to its heading. The ball can
-    only push: it has to go around the box to move it another way, and to push beside its middle to turn it.
-    The box has 8 corners and 28 springs. The ball (radius 10 cm) does not stop by itself. The target lies at
-    the origin and points along x.
+    A ball pushes a box over the floor. Push the box to a target position and heading. The ball can only push:
+    it has to go around the box to change its direction, and to push off-centre to turn it. The box has 8
+    corners and 28 springs. The ball (radius 10 cm) does not stop by itself. The target lies at the origin and
+    points along x.
 
     ## Action Space
     Actions are held for a control period of 40 ms.
@@ -260,7 +260,8 @@ class SpringShoveEnv(SpringEnv, gym.Env, task=SpringShove):
     |---|---|---|---|
     | `"push"` | 0, 1 | force on the ball's centre along x, y | ±12 N |
 
-    Pushing the box takes 5 N: 4 N against the floor's friction, 1 N against that of the ball.
+    Pushing the box takes 5 N: 4 N against its friction with the floor, 1 N against its friction with the
+    ball.
 
     ## Observation Space
     | `observation` | entries | meaning | scale |
@@ -272,36 +273,36 @@ class SpringShoveEnv(SpringEnv, gym.Env, task=SpringShove):
     | `"frame"` | 0, 1 | centre of the box x, y | 0.5 m |
     | | 2, 3 | its velocity x, y | 0.5 m/s |
     | | 4, 5 | cosine and sine of its heading | 1 |
-    | | 6 | how fast it turns | 2 rad/s |
+    | | 6 | its angular velocity | 2 rad/s |
     | | 7, 8 | ball x, y, from the centre of the box | 0.3 m |
-    | | 9, 10 | the same along the box's own axes | 0.3 m |
+    | | 9, 10 | the same vector, along the box's own axes | 0.3 m |
     | | 11, 12 | velocity x, y of the ball | 1 m/s |
 
     ## Rewards
-    With the distance e of the box from its place, its heading φ, the distance a between ball and box and N =
+    With the distance e of the box from the target, its heading φ, the distance a between ball and box and N =
     [L(e; 0.03, 0.3) + G(e; 0.03, 0.5)]/2, the reward is E [0.05 G(a; 0.3, 0.5) + 0.95 N (1 +
-    G(φ; 0.05, 0.8))/2] ([G, L, E](../environments.md#shared-definitions)). Multiplied out, its terms are
+    G(φ; 0.05, 0.8))/2] ([G, L, E](../environments.md#shared-definitions)). Multiplied out, the terms are
     `reward_approach`, `reward_near` and `reward_heading`.
 
     ## Starting State
-    Both lie on the floor at rest. The box is U(0.3, 0.8) m from its place in any direction, and turned by
-    U(−1, 1) rad. The ball is U(0.35, 0.6) m from the box on any side.
+    Both lie on the floor at rest. The box is U(0.3, 0.8) m from the target in a random direction, rotated by
+    U(−1, 1) rad. The ball is U(0.35, 0.6) m from the box on a random side.
     `reset(options={"error": …, "heading": …})` sets them.
 
     ## Episode End
-    Termination: ball or box is more than 1.8 m from the place, or the box is tipped over. Truncation: 250
-    steps, 10 s. `info["is_success"]`: e < 0.08 m, |φ| < 0.2 rad, and the box moves slower than 0.1 m/s (plus
-    0.2 m times its rate of turning), for the last 12 steps.
+    Termination: ball or box is more than 1.8 m from the target, or the box tips over. Truncation: 250 steps,
+    10 s. `info["is_success"]`: e < 0.08 m, |φ| < 0.2 rad, and the speed of the box, plus 0.2 m times its
+    angular speed, is below 0.1 m/s, for the last 12 steps.
 
     ## Information
     `error` e [m], `heading` φ [rad], `speed` [m/s], `pairs_…`.
 
     ## Arguments
-    - `friction=0.3`: a smoother floor than the usual one (0.4).
-    - `hard=True`: a box up to 1.2 m away, and turned any way.
+    - `friction=0.3`: a smoother floor than the default one (0.4).
+    - `hard=True`: a box up to 1.2 m away, with a random heading.
     - `goals=True`, with `sparse=True`: [goal environment](../features.md#goals). The goal is x, y of the box
       [m], cosine and sine of its heading, and its speed [m/s].
-    - `randomize`: the factor `scale` leaves the ball as it is.
+    - `randomize`: the factor `scale` does not change the ball.
     """
 
     if TYPE_CHECKING:

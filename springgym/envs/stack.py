@@ -236,10 +236,10 @@ class StackOptions(EnvOptions, total=False):
 class SpringStackEnv(SpringEnv, gym.Env, task=SpringStack):
     """
     ## Description
-    A box lies on a shelf, and beyond the shelf's edge a block stands on the floor. Push the box with a ball
-    over the edge, so that it lies on the block, parallel to it. The ball can only push, and may fall, too.
-    Box and block have 8 corners and 28 springs each. The ball (radius 10 cm) does not stop by itself. The
-    fixed shelf lies at x < 0, 22 cm above the floor and 5 mm above the block.
+    A box lies on a shelf, and beyond the shelf's edge a block stands on the floor. Push the box over the edge
+    with a ball, so that it comes to lie on the block, parallel to it. The ball can only push, and it must not
+    fall off. Box and block have 8 corners and 28 springs each. The ball (radius 10 cm) does not stop by
+    itself. The fixed shelf lies at x < 0, 22 cm above the floor and 5 mm above the block.
 
     ## Action Space
     Actions are held for a control period of 40 ms.
@@ -248,7 +248,8 @@ class SpringStackEnv(SpringEnv, gym.Env, task=SpringStack):
     |---|---|---|---|
     | `"push"` | 0, 1 | force on the ball's centre along x, y | ±12 N |
 
-    Pushing the box takes 6.5 N: 4.7 N against the shelf's friction, 1.8 N against that of the ball.
+    Pushing the box takes 6.5 N: 4.7 N against its friction with the shelf, 1.8 N against its friction with
+    the ball.
 
     ## Observation Space
     | `observation` | entries | meaning | scale |
@@ -257,41 +258,42 @@ class SpringStackEnv(SpringEnv, gym.Env, task=SpringStack):
     | | 9–24 | positions x, y of the upper corners of box and block | 0.5 m |
     | | 25–33 | velocities of the ball's particles | 0.5 m/s |
     | | 34–49 | velocities x, y of the corners | 0.5 m/s |
-    | `"frame"` | 0, 1 | centre of the box x, y, from that of the block | 0.5 m |
+    | `"frame"` | 0, 1 | centre of the box x, y, from the centre of the block | 0.5 m |
     | | 2, 3 | its velocity x, y | 0.5 m/s |
     | | 4, 5 | cosine and sine of its heading | 1 |
-    | | 6, 7 | cosine and sine of the angle by which it is turned from the block | 1 |
-    | | 8 | how fast it turns | 2 rad/s |
+    | | 6, 7 | cosine and sine of the angle between box and block | 1 |
+    | | 8 | its angular velocity | 2 rad/s |
     | | 9, 10 | ball x, y, from the centre of the box | 0.3 m |
-    | | 11, 12 | the same along the box's own axes | 0.3 m |
+    | | 11, 12 | the same vector, along the box's own axes | 0.3 m |
     | | 13, 14 | velocity x, y of the ball | 1 m/s |
     | | 15, 16 | ball x, y, from the middle of the shelf's edge | 0.5 m |
 
     ## Rewards
     Seen from above, e is the distance between the centres of box and block, φ the angle between them, and a
-    the distance between ball and box. With N = [L(e; 0.03, 0.3) + G(e; 0.03, 0.5)]/2, P = 0.05 G(a; 0.3,
-    0.5) + 0.95 N (1 + G(φ; 0.05, 0.8))/2 is at most 1 ([G, L](../environments.md#shared-definitions)).
-    `reward_nearer` is 0.2 times the amount by which P exceeds its largest value so far; `reward_stacked` is
-    0.8 in the step in which the episode ends with success. So an episode that succeeds returns at least 0.8,
-    any other at most 0.2.
+    the distance between ball and box. With N = [L(e; 0.03, 0.3) + G(e; 0.03, 0.5)]/2, P = 0.05 G(a; 0.3, 0.5)
+    + 0.95 N (1 + G(φ; 0.05, 0.8))/2 is at most 1 ([G, L](../environments.md#shared-definitions)).
+    `reward_nearer` is 0.2 times the amount by which P exceeds its previous maximum; `reward_stacked` is 0.8
+    on the step that ends the episode successfully. A successful episode therefore returns at least 0.8, any
+    other at most 0.2.
 
     ## Starting State
     Everything is at rest. The middle of the box is U(0.5, 0.9) m from the edge, and U(−0.3, 0.3) m along the
-    edge from the edge's middle. The box is turned by U(−0.5, 0.5) rad. The ball lies U(0.35, 0.5) m from it,
-    within 60° of straight away from the edge. The block stands U(0.08, 0.1) m from the shelf and U(−0.3, 0.3)
-    m from the edge's middle, parallel to the shelf. `reset(options={"heading": …})` sets the turn of the box.
+    edge from the edge's middle. The box is rotated by U(−0.5, 0.5) rad. The ball lies U(0.35, 0.5) m behind
+    it, within 60° of the direction away from the edge. The block stands U(0.08, 0.1) m from the shelf and
+    U(−0.3, 0.3) m from the edge's middle, parallel to the shelf. `reset(options={"heading": …})` sets the
+    rotation of the box.
 
     ## Episode End
-    Termination: success; the middle of box or ball is less than 0.1 m above that of the block; or box or
-    block is tipped over. Truncation: 300 steps, 12 s. `info["is_success"]`: e < 0.08 m, |φ| < 0.2 rad, and
-    the box moves slower than 0.1 m/s (plus 0.2 m times its rate of turning), for the last 12 steps. Such a
-    box rests on the block alone.
+    Termination: success; the centre of box or ball is less than 0.1 m above the centre of the block; or box
+    or block tips over. Truncation: 300 steps, 12 s. `info["is_success"]`: e < 0.08 m, |φ| < 0.2 rad, and the
+    speed of the box, plus 0.2 m times its angular speed, is below 0.1 m/s, for the last 12 steps. Such a box
+    rests on the block alone.
 
     ## Information
     `error` e [m], `heading` φ [rad], `speed` [m/s], `pairs_…`.
 
     ## Arguments
-    - `randomize`: the factor `scale` leaves the ball as it is.
+    - `randomize`: the factor `scale` does not change the ball.
     """
 
     if TYPE_CHECKING:

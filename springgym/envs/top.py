@@ -161,16 +161,16 @@ class TopOptions(EnvOptions, total=False):
 class SpringTopEnv(SpringEnv, gym.Env, task=SpringTop):
     """
     ## Description
-    A spinning top stands on its pinned tip, tilted. Bring it upright, and to a spin of 50 rad/s. In the top
-    of McDonald's paper, 37 stiff springs hold a ring of 12 particles, a crown and a tip. A push on the crown
-    moves the axis perpendicular to the push.
+    A spinning top stands tilted on its pinned tip. Bring it upright and spin it at 50 rad/s. In the top of
+    McDonald's paper, 37 stiff springs hold a ring of 12 particles, a crown and a tip together. A push on the
+    crown moves the axis perpendicular to the push.
 
     ## Action Space
     Actions are held for a control period of 20 ms.
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
-    | `"torque"` | 0, 1 | torque about the world's x and y, its part along the top's axis removed | ±15 N·m |
+    | `"torque"` | 0, 1 | torque about the world's x, y, minus its component along the top's axis | ±15 N·m |
     | | 2 | torque about the top's axis | ±15 N·m |
     | `"impulse"` | 0–2 | impulse on the crown along x, y, z, spread over the period | ±0.3 N·s |
 
@@ -191,8 +191,8 @@ class SpringTopEnv(SpringEnv, gym.Env, task=SpringTop):
     `reward_spin`. With `action="impulse"`, which cannot change the spin, the last L is 1.
 
     ## Starting State
-    The top spins at U(30, 60) rad/s (with impulses U(40, 60)), tilted by U(0.1, 0.6) rad in a direction
-    U(−π, π). Springs start at their steady-rotation equilibrium. Below 39 rad/s the upright top is unstable.
+    The top spins at U(30, 60) rad/s (with impulses U(40, 60)), tilted by U(0.1, 0.6) rad in a direction U(−π,
+    π). The springs start at their steady-rotation equilibrium. Below 39 rad/s, an upright top is unstable.
     `reset(options={"tilt": …, "azimuth": …, "spin": …})` sets them.
 
     ## Episode End
@@ -203,14 +203,14 @@ class SpringTopEnv(SpringEnv, gym.Env, task=SpringTop):
     `tilt` [rad], `spin` ω₃ and `precession` |ω⊥| [rad/s].
 
     ## Arguments
-    - `hard=True`: spin U(20, 60) rad/s (with impulses U(32, 60)) and torques up to 10 N·m. The largest
-      tilt is 0.2 + 0.03 (ω/(rad/s) − 20) where that is less than 0.6, as slow tops that lean farther cannot
-      be saved.
-    - `body={"scaled": {0: 1.1}}`: an unbalanced top, with a ring particle 10 % heavier; beyond some 20 % it
-      wobbles too much for success.
+    - `hard=True`: spin U(20, 60) rad/s (with impulses U(32, 60)) and torques up to 10 N·m. The largest tilt
+      is 0.2 + 0.03 (ω/(rad/s) − 20) where this is below 0.6, because slow tops that lean farther cannot be
+      saved.
+    - `body={"scaled": {0: 1.1}}`: an unbalanced top, with one ring particle 10 % heavier; beyond about 20 %
+      it wobbles too much for success.
     - `body={"height": 1.25}`: an elongated top (1 m), whose weight exerts a larger torque at the same spin.
     - `body` with a `material`, as `{"material": "beech"}`: a solid cone with the arguments of
-      `springgym.bodies.solid_top` (defaults: radius 0.61 m, height 1 m). Actions at ±1 grow with the moment
+      `springgym.bodies.solid_top` (defaults: radius 0.61 m, height 1 m). Actions are scaled with the moment
       of its weight; a particle at two thirds of its height, the `heart`, replaces the crown.
     - `body`: any other arguments of `springgym.bodies.top`.
     """

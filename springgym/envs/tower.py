@@ -255,71 +255,72 @@ class TowerOptions(EnvOptions, total=False):
 class SpringTowerEnv(SpringEnv, gym.Env, task=SpringTower):
     """
     ## Description
-    Blocks stand on the floor around another one. Stack them on it, one after the other, so that a tower
-    stands. A crane pulls at the middle of the upper face of one block, lets go of it once, and takes the
-    next. Each block is 16 cm wide and 24 cm high, has a mass of 1 kg, and consists of 8 corners and 28
-    springs. Only friction holds the tower together. The crane pulls 12 cm above the centre of mass, so a
-    hanging block swings at 7.5 rad/s, and only the crane can damp this motion.
+    Blocks stand around a base block. Stack them on it, one after another, into a tower. A crane pulls at the
+    middle of the upper face of one block, releases it once, and picks up the next. Each block is 16 cm wide
+    and 24 cm high, has a mass of 1 kg, and consists of 8 corners and 28 springs. Only friction holds the
+    tower together. The crane pulls 12 cm above the centre of mass, so a hanging block swings at 7.5 rad/s,
+    and only the crane can damp this motion.
 
     ## Action Space
     Actions are held for a control period of 40 ms.
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
-    | `"crane"` | 0–2 | force of the crane along x, y, z, beside 0.9 of the block's weight | ±6 N |
-    | | 3 | above 0.5, the crane lets go at the end of the period | 1 |
+    | `"crane"` | 0–2 | force of the crane along x, y, z, in addition to 0.9 of the block's weight | ±6 N |
+    | | 3 | above 0.5, the crane releases the block at the end of the period | 1 |
 
-    After the last block, actions have no effect but their cost.
+    After the last block, actions have no effect apart from their cost.
 
     ## Observation Space
-    "The block" is the one held, or the last one when all are let go. Its place is one block's height above
-    the centre of the block below.
+    "The block" is the one held, or the last one when all have been released. Its target position is one block
+    height above the centre of the block below.
 
     | `observation` | entries | meaning | scale |
     |---|---|---|---|
     | `"particles"` | 0–95 | positions of the corners of all blocks, from the lowest to the last | 0.5 m |
     | | 96–191 | their velocities | 0.5 m/s |
-    | | 192 | the number of the block, 1 to 3; 4 when all are let go | 1 |
-    | `"frame"` | 0–2 | centre of the block, from its place | 0.3 m |
+    | | 192 | the number of the block, 1 to 3; 4 when all have been released | 1 |
+    | `"frame"` | 0–2 | centre of the block, from its target | 0.3 m |
     | | 3–5 | its velocity | 0.5 m/s |
     | | 6, 7 | its third axis x, y | 0.2 |
     | | 8–10 | its angular velocity | 2 rad/s |
-    | | 11 | its number, 1 to 3; 4 when all are let go | 4 |
+    | | 11 | its number, 1 to 3; 4 when all have been released | 4 |
     | | 12, 13 | centre of the lowest block x, y | 0.5 m |
     | | 14, 15 | its third axis x, y | 0.2 |
-    | | 16–18 | centre of block 1, from its place | 0.5 m |
+    | | 16–18 | centre of block 1, from its target | 0.5 m |
     | | 19, 20 | its third axis x, y | 0.2 |
-    | | 21–23 | centre of block 2, from its place | 0.5 m |
+    | | 21–23 | centre of block 2, from its target | 0.5 m |
     | | 24, 25 | its third axis x, y | 0.2 |
-    | | 26–28 | centre of block 3, from its place | 0.5 m |
+    | | 26–28 | centre of block 3, from its target | 0.5 m |
     | | 29, 30 | its third axis x, y | 0.2 |
 
     Each further block adds 48 entries to `"particles"` and 5 to `"frame"`. A "4" in the table is the
     number of blocks.
 
     ## Rewards
-    With the distance e of a block from its place and N(e) = [L(e; 0.03, 0.5) + G(e; 0.03, 0.3)]/2, the reward
-    is E Σ w N(e) ([G, L, E](../environments.md#shared-definitions)), over the blocks that are held or let go.
-    Of b blocks above the lowest, block k has the weight w = 2^(k−1)/(2^b − 1), and a quarter of this while it
-    is held. `reward_carried` is the term of the held block and `reward_built` the sum of the others.
+    With the distance e of a block from its target and N(e) = [L(e; 0.03, 0.5) + G(e; 0.03, 0.3)]/2, the
+    reward is E Σ w N(e) ([G, L, E](../environments.md#shared-definitions)), over the blocks that are held or
+    released. Of b blocks above the lowest, block k has the weight w = 2^(k−1)/(2^b − 1), and a quarter of
+    this while it is held. `reward_carried` is the term of the held block and `reward_built` the sum of the
+    others.
 
     ## Starting State
-    Everything is at rest. The lowest block is within U(−0.1, 0.1) m of the middle along x and y. The others
-    stand U(0.45, 0.7) m from it, evenly around it but for random shifts of up to a fifth of their spacing.
-    The direction of the first and all headings are uniform.
+    Everything is at rest. The base block is within U(−0.1, 0.1) m of the origin along x and y. The others
+    stand U(0.45, 0.7) m from it, evenly around it apart from random shifts of up to a fifth of their spacing.
+    The direction of the first block and all headings are drawn uniformly.
 
     ## Episode End
-    Termination: a block that has been let go lies 5 cm lower than its place in the tower, or leans by more
-    than 37°; or a block is more than 2 m from the middle, or more than 2 m high. Truncation: 500 steps, 20 s.
-    `info["is_success"]`: all blocks are let go, each is less than 0.06 m aside from the one below, and none
-    moves faster than 0.1 m/s, for the last 25 steps.
+    Termination: a released block is 5 cm lower than its position in the tower, or leans by more than 37°; or
+    a block is more than 2 m from the origin, or more than 2 m high. Truncation: 500 steps, 20 s.
+    `info["is_success"]`: all blocks have been released, each is less than 0.06 m off the one below
+    horizontally, and none moves faster than 0.1 m/s, for the last 25 steps.
 
     ## Information
     `held`, the number of the held block; `error`, the largest horizontal distance of a tower block from the
     one below [m]; `speed` of the fastest block [m/s]; `pairs_…`.
 
     ## Arguments
-    - `blocks` (4): how many there are, from 2 to 5.
+    - `blocks` (4): the number of blocks, from 2 to 5.
     """
 
     if TYPE_CHECKING:

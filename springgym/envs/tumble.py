@@ -234,16 +234,16 @@ class TumbleOptions(EnvOptions, total=False):
 class SpringTumbleEnv(SpringEnv, gym.Env, task=SpringTumble):
     """
     ## Description
-    An irregular tetrahedron drops to the floor. Bring it to a target, and onto one of its faces, which is
-    drawn each time. The force is half of the weight and less than static friction, so an agent has to roll
-    the body, edge over edge. A spring joins every pair of the four corners and the centre.
+    An irregular tetrahedron drops to the floor. Roll it to a target and onto a randomly chosen face. The
+    force is half the weight and less than static friction, so the agent has to tip the body over its edges. A
+    spring joins every pair of the four corners and the centre.
 
     ## Action Space
     Actions are held for a control period of 20 ms, in the axes of the world.
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
-    | `"wrench"` | 0–2 | force, shared by all particles by their mass | ±35 N |
+    | `"wrench"` | 0–2 | force, shared by all particles in proportion to mass | ±35 N |
     | | 3–5 | torque about the centre of mass | ±9 N·m |
     | `"impulses"` | 0–11 | impulses on corners 0–3 along x, y, z, spread over the period | ±0.175 N·s |
 
@@ -254,10 +254,10 @@ class SpringTumbleEnv(SpringEnv, gym.Env, task=SpringTumble):
     |---|---|---|---|
     | `"particles"` | 0–14 | positions x, y, z of corners 0–3 and centre, from the target | 0.5 m |
     | | 15–29 | their velocities | 2 m/s |
-    | | 30–32 | unit vector from the centre of mass to the corner that is to point up | 1 |
+    | | 30–32 | unit vector from the centre of mass to the corner that must point up | 1 |
     | `"frame"` | 0–2 | centre of mass, from the target | 1 m |
     | | 3–5 | its velocity | 1 m/s |
-    | | 6–8 | outward normal of the face that is to lie down | 1 |
+    | | 6–8 | outward normal of the face that must lie down | 1 |
     | | 9–11 | angular velocity | 4 rad/s |
     | | 12–14 | first axis of the body, across the third towards corner 1 | 1 |
     | | 15–17 | third axis of the body, from the centre particle to corner 0 | 1 |
@@ -270,9 +270,9 @@ class SpringTumbleEnv(SpringEnv, gym.Env, task=SpringTumble):
     `reward_still`, the products with 0.4, 0.3 and 0.7.
 
     ## Starting State
-    The body has any orientation and turns at U(−4, 4) rad/s about each axis. Its centre of mass is at rest,
-    U(0.5, 0.9) m above the middle of the floor. The target is U(0.5, 1.2) m away. Any of the four corners is
-    to point up, so that the opposite face lies down.
+    The body has a random orientation and rotates at U(−4, 4) rad/s about each axis. Its centre of mass is at
+    rest, U(0.5, 0.9) m above the origin. The target is U(0.5, 1.2) m away. One of the four corners, chosen at
+    random, must point up, so that the opposite face lies down.
     `reset(options={"height": …, "distance": …, "corner": …})` sets them.
 
     ## Episode End
@@ -287,8 +287,8 @@ class SpringTumbleEnv(SpringEnv, gym.Env, task=SpringTumble):
     - `hard=True`: forces up to 28 N, torques up to 7.5 N·m and impulses up to 0.14 N·s, the target U(0.5, 2)
       m away.
     - `goals=True`, with `sparse=True`: [goal environment](../features.md#goals). The goal is x, y of the
-      centre of mass [m], the direction that points down, along the axes of the body (the third axis, and the
-      first, are those of `"frame"`), and the speed s [m/s].
+      centre of mass [m], the direction that points down, in the body's axes (the third and the first are
+      those of `"frame"`), and the speed s [m/s].
     """
 
     if TYPE_CHECKING:

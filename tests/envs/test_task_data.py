@@ -76,7 +76,7 @@ def test_limits_of_actions(row: Row) -> None:
 
 def test_what_the_torque_of_the_free_top_does_is_told_too() -> None:
     (row,) = (row for row in ENVIRONMENTS if row.id == "SpringFreeTop-v0")
-    assert number(documentation(row).split("turns the ring by")[1]) == free_top.RING_ACCELERATION
+    assert number(documentation(row).split("accelerates the ring by")[1]) == free_top.RING_ACCELERATION
 
 
 @each_row_but_a_duel
