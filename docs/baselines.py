@@ -62,26 +62,26 @@ CARDS = HERE.parent / "agents" / "trained"
 TASKS: tuple[Row | Variant, ...] = (*ENVIRONMENTS, *VARIANTS)
 INTRODUCTION = """# Baselines
 
-This page shows what each algorithm reaches on each task, by one [protocol](benchmark.md). Each cell gives
+This page lists the score of each algorithm on each task, under one [protocol](benchmark.md). Each cell gives
 
 - the return per step (at most 1) or, where the cell says so, per episode, averaged over training seeds, with
-  its 95 % interval and, of several seeds, their number (of one seed, the interval is over its episodes);
+  its 95 % interval and, for several seeds, their number (for one seed, the interval is over its episodes);
 - the share of held-out episodes that succeed. Agents play without exploration.
 
-**Bold** marks the best known return of a task. A dash means not run or, in *used*, nothing. *Sparse* is PPO
-with the sparse reward. *Used* names what an algorithm used besides the rewards of its own episodes:
-`model` is a hand-written controller, and [the protocol](benchmark.md#what-is-reported) lists the others.
-*Planner* searches with the exact simulator. [Environments](environments.md#tiers-and-harder-variants)
+**Bold** marks the best known return of a task. A dash means "not run" (or, under *used*, "nothing"). *Sparse*
+is PPO with the sparse reward. *Used* names what an algorithm used in addition to the rewards of its own
+episodes: `model` is a hand-written controller, and [the protocol](benchmark.md#what-is-reported) lists the
+others. *Planner* searches with the exact simulator. [Environments](environments.md#tiers-and-harder-variants)
 describes the variants. You can [submit results](benchmark.md#submit-results).
 """
-OLD = """† Some results of this task predate the current protocol, physics or reward. This holds for {old}
-of all {all} results.
+OLD = """† Some results of this task predate the current protocol, physics or reward. This applies to {old} of
+all {all} results.
 """
 AGENTS = """## Trained agents
 
-The package contains an agent of each environment, the best of those that were compared on the
-[episodes for selection](benchmark.md#seeds-and-episodes): its weights, its configuration and a card with the
-training command, versions, checksums, evaluation and audit.
+The package contains one agent for each environment, the best of those compared on the [selection
+episodes](benchmark.md#seeds-and-episodes): its weights, its configuration and a card with the training
+command, versions, checksums, evaluation and audit.
 
 ```sh
 springgym evaluate SpringTop-v0 --seed 2500000   # the episodes of the table
@@ -89,14 +89,14 @@ springgym watch SpringTop-v0 --out top.gif
 ```
 
 The last column is the [audit](training.md#audit-and-generalization), which checks whether an agent exploits
-simulation errors. "Not played" means that this simulation could not run the task when the agent
-was audited, or would change the task: colliding rigid bodies rebound differently.
+simulation errors. "Not played" means that this simulation could not run the task when the agent was audited,
+or would change the task, because colliding rigid bodies rebound differently.
 """
 TIME = """## Time to learn
 
-The table gives the training time of PPO, with the configuration of the package, until it succeeds in 90 % of
-20 held-out episodes (evaluated every 32,768 steps; in SpringTop-v0, every 16,384). Times are seconds of one
-core of {cpu}, divided into physics, policy and learning.
+The table gives the training time of PPO, with the package's configuration, until it succeeds in 90 % of 20
+held-out episodes (evaluated every 32,768 steps; in SpringTop-v0, every 16,384). Times are seconds of one core
+of {cpu}, divided into physics, policy and learning.
 `python agents/studies/learning_time.py --json docs/learning_time.json` measures them.
 
 {table}
@@ -105,8 +105,8 @@ PLANS = """## Planner
 
 The planner searches with the exact simulator and learns nothing
 ([method](training.md#plan-without-learning)). The table lists its settings, its results with 95 % intervals,
-and its cost in seconds of one core per simulated second. Where bodies collide, planning is expensive, so
-most of these tasks have fewer or shorter plans. Classical control earns more in most of these tasks.
+and its cost in core seconds per simulated second. Where bodies collide, planning is expensive, so most such
+tasks have fewer or shorter plans. Classical control earns more in most of these tasks.
 
 {table}
 """
@@ -115,23 +115,23 @@ COMPARISON = """## Suite
 Algorithms are compared on {tasks} tasks at equal budgets. A score is the return, rescaled from random actions
 (0 %) to the better of classical control and the planner (100 %), which plays 10 episodes. Cells give the mean
 score over {seeds} seeds and, in brackets, the lowest and the highest. *Zero* does nothing. The last row gives
-the interquartile mean over all runs and, of several seeds, its 95 % interval, a bootstrap over seeds
-stratified by task. An algorithm that used more than the rewards of its own episodes has a column of its own.
-A dash means that there is no result, or that its run was shorter than the budget. The
-[protocol](benchmark.md) asks for five seeds; learned results below that name no number of seeds are of one.
+the interquartile mean over all runs and, for several seeds, its 95 % interval, a bootstrap over seeds
+stratified by task. An algorithm that used more than the rewards of its own episodes has its own column. A
+dash means that there is no result, or that its run was shorter than the budget. The [protocol](benchmark.md)
+asks for five seeds; learned results without a seed count come from a single seed.
 """
 WORLDS = """## Generalization
 
-Trained agents and classical control play each task with physics that they were not made for. Each cell
-gives success, and return as a share of that in the unchanged task.
+Trained agents and classical control play each task with changed physics. Each cell gives the success rate,
+and the return as a share of the return in the unchanged task.
 
-- *Rigid*: rigid bodies. *Soft*: springs of 0.3 times the stiffness.
-- *Varied*: masses and actuator strength drawn from 0.8 to 1.2 times the usual.
-- *Light* and *heavy*: masses of 0.6 to 0.8 and 1.2 to 1.4. *Weak* and *strong*: actuators of the same
-  factors.
+- *Rigid*: rigid bodies. *Soft*: springs with 0.3 times the stiffness.
+- *Varied*: masses and actuator strength drawn between 0.8 and 1.2 times the default.
+- *Light* and *heavy*: masses between 0.6 and 0.8, or 1.2 and 1.4, times the default. *Weak* and *strong*: the
+  same factors for actuators.
 
-Factors are drawn from the seed of an episode, so these sets are fixed. A dash means that a task cannot
-have this change.
+Factors are drawn from the episode's seed, so these sets are fixed. A dash means that the change does not
+apply to the task.
 
 ```sh
 python agents/studies/generalize.py --rows docs/generalization.json
@@ -143,10 +143,10 @@ python agents/studies/generalize.py --rows docs/generalization.json
 """
 FROM_DATA = """## Offline learning
 
-Agents learn from [recorded episodes of others](training.md#data-for-offline-learning) alone. The data:
-*random* actions; the *published* agent; *medium*, PPO that was stopped early; *noisy*, with noise in its
-actions. IQL is implicit Q-learning with the hyperparameters of `configs/iql.yaml`. Brackets give the 95 %
-interval over training seeds and episodes. No other table or mean contains these results.
+Agents learn only from [recorded episodes of other agents](training.md#data-for-offline-learning). The data:
+*random* actions; the *published* agent; *medium*, PPO that was stopped early; *noisy*, with noise added to
+the actions. IQL is implicit Q-learning with the hyperparameters of `configs/iql.yaml`. Brackets give the 95 %
+interval over training seeds and episodes. These results enter no other table or mean.
 
 {table}
 
@@ -161,8 +161,8 @@ python agents/studies/offline.py SpringTop-v0 --data springgym/SpringTop/medium-
 python docs/baselines.py --rows runs/offline.json
 ```
 
-The medium agent of SpringTumble-v0 took 300,000 steps, that of SpringRope-v0 65,536. The random data of
-SpringTumble-v0 is also recorded with `--set observation=frame`, which the trained agents observe.
+The medium agent was trained for 300,000 steps in SpringTumble-v0, and for 65,536 in SpringRope-v0. The random
+data of SpringTumble-v0 is also recorded with `--set observation=frame`, which the trained agents observe.
 """
 METHOD = """## How it was made
 
@@ -175,16 +175,16 @@ python docs/baselines.py --rows runs/benchmark/baselines.json
 python docs/environments.py
 ```
 
-The second command trains and evaluates the suite, on all cores or on a Ray cluster; run again, it
-continues. The third does so for other tasks, and the fourth plans. The last two write this page, all curves
-and the pages of the environments. Runs of a number of steps (`--seconds 0`) are
-bit-identical on the same machine and commit; those of a number of seconds end at another step each time.
+The second command trains and evaluates the suite, on all cores or on a Ray cluster; run again, it continues.
+The third does the same for other tasks, and the fourth plans. The last two write this page, all curves and
+the environments' pages. Runs with a fixed number of steps (`--seconds 0`) are bit-identical on the same
+machine and commit; runs with a fixed number of seconds end at a different step each time.
 
 - *Classical* is the hand-written controller in `agents/controllers.py`.
-- `configs/` holds the hyperparameters and the observation. Where a file names no observation, PPO
-  observes particles, and the other algorithms `"frame"`. A variant that a file does not name uses the
-  hyperparameters of its environment.
-- Runs outside the suite take the steps of their configuration (`--seconds 0`).
+- `configs/` holds the hyperparameters and the observation. Where a file names no observation, PPO observes
+  particles, and the other algorithms `"frame"`. A variant without an entry uses the hyperparameters of its
+  environment.
+- Runs outside the suite take the number of steps in their configuration (`--seconds 0`).
 - In some tasks, PPO first [imitates](training.md#warm-starting-from-the-classical-controller) classical
   control: in the first 400,000 steps of `SpringDuel-v0`, and in the first 250,000 steps of `SpringShove-v0`
   and `SpringStack-v0`.
@@ -266,7 +266,7 @@ def suite(rows: Sequence[dict[str, Any]]) -> list[str]:
         names = sorted(found)
         lines += [f"### After {budget}\n"]
         if not names:
-            lines.append("There is no result of this protocol yet.\n")
+            lines.append("There are no results for this protocol yet.\n")
             continue
         lines.append(f"| task | {' | '.join(', '.join(name) for name in names)} |")
         lines.append("|---" * (len(names) + 1) + "|")
@@ -386,7 +386,7 @@ def table_of_times(rows: Sequence[dict[str, Any]]) -> list[str]:
 def table_of_agents() -> list[str]:
     """The agents of the repository, see ``agents/studies/publish.py``."""
     lines = [
-        "| task | trained by | return per step, 95 % interval | success | lost in the audit |",
+        "| task | algorithm | return per step, 95 % interval | success | loss in the audit |",
         "|---|---|---|---|---|",
     ]
     for path in sorted(CARDS.glob("*/card.json")):
@@ -407,10 +407,10 @@ def table_of_agents() -> list[str]:
             f"{percent(card['success_rate'])} | {'<br>'.join(lost)} |"
         )
     if any("§" in line for line in lines):
-        text = "This agent was trained for an earlier version of the task, with different physics or reward."
+        text = "This agent was trained on an earlier version of the task, with different physics or reward."
         lines.append(f"\n§ {text}")
     if any("‡" in line for line in lines):
-        lines.append("\n‡ This agent was chosen among several seeds by the episodes that the table reports.")
+        lines.append("\n‡ This agent was selected among several seeds on the episodes in the table.")
     return lines
 
 
@@ -433,7 +433,7 @@ def page(rows: Sequence[dict[str, Any]]) -> str:
     ]
     cpus = ", ".join(sorted({row["cpu"] for row in rows}))
     commits = ", ".join(sorted({(row["commit"] or "unknown")[:8] for row in rows}))
-    lines.append(f"Measured on {cpus}, at the commits {commits}.\n")
+    lines.append(f"Measured on {cpus}, at commits {commits}.\n")
     return re.sub(r"(?<=\|)  (?=\|)", " – ", "\n".join(lines))
 
 

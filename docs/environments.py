@@ -156,7 +156,7 @@ def measure(task: str) -> tuple[int, str]:
     The text is empty for returns per step, see `evaluate.score`.
     """
     scale, unit = score(task)
-    return scale, "" if unit == "step" else f" an {unit}"
+    return scale, "" if unit == "step" else f" per {unit}"
 
 
 def learning_curves(row: Row, report: Report) -> list[str]:
