@@ -108,7 +108,7 @@ def scene(name: str, static: str, title: str) -> str:
     path = static + name
     checks = json.loads((MEDIA / f"{name}.json").read_text(encoding="utf-8"))["checks"]
     command = f"<code>springgym view {html.escape(name)}</code>"
-    turn = f'<a href="{static}view.html?{html.escape(name)}" target="_blank">Turn it with the mouse</a>'
+    turn = f'<a href="{static}view.html?{html.escape(name)}" target="_blank">Open in 3D</a>'
     told = f'<div class="measured">{table(checks)}<p>{turn}, or change it: {command}</p></div>'
     plot = f'<a href="{path}.png"><img src="{path}.png" alt="{html.escape(title)}" loading="lazy"></a>'
     row = f'<div class="scene">{figure(path, title)}{told}</div>'

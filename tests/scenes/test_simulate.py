@@ -60,6 +60,7 @@ def test_list_shows_every_scene(capsys, monkeypatch):
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines] == names()
     assert all(load(line.split()[0]).title in line for line in lines)
+    assert max(map(len, lines)) < 80
 
 
 def test_summary(capsys):
