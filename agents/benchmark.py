@@ -122,7 +122,7 @@ def run_cell(cell: Cell, plan: Plan) -> dict[str, Any]:
             agent = str(folder)
             if train.main(arguments):
                 lines = (folder / "log.txt").read_text(encoding="utf-8").splitlines()
-                raise ConfigError(lines[-1] if lines else f"{folder}: it wrote no error message")
+                raise ConfigError(lines[-1] if lines else f"{folder}: (no error output)")
             steps, seconds = last_row(folder)
             env_id, kwargs = find_task([agent], cell.task, [])
         played = evaluate(agent, env_id, kwargs, plan.episodes)

@@ -107,7 +107,7 @@ class Config:
 
     total_timesteps: int
     seconds: float = 0.0
-    """of learning, in place of ``total_timesteps``; 0 for as many steps as that"""
+    """of learning, instead of ``total_timesteps``; 0 for as many steps as that"""
     env_kwargs: dict[str, Any] = field(default_factory=dict)
     eval_env_kwargs: dict[str, Any] = field(default_factory=dict)
 

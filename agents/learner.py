@@ -36,7 +36,7 @@ def network_config(run: Run) -> SB3Config:
         If it does not.
     """
     if not isinstance(run.config, SB3Config):
-        raise ConfigError(f"{run.folder} is a run of {run.algo}, which Stable-Baselines3 does not train")
+        raise ConfigError(f"{run.folder} is a run of {run.algo}, which Stable-Baselines3 cannot train")
     return run.config
 
 

@@ -236,7 +236,7 @@ def play(envs: VectorEnv, model: VectorEnv, seeds: Sequence[int], planner: Plann
 
 
 def planner_of(env_id: str, **given: Any) -> Planner:
-    """The planner of a task, with what is given in place of its settings."""
+    """The planner of a task, with what is given instead of its settings."""
     found = find(env_id)
     default = Planner(**(SETTINGS.get(found[0].id, {}) if found else {}))
     return replace(default, **{name: value for name, value in given.items() if value is not None})

@@ -233,7 +233,7 @@ def load_checkpoint(run: Run, env: StaggeredMonitor, recorder: Recorder) -> Base
     try:
         with zipfile.ZipFile(run.model) as archive:
             if damaged := archive.testzip():
-                raise ConfigError(f"{run.model}: {damaged} in it is damaged")
+                raise ConfigError(f"{run.model}: its entry {damaged} is damaged")
             check_same(run, json.loads(archive.read("run.json")))
             state = pickle.loads(archive.read("training_state.pkl"))
             normalize = (

@@ -185,7 +185,7 @@ def read_rows(
 
 
 def add_row(path: Path, row: dict[str, Any]) -> None:
-    """Write a row to a file, in place of the row of the same run."""
+    """Write a row to a file, replacing the row of the same run."""
     rows = read_rows(path) | {identity(row): row}
     write_rows(path, (rows[name] for name in sorted(rows)))
 

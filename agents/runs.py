@@ -94,8 +94,8 @@ def locked(folder: Path) -> Iterator[None]:
             _lock(file)
         except OSError as error:
             if error.errno in (errno.EACCES, errno.EAGAIN, errno.EDEADLK):
-                raise ConfigError(f"{folder}: another process trains in this folder") from error
-            print(f"{folder} cannot be locked here ({error.strerror}): train in it once at a time")
+                raise ConfigError(f"{folder}: another process is training in this folder") from error
+            print(f"{folder} cannot be locked here ({error.strerror}): do not train in it twice at once")
         yield
 
 

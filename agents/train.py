@@ -67,7 +67,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "train.py") -> i
     )
     options = parser.parse_args(arguments)
     if bool(options.env_id) == bool(options.resume):
-        parser.error("give an environment id, or --resume and a run folder")
+        parser.error("missing environment id (or --resume RUN)")
     ignored = {name: getattr(options, name) for name in ("algo", "seed", "run", "config")}
     ignored["set"] = options.overrides or None
     if options.resume and (given := [f"--{name}" for name, value in ignored.items() if value is not None]):
@@ -112,7 +112,9 @@ def resume(options: argparse.Namespace) -> int:
     with locked(folder):
         run = open_run(folder, [] if options.timesteps is None else [f"total_timesteps={options.timesteps}"])
         if options.timesteps is not None and run.config.seconds:
-            raise ConfigError(f"{folder}: the run ends after {run.config.seconds:g} s, whatever --timesteps")
+            raise ConfigError(
+                f"{folder}: the run ends after {run.config.seconds:g} s, so --timesteps has no effect"
+            )
         if isinstance(run.config, LinearConfig):
             if options.timesteps is not None:
                 raise ConfigError(

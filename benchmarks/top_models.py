@@ -159,7 +159,7 @@ def _turning(scene: Scene) -> tuple[float, float]:
 
 
 def _steady(body: Body, scene: Scene, tilt: float, spin: float) -> Steady:
-    """Put the precession of a body in place of that of a scene."""
+    """Put the precession of a body instead of that of a scene."""
     pull = scene.gravity or (0.0, 0.0, 0.0)
     rigid = steady_precession(heavy_top(body, scene.pinned, pull), tilt, spin)[0]
     return Steady(tilt, spin, float(rigid), precession_gap(body, scene.pinned, pull, tilt, spin))

@@ -217,7 +217,7 @@ def measure(name: str, quick: bool = False, peers: bool = True) -> dict[str, Any
     name
         Of a problem, out of `benchmarks.problems.PROBLEMS`.
     quick
-        Fewer steps, and 5 timed runs in place of 20.
+        Fewer steps, and 5 timed runs instead of 20.
     peers
         Whether to measure MuJoCo and SciPy too, where they are installed.
 

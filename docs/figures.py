@@ -170,7 +170,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     parser.add_argument("which", nargs="*", metavar="KIND", help=f"of {', '.join(MAKERS)}; default: all")
     parser.add_argument(
-        "--agent", metavar="RUN", default=FILMED, help="a run folder to film, in place of the published agent"
+        "--agent", metavar="RUN", default=FILMED, help="a run folder to film, instead of the published agent"
     )
     parser.add_argument("--out", type=Path, default=FIGURES, metavar="FOLDER")
     args = parser.parse_args(arguments)

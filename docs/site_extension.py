@@ -1,4 +1,4 @@
-"""Extend Sphinx for the site: draw formulas as pictures, show films in place of posters, describe each page.
+"""Extend Sphinx for the site: draw formulas as pictures, show films instead of posters, describe each page.
 
 Formulas are drawn as SVG when the site is built, by ziamath, in pure Python: no TeX is needed to build a
 page, and no script, font or other host to read it. (MathML needs a mathematical font that many machines

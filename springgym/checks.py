@@ -253,7 +253,7 @@ def _shaped(name: str, value: object, shapes: tuple[tuple[int | None, ...], ...]
     except Exception:  # a foreign class may raise any error
         raise TypeError(_wrong(name, value, _shapes(shapes))) from None
     if given.dtype != bool and _mixed(value):
-        raise TypeError(f"{name} is {shown(value)}; it must not hold numbers and bools side by side")
+        raise TypeError(f"{name} is {shown(value)}; it must not mix numbers and bools")
     if given.ndim == 0 and given.dtype.kind not in "iufb" and () not in shapes:
         raise TypeError(_wrong(name, value, _shapes(shapes)))
     if fits(given.shape, shapes):

@@ -125,7 +125,7 @@ def refusal(scene: Scene, terms: Terms, nodes: bool) -> str:
     if not scene.can_touch:
         return ""
     if not nodes:
-        return "contacts need a method with nodes: use verlet, and Contact in place of PaperContact"
+        return "contacts need a method with nodes: use verlet, and Contact instead of PaperContact"
     if len(scene.bodies) > 1 and terms.collisions is None:
         return "contacts of several bodies with surfaces need bodies that collide; give the scene collisions"
     return ""

@@ -59,7 +59,7 @@ def check_same(
     for name in [*own, *(name for name in theirs if name not in own)]:
         if name not in but and not _equal(given := theirs.get(name), here := own.get(name)):
             raise ValueError(
-                f"{what} is another: its {name} is {shown(given)}, here it is {shown(here)}{must}"
+                f"{what} does not match: its {name} is {shown(given)}, here it is {shown(here)}{must}"
             )
 
 

@@ -79,7 +79,7 @@ def checked_forces(name: str, given: object, count: int) -> tuple[Force, ...]:
     if not isinstance(given, (tuple, list)) or hasattr(given, "_fields"):
         raise TypeError(f"{name} is {shown(given)}; it must be a tuple of forces")
     if len(given) > MOST_FORCES:
-        raise ValueError(f"{name} are {len(given)}; there must be at most {MOST_FORCES}")
+        raise ValueError(f"{name} has {len(given)} entries, too many: at most {MOST_FORCES}")
     return tuple(_checked(f"{name}[{n}]", force, count) for n, force in enumerate(given))
 
 

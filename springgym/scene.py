@@ -142,8 +142,8 @@ class Placed(ReadOnly):
         object.__setattr__(self, "forces", checked_forces("forces", self.forces, count))
         if self.drive and self.forces:
             raise ValueError(
-                "a body cannot have both forces and a drive: the work of the "
-                "drive does not include the forces"
+                "a body cannot have both forces and a drive, an actuator that moves a pinned particle: the "
+                "work of the drive would not include the forces"
             )
         if self.drive and self.drive.particle not in self.pinned:
             raise ValueError(
@@ -187,7 +187,7 @@ class Placed(ReadOnly):
                 moves[..., self.drive.particle] = False
             refuse(moves, "pinned particle {n}{of} has a velocity; it must be zero")
         if (short := too_short(self.body.springs, positions)) is not None:
-            refuse(short, "spring {n}{of} starts with both ends at the same place; it has no direction")
+            refuse(short, "spring {n}{of} starts with both ends at the same position; it has no direction")
 
     @cached_property
     def free(self) -> np.ndarray:
@@ -269,7 +269,7 @@ class Scene(ReadOnly):
     contact
         The contact of bodies with surfaces, a `Contact` or `PaperContact`.
     bodies
-        Several bodies, in place of ``body`` and its fields. In a scene of one body, its `Placed`.
+        Several bodies, instead of ``body`` and its fields. In a scene of one body, its `Placed`.
     collisions
         The bodies that collide: "all" by ``contact``; a `Contact` by which all collide; a tuple of `Pair`; or
         None if bodies pass through each other, each as if it were alone.
@@ -419,7 +419,7 @@ class Scene(ReadOnly):
                 )
         bodies = tuple(instance(f"bodies[{n}]", placed, Placed) for n, placed in enumerate(self.bodies))
         if len(bodies) > MOST_BODIES:
-            raise ValueError(f"bodies are {len(bodies)}; there must be at most {MOST_BODIES}")
+            raise ValueError(f"bodies has {len(bodies)} entries, too many: at most {MOST_BODIES}")
         bodies, first = _numbered(bodies), dict[str, int]()
         for n, name in enumerate(placed.name for placed in bodies):
             if len(bodies) > 1 and (not name or "." in name):
@@ -431,7 +431,7 @@ class Scene(ReadOnly):
             if first.setdefault(name, n) < n:
                 raise ValueError(
                     f"bodies[{first[name]}] and bodies[{n}] are both called {name!r}; give "
-                    "each Placed a name of its own"
+                    "each Placed its own name"
                 )
         return bodies
 
@@ -452,7 +452,7 @@ class Scene(ReadOnly):
         if not isinstance(self.surfaces, Sequence):
             raise TypeError(f"surfaces is {shown(self.surfaces)}; it must be a tuple of surfaces")
         if len(self.surfaces) > MOST_SURFACES:
-            raise ValueError(f"surfaces are {len(self.surfaces)}; there must be at most {MOST_SURFACES}")
+            raise ValueError(f"surfaces has {len(self.surfaces)} entries, too many: at most {MOST_SURFACES}")
         made = [instance(f"surfaces[{n}]", surface, Surface) for n, surface in enumerate(self.surfaces)]
         object.__setattr__(self, "surfaces", tuple(made))
         instance("contact", self.contact, Contact, PaperContact)
@@ -463,8 +463,8 @@ class Scene(ReadOnly):
             for placed in self.bodies:
                 if placed.body.rounds and placed.free.any() and len(placed.pinned) > 1:
                     raise ValueError(
-                        f"body {placed.name!r} is round, and surfaces turn it about one pin; pin one of its "
-                        "particles, or all"
+                        f"body {placed.name!r} has a round feature, and surfaces would rotate it "
+                        "about a single pin; pin one of its particles, or all"
                     )
 
     def _check_resistance(self) -> None:
@@ -482,14 +482,14 @@ class Scene(ReadOnly):
             given = ", ".join(f"{name} {getattr(contact, name):g}" for name in RESISTANCES)
             if contact != self.contact:
                 raise ValueError(
-                    f"a contact in collisions has {given}, which acts on round features; none meets another "
-                    "body by it"
+                    f"a contact in collisions has {given}, which acts on round features; none touches "
+                    "another body with this contact"
                 )
             if not rolls:
                 lacks = "no body has one" if self.surfaces else "the scene has no surfaces"
                 raise ValueError(
-                    f"the contact has {given}, which acts where round features meet surfaces or other "
-                    f"bodies; {lacks}, and no round feature meets another body by it"
+                    f"the contact has {given}, which acts where round features touch surfaces or other "
+                    f"bodies; {lacks}, and no round feature touches another body with this contact"
                 )
 
     def _check_heights(self, positions: np.ndarray, copies: np.ndarray | None = None) -> None:

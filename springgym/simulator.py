@@ -686,7 +686,7 @@ class Simulator:
         names = {"of", "checksums", *own}
         given = checks.instance("state", state, Mapping)
         if "of" in given:
-            check_same("the simulator that the state is of", given["of"], self.identity, but)
+            check_same("the state", given["of"], self.identity, but)
         if given.keys() != names:
             wrong = sorted(map(str, given.keys() ^ names))[0]
             has = "holds" if wrong in given else "lacks"
@@ -863,7 +863,7 @@ class Simulator:
             self._far = math.inf
             _warn(
                 f"a particle is {far:.3g} m away from the origin, where positions in {self.dtype} are "
-                f"{rounding:.2g} m apart, and springs feel that; stay within {limit:.3g} m, or use float64"
+                f"{rounding:.2g} m apart, which strains springs; stay within {limit:.3g} m, or use float64"
             )
 
     def _far_for_dtype(self) -> float:
@@ -960,7 +960,7 @@ class Simulator:
             what = f"{self.integrator.name} on {self.dynamics}"
             raise ValueError(f"the shadow energy is known only for verlet with springs; this is {what}")
         if self._terms.own is not None:
-            raise ValueError("the shadow energy is not known with forces of your own")
+            raise ValueError("the shadow energy is not known with custom forces")
         self.read()
         rows, x, v, _ = self.readout
         energy = rows[:, measures.AT.energy]
@@ -1119,7 +1119,7 @@ class Simulator:
 
     def __repr__(self) -> str:
         fast = self.faithful_speed
-        rebounds = f", rebounds in such steps as asked up to {fast:.3g} m/s" if fast < math.inf else ""
+        rebounds = f", restitution accurate up to {fast:.3g} m/s" if fast < math.inf else ""
         return (
             f"Simulator({self.copies} × {self.scene!r}, {self.dynamics}, "
             f"ω_max {stability.highest_frequency(self.scene):.5g} rad/s, {self.integrator.name}, "
@@ -1129,7 +1129,7 @@ class Simulator:
 
     def __setattr__(self, name: str, value: object) -> None:
         if name in vars(self) and not name.startswith("_"):
-            raise AttributeError(f"{name} of a simulator cannot change; make another simulator")
+            raise AttributeError(f"{name} of a simulator cannot change; make a new simulator")
         super().__setattr__(name, value)
 
     def __copy__(self) -> Self:

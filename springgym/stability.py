@@ -151,12 +151,12 @@ def varied(of: Vibrations, factors: Mapping[str, Sequence[float]]) -> Vibrations
 def damps_each_step(scene: Scene, integrator: Integrator) -> str:
     """Return the reason why dampers and wrench must act in every step of a scene; empty if there is none."""
     if not integrator.cycles:
-        return f"{integrator.name} knows no cycles"
+        return f"{integrator.name} cannot run dampers in cycles"
     if any(placed.body.floppy for placed in scene.bodies):
         return "dampers act on the motion of a floppy body, not on vibrations alone"
     alone = not scene.can_touch  # with contact, actuators act in every step
     if any(placed.drive or placed.forces or (placed.thrust and alone) for placed in scene.bodies):
-        return "what pushes single particles makes bodies ring"
+        return "forces on single particles make bodies vibrate"
     if not any(placed.body.damping.any() for placed in scene.bodies):
         return "the scene has no dampers"
     return ""

@@ -79,7 +79,7 @@ def simulations(env_id: str, kwargs: Mapping[str, Any]) -> Iterator[tuple[str, d
     with making(env_id):
         env: Any = gym.make(env_id, **kwargs).unwrapped
     if not hasattr(env, "episodes"):
-        raise ConfigError(f"{env_id} is not an environment of springgym, so its simulation cannot be audited")
+        raise ConfigError(f"{env_id} is not a springgym environment, so its simulation cannot be audited")
     simulator = env.episodes.simulator
     scene, step, method = simulator.scene, simulator.step, simulator.integrator.name
     collide = "bodies collide, and rigid ones rebound otherwise" if scene.meetings else None

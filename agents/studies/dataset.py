@@ -141,7 +141,7 @@ def recorded(
 def write(
     agent: str, env_id: str, env_kwargs: Mapping[str, Any], seeds: Sequence[int], noise: float = 0.0
 ) -> Any:
-    """Record an agent and return its data set, in place of one of the same name."""
+    """Record an agent and return its data set, replacing one of the same name."""
     import minari
     from minari.data_collector.episode_buffer import EpisodeBuffer
 

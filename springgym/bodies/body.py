@@ -137,7 +137,7 @@ class Body(ReadOnly):
         object.__setattr__(self, "markers", tuple(markers.tolist()))
         i, j, _ = self.markers
         if count > 1 and (self.positions[i] == self.positions[j]).all():
-            raise ValueError(f"{what}markers is {self.markers}; the first two must lie at different places")
+            raise ValueError(f"{what}markers is {self.markers}; the first two must be at different positions")
         parts = {}
         for name, particles in instance(what + "parts", self.parts, Mapping).items():
             instance(f"{what}a name of parts", name, str)
@@ -192,7 +192,7 @@ class Body(ReadOnly):
             if (min(i, j), max(i, j)) in seen:
                 raise ValueError(f"{what} particles {i} and {j}, which are joined already")
             if apart[n] < TINY:
-                raise ValueError(f"{what} particles {i} and {j}, which lie at the same place")
+                raise ValueError(f"{what} particles {i} and {j}, which are at the same position")
             seen.add((min(i, j), max(i, j)))
 
     def _check_shape(self) -> None:

@@ -170,7 +170,7 @@ def read_mesh(path: str | Path, scale: float) -> tuple[str, np.ndarray, np.ndarr
         i, j = mesh.vertices[edges[0]].tolist()
         raise ValueError(
             f"{path} has triangles that face inwards beside others that face outwards, such as one at the "
-            f"edge from {i} to {j}; turn them over, as trimesh.repair.fix_winding does"
+            f"edge from {i} to {j}; reverse them, as trimesh.repair.fix_winding does"
         )
     if surface.volume(vertices, triangles) < 0:
         triangles = triangles[:, ::-1]
@@ -223,7 +223,7 @@ def union(bodies: Sequence[Body], name: str = "union") -> Body:
             "springs of other lengths": not np.allclose(body.lengths, body.with_(lengths=None).lengths),
         }
         if what := next((name for name, holds in has.items() if holds), ""):
-            raise ValueError(f"body {body.name!r} has {what}, which a union does not take over")
+            raise ValueError(f"body {body.name!r} has {what}, which a union does not keep")
     names = [body.name for body in bodies]
     if len(set(names)) < len(names):
         raise ValueError(f"bodies have the names {', '.join(names)}; they must differ")
@@ -274,7 +274,7 @@ def convex_hull(points: np.ndarray) -> np.ndarray:
         If the points have no volume or are not finite.
     """
     if not 4 <= len(points) <= MOST_POINTS:
-        raise ValueError(f"points are {len(points)}; there must be from 4 to {MOST_POINTS}")
+        raise ValueError(f"points has {len(points)} rows; it must have 4 to {MOST_POINTS}")
     r = points - points.mean(axis=0)
     order = np.argsort(-np.linalg.norm(r, axis=1), kind="stable")
     tiny = 1e-9 * np.abs(r).max(initial=0.0)

@@ -32,7 +32,7 @@ def lattice(sides: Sequence[float], counts: Sequence[int]) -> tuple[Network, np.
     if (edge <= 0).any():
         raise ValueError(
             f"cells of {' × '.join(f'{side:.3g}' for side in cell)} are too far from cubes for a lattice; "
-            "take another number of them"
+            "use a different number of cells"
         )
     positions = grid(sides, counts)
     index = np.arange(len(positions)).reshape(np.array(counts) + 1)

@@ -109,7 +109,7 @@ def start(
         arm = body.centre - body.positions[pinned[0]]
         if not np.linalg.norm(arm) > 1e-9 * np.ptp(body.positions, axis=0).max():
             raise ValueError(
-                f"body {body.name!r} is pinned at its centre of mass: it has no definite way to hang"
+                f"body {body.name!r} is pinned at its centre of mass: its hanging orientation is undefined"
             )
         place = aligning(arm, np.array([0.0, 0.0, -1.0]))
     elif tilt is not None:

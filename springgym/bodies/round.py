@@ -71,7 +71,7 @@ class Round(ReadOnly):
         matrix = array("matrix of a round feature", self.matrix, (3, 3))
         size = float(np.abs(matrix).max())
         if not size > TINY:
-            raise ValueError("matrix of a round feature is zero; a feature must have some extent")
+            raise ValueError("matrix of a round feature is zero; it must not be zero")
         if np.abs(matrix - matrix.T).max() > 1e-12 * size:
             raise ValueError(f"matrix of a round feature is {matrix.tolist()}; it must be symmetric")
         matrix = 0.5 * (matrix + matrix.T)

@@ -171,10 +171,12 @@ def _numbered(pairs: Sequence[Any], bodies: Sequence[BodyRef]) -> list[tuple[int
         if i == j:
             raise ValueError(f"{what} pairs {bodies[i].name!r} with itself; it must name two bodies")
         if not (bodies[i].moves or bodies[j].moves):
-            raise ValueError(f"{what} is of {bodies[i].name!r} and {bodies[j].name!r}, which are both pinned")
+            raise ValueError(
+                f"{what} pairs {bodies[i].name!r} with {bodies[j].name!r}, which are both pinned"
+            )
         if (i, j) in found:
             raise ValueError(
-                f"{what} is of {bodies[i].name!r} and {bodies[j].name!r}, which were paired before"
+                f"{what} pairs {bodies[i].name!r} with {bodies[j].name!r}, which are already paired"
             )
         found[i, j] = None
     return list(found)

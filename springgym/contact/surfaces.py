@@ -19,12 +19,12 @@ from springgym.core.vectors import TINY, dot, plus_scaled, row
 from springgym.terms import Particles
 
 Overload: TypeAlias = Callable[..., Any]
-"""A function that Numba compiles in place of another, for the scene's kinds of surfaces."""
+"""A function that Numba compiles instead of another, for the scene's kinds of surfaces."""
 
 INLINE = {**OPTIONS, "forceinline": True}
 """Options of functions that differ by the kinds of surfaces: they are inlined into their callers."""
 
-COMPILED = "Numba compiles an overload in place of this"
+COMPILED = "Numba compiles an overload instead of this"
 
 
 @compiled

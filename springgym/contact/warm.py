@@ -156,7 +156,7 @@ def start_couple(v: Rows, k: int, at: Number, there: Mask, problem: Problem, kep
 
 @compiled
 def keep_impulses(problem: Problem, table: WarmStart | None) -> None:
-    """Store the impulses of all contacts, in place of those of the last node."""
+    """Store the impulses of all contacts, replacing those of the previous node."""
     if table is not None:
         contacts, rows, in_use = problem.contacts, table.pair.size, load(table.in_use, 0)
         if any_lane(in_use > 0.5):

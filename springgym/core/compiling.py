@@ -586,7 +586,7 @@ def _machine_code(parts: tuple[Any, ...]) -> tuple[object, ...]:
 
 
 def _name_symbols(codegen: JITCPUCodegen, description: FunctionDescriptor) -> None:
-    """Register the names of a function's machine code with Numba's engine, in place of the bitcode."""
+    """Register the names of a function's machine code with Numba's engine, instead of the bitcode."""
     names = (description.llvm_func_name, description.llvm_cpython_wrapper_name)
     functions = [SimpleNamespace(name=name, is_declaration=False) for name in names]
     NAME_SYMBOLS(codegen._engine, SimpleNamespace(functions=functions, global_variables=[]))

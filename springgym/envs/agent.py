@@ -105,7 +105,7 @@ def load_policy(
         expected |= dict(zip(STATISTICS, (seen, seen, (2,)), strict=True))
     if found := expected.keys() ^ arrays.keys():
         name = min(found)
-        raise ValueError(f"{path}: {name!r} is {'missing' if name in expected else 'not of such an agent'}")
+        raise ValueError(f"{path}: {name!r} is {'missing' if name in expected else 'unknown'}")
     for name, shape in expected.items():
         array = arrays[name]
         if array.shape != shape or array.dtype.kind != "f" or not np.isfinite(array).all():

@@ -184,7 +184,7 @@ class SpringBalance(Task, kernels=(evaluate, compact, move)):
             balls=[(s.goal[:3], 0.05)],
             lines=[((0.0, 0.0, -0.3), (0.0, 0.0, 0.0))],
             arrows=[torque_arrow(m.centre[PLATE], torque, 0.6 * RADIUS)],
-            key=((GREEN, "keep the ball here"), (RED, "torque on the plate")),
+            key=((GREEN, "target of the ball"), (RED, "torque on the plate")),
             text=(f"off target {100 * error:4.1f} cm",),
         )
 

@@ -148,8 +148,8 @@ class SpringDetumble(Task, kernels=(evaluate, compact)):
             acting = [torque_arrow(m.centre, s.action @ triad, 0.55 * size)]
         return Marks(
             arrows=[Arrow(m.centre, 0.2 * size * m.angular_velocity, TEAL), *acting],
-            text=(f"turning {float(np.linalg.norm(m.angular_velocity)):4.2f} rad/s",),
-            key=((TEAL, "axis and speed of its turning: bring it to rest"), (RED, self.action)),
+            text=(f"{float(np.linalg.norm(m.angular_velocity)):4.2f} rad/s",),
+            key=((TEAL, "angular velocity: stop it"), (RED, self.action)),
         )
 
 

@@ -307,12 +307,12 @@ class SpringDuel(Task, kernels=(evaluate, compact)):
             rings=[(rim, RIM)],
             arrows=[Arrow(crown, (0.5 * s.action[0], 0.5 * s.action[1], 0.0))],
             key=(
-                (BLUE, "first top, the agent's"),
+                (BLUE, "agent's top"),
                 (RED, "its push"),
-                (AMBER, "second top, the opponent's"),
-                (GREEN, "out of the ring or fallen: lost"),
+                (AMBER, "opponent's top"),
+                (GREEN, "ring: leaving it or falling loses"),
             ),
-            text=(f"first {away[0]:4.2f} m, second {away[1]:4.2f} m from the middle",),
+            text=(f"agent {away[0]:4.2f} m, opponent {away[1]:4.2f} m from the centre",),
         )
 
 

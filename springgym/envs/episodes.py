@@ -232,7 +232,7 @@ class Episodes:
                 )
             if period / step > MOST_STEPS:
                 raise ValueError(
-                    f"step is {step:g} s, {period / step:.3g} to a control period of {period:g} s; "
+                    f"step is {step:g} s, {period / step:.3g} per control period of {period:g} s; "
                     f"there must be at most {MOST_STEPS:,}"
                 )
             steps = steps_in(period, step)
@@ -247,7 +247,7 @@ class Episodes:
         if not period <= MOST_STEPS * automatic:
             raise ValueError(
                 f"{method.name} needs steps of {automatic:.3g} s on this body{ranges}, more than "
-                f"{MOST_STEPS:,} to a control period of {period:g} s: {_fastest(scene, kind)}"
+                f"{MOST_STEPS:,} per control period of {period:g} s: {_fastest(scene, kind)}"
             )
         steps = math.ceil(period / automatic - 1e-9)
         # With surfaces, sweeps of dampers alternate in direction. After an even number, copies that began in
@@ -646,8 +646,8 @@ class Episodes:
             If the state has neither one nor k copies, or belongs to something else.
         """
         if not isinstance(state, Mapping) or set(state) != {"of", "simulator", "checksums", *STATE}:
-            raise ValueError("state is not the state of an environment of springgym")
-        check_same("the environment that the state is of", state["of"], self._of)
+            raise ValueError("state is not the state of a springgym environment")
+        check_same("the state", state["of"], self._of)
         return self.copies if copies is None else copies_in(state["simulator"], len(copies))
 
     def _named(self, out: np.ndarray) -> np.ndarray:

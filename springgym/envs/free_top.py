@@ -176,7 +176,7 @@ class SpringFreeTop(Task, kernels=(evaluate, compact)):
                 Arrow(s.x[self.body.particle("crown")], push),
                 torque_arrow(s.x[self.body.particle("crown")], s.action[2] * m.axis, 1.1 * radius),
             ],
-            key=((GREEN, "stay in here"), (RED, "push and torque")),
+            key=((GREEN, "stay inside this ring"), (RED, "push and torque")),
             text=(
                 f"tilt {math.degrees(tilt):4.1f}°",
                 f"spin {spin:4.1f} rad/s",

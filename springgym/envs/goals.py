@@ -1,7 +1,7 @@
 """Goals as separate entries of the observation, in the form of Gymnasium-Robotics' ``GoalEnv``.
 
 This allows hindsight experience replay (Andrychowicz et al. 2017, arXiv:1707.01495): the reward is recomputed
-afterwards, with achieved goals in place of the desired ones.
+afterwards, with achieved goals instead of the desired ones.
 """
 
 from __future__ import annotations

@@ -155,8 +155,8 @@ class SpringGyroscope(Task, kernels=(evaluate, compact, achieve)):
             balls=[(centre + axle * s.goal, 0.16 * axle)],
             arrows=[Arrow(centre + 1.2 * axle * s.goal, 0.5 * axle * s.goal, GREEN), acting],
             key=(
-                (GREEN, "bring the axle's orange end here"),
-                (RED, "impulse on it" if self.action == "impulse" else "torque"),
+                (GREEN, "target of the axle's orange end"),
+                (RED, "impulse on the axle" if self.action == "impulse" else "torque"),
             ),
             text=(f"off target {angle:5.1f}°", f"spin {float(m.angular_velocity @ m.axis):5.1f} rad/s"),
         )

@@ -227,9 +227,9 @@ class SpringJuggle(Task, kernels=(evaluate, compact)):
                 Arrow(m.centre[PADDLE], 0.3 * s.action[:3]),
                 torque_arrow(m.centre[PADDLE], torque, 1.2 * RADIUS),
             ],
-            key=((GREEN, "bounce up to this ring"), (RED, "force and torque on the paddle")),
+            key=((GREEN, "target height of the bounce"), (RED, "force and torque on the paddle")),
             text=tuple(
-                f"this flight peaks {100 * abs(high):4.1f} cm {'above' if high > 0 else 'below'} the ring"
+                f"apex {100 * abs(high):4.1f} cm too {'high' if high > 0 else 'low'}"
                 for high in apexes - s.goal[0]
             ),
         )

@@ -300,8 +300,8 @@ class SpringLabyrinth(Task, kernels=(evaluate, compact, move)):
             balls=[(end, RADIUS)],
             lines=[((0.0, 0.0, -0.15), (0.0, 0.0, -THICK))],
             arrows=[Arrow(HANDLE, np.append(0.12 * s.action, 0.0))],
-            key=((GREEN, "end of the line, where the ball is to go"), (RED, "board tilt command")),
-            text=(f"{done} of {LEGS} legs done",),
+            key=((GREEN, "target: end of the line"), (RED, "board tilt command")),
+            text=(f"{done} of {LEGS} segments",),
         )
 
 

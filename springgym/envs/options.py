@@ -20,7 +20,7 @@ Autoreset = AutoresetMode | Literal["NextStep", "SameStep", "Disabled"]
 
 
 BodyOptions = Mapping[str, Any] | None
-"""Arguments of the function that makes a body, in place of a task's own; None for the usual body."""
+"""Arguments of the function that makes a body, instead of a task's own; None for the usual body."""
 
 
 class Modes(TypedDict, total=False):

@@ -131,8 +131,8 @@ class SpringPendulum(Task, kernels=(evaluate, compact)):
         return Marks(
             balls=[(top, 0.04)],
             arrows=[acting],
-            text=(f"tilt {tilt:5.1f}°", f"turning {speed:4.1f} rad/s"),
-            key=((GREEN, "bring the far corner here"), (RED, self.action)),
+            text=(f"tilt {tilt:5.1f}°", f"{speed:4.1f} rad/s"),
+            key=((GREEN, "target of the far corner"), (RED, self.action)),
         )
 
 

@@ -177,7 +177,7 @@ class SpringRope(Task, kernels=(evaluate, compact, achieve)):
             lines=[((x, y, -1.2 * length), (x, y, -length - LOAD_RADIUS)), *crane],
             arrows=[Arrow(trolley, 1.2 * np.append(s.action, 0.0))],
             text=(f"off target {error:4.2f} m",),
-            key=((GREEN, "bring the load here, to rest"), (RED, "acceleration of the trolley")),
+            key=((GREEN, "target of the load"), (RED, "acceleration of the trolley")),
         )
 
 

@@ -163,7 +163,7 @@ def make_scene_env(
             raise TypeError(f"make_scene_env has no option {name!r}{suggestion(name, sorted(known))}")
     if options.get("goals") is True:
         if options.get("achieved") is None:
-            raise ValueError("goals is True; give achieved and aims, too: they say when a goal is reached")
+            raise ValueError("goals is True; give achieved and aims, too: they define when a goal is reached")
         if options.get("observe") is not None:
             raise ValueError(
                 "goals is True and observe is given; leave observe out: the goal must not be among what is "

@@ -222,7 +222,7 @@ class SpringStack(Task, kernels=(evaluate, compact, remember)):
                 Arrow(m.centre[PUSHER] + (0.0, 0.0, 1.2 * shove.RADIUS), np.append(0.3 * s.action, 0.0)),
                 Arrow(m.centre[BOX] + 0.14 * m.axis[BOX], 0.15 * m.side[BOX], GREEN),
             ],
-            key=((GREEN, "stack this box on the other, aligned"), (RED, "push on the ball")),
+            key=((GREEN, "stack this box on the block, aligned"), (RED, "push on the ball")),
             text=(f"off target {100 * math.hypot(way[0], way[1]):3.0f} cm",),
         )
 

@@ -97,7 +97,7 @@ def chosen_for(task: Task, copies: int, tolerance: object, settings: Settings) -
         least = min(found, key=lambda choice: choice.error)
         raise ValueError(
             f"tolerance is {wanted:g}; the smallest possible one is {least.error * SAFETY:.2g}, with "
-            f"{least.steps} steps of {least.integrator} to a control period"
+            f"{least.steps} steps of {least.integrator} per control period"
         )
     return min(enough, key=lambda choice: choice.cost)
 

@@ -146,7 +146,7 @@ class SpringTop(Task, kernels=(evaluate, compact)):
             balls=[((0.0, 0.0, float(self.body.positions[:, 2].max())), 0.08 * radius)],
             arrows=[acting],
             text=(f"tilt {math.degrees(tilt):4.1f}°", f"spin {spin:4.1f} rad/s"),
-            key=((GREEN, "bring the axis here"), (RED, "impulse" if self.action == "impulse" else "torque")),
+            key=((GREEN, "target axis"), (RED, "impulse" if self.action == "impulse" else "torque")),
         )
 
 

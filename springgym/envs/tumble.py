@@ -217,7 +217,7 @@ class SpringTumble(Task, kernels=(evaluate, compact, achieve)):
             arrows=arrows,
             text=(f"off target {error:4.2f} m",),
             key=(
-                (GREEN, "target place, and the corner to point up"),
+                (GREEN, "target, and the corner that must point up"),
                 (RED, "force and torque" if self.action == "wrench" else "impulses"),
             ),
         )

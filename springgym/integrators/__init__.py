@@ -80,7 +80,7 @@ def register(record: Integrator, integrate: Callable[..., None]) -> None:
         raise TypeError(f"integrate takes ({found}); it must take ({', '.join(TAKEN)})") from None
     if record.name in METHODS:
         raise ValueError(
-            f"record.name is {record.name!r}, which is a method of springgym; choose another name"
+            f"record.name is {record.name!r}, which is a built-in integrator; choose another name"
         )
     _OWN[record.name] = (record, integrate)
 

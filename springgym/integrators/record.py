@@ -73,7 +73,7 @@ class Integrator:
 
     @property
     def controlled(self) -> bool:
-        """Return whether the method has a tolerance, and takes a `Control` in place of h."""
+        """Return whether the method has a tolerance, and takes a `Control` instead of h."""
         return self.adaptive or self.iterative
 
 
@@ -96,7 +96,7 @@ class Phase(NamedTuple):
 
 
 class Control(NamedTuple):
-    """The tolerance and the bounds of steps, which a method that controls its error takes in place of h.
+    """The tolerance and the bounds of steps, which a method that controls its error takes instead of h.
 
     An adaptive method keeps the error of each step, a root mean square over the particles, below
     ``absolute`` + ``relative`` × longest spring in position [m] and below ``absolute`` + ``relative`` × speed
@@ -144,7 +144,7 @@ def refusal(method: Integrator, scene: Scene, varying: Collection[str] = ()) -> 
             )
         if method.real_limit == 0:
             return (
-                f"{method.name} takes no dampers, as the real_limit of 0 in its record says; use a body with "
+                f"{method.name} cannot handle dampers, because its real_limit is 0; use a body with "
                 "damping 0, or verlet"
             )
     if method.implicit and any(placed.forces for placed in scene.bodies):
@@ -167,7 +167,7 @@ def refusal(method: Integrator, scene: Scene, varying: Collection[str] = ()) -> 
         if method.name != "rk4":
             return (
                 f"the paper's contact is a force and a clamp after each step of rk4; {method.name} has no "
-                "place for them. Use rk4, or Contact in place of PaperContact"
+                "place for them. Use rk4, or Contact instead of PaperContact"
             )
     elif scene.surfaces and not method.meets_surfaces:
         return (

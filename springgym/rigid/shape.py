@@ -102,7 +102,7 @@ def settled(scene: Scene, positions: np.ndarray, masses: np.ndarray, copies: np.
     if straight.any():
         raise ValueError(
             f"the markers {scene.body.markers} of body {scene.body.name!r} start on one line in copy "
-            f"{copies[np.argmax(straight)]} and tell no orientation; they must span a plane"
+            f"{copies[np.argmax(straight)]} and define no orientation; they must span a plane"
         )
     third = third / length[:, None]
     first = sideways - np.sum(sideways * third, axis=1)[:, None] * third
@@ -159,24 +159,24 @@ def _check_body(scene: Scene) -> None:
         )
     if _rank(body.positions[list(body.markers)]) < 2:
         raise ValueError(
-            f"the markers {body.markers} of body {body.name!r} lie on one line and tell no "
+            f"the markers {body.markers} of body {body.name!r} lie on one line and define no "
             "orientation; name three that span a plane"
         )
     if len(scene.pinned) > 1:
         raise ValueError(
-            f"particles {scene.pinned} are pinned; a rigid body turns about one point: pin one particle, or "
-            "all of them"
+            f"particles {scene.pinned} are pinned; a rigid body rotates about one point: pin one particle, "
+            "or all of them"
         )
 
 
 def _check_rest(scene: Scene, method: Integrator) -> None:
     """Raise ValueError if the scene has a drive, a surface or another field that a rigid body cannot have."""
     if scene.drive:
-        raise ValueError("a rigid body takes no drive: the pin that it turns about must stay at rest")
+        raise ValueError("a rigid body cannot have a drive: the pin about which it rotates must stay at rest")
     if scene.surfaces:
         if method.negative_substeps:
             raise ValueError(
-                f"{method.name} takes substeps back in time, in which contact has no meaning; use verlet"
+                f"{method.name} takes substeps back in time, in which contact is meaningless; use verlet"
             )
         if isinstance(scene.contact, PaperContact):
             raise ValueError("the paper's contact pushes single particles; give the rigid body a Contact")

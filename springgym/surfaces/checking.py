@@ -52,7 +52,7 @@ def check_gradient(surface: Surface, places: ArrayLike) -> None:
     instance("surface", surface, Surface)
     at = array("places", places, (None, 3))
     if not len(at):
-        raise ValueError("places are none; there must be at least one")
+        raise ValueError("places is empty; it must hold at least one point")
     extent = 1.0 + float(np.abs(at).max(initial=0.0))
     height, gradient = _compiled(surface, at)
     of = type(surface).__name__
@@ -66,7 +66,9 @@ def check_gradient(surface: Surface, places: ArrayLike) -> None:
         height, gradient = _compiled(surface, at)
     on = np.abs(height) < CLOSE * extent
     if not on.any():
-        raise ValueError(f"no way along the gradient leads from the places onto the {of}; give some near it")
+        raise ValueError(
+            f"no path along the gradient leads from the places to the {of}; give points nearer to it"
+        )
     length = np.linalg.norm(gradient[on], axis=1)
     what = f"on the surface, where the height is the distance, the length of the gradient of {of}"
     _compare(what, at[on], length, np.ones(len(length)), STEEP)

@@ -87,7 +87,7 @@ def packed_kind(kind: type[Surface], surfaces: Sequence[Surface]) -> Any:
     check_functions(name, type(packed), FUNCTIONS)
     for field, value in zip(packed._fields, packed, strict=True):
         if not isinstance(value, np.ndarray) or not value.ndim:
-            raise TypeError(f"{name}.{field} is {shown(value)}; it must be an array with a row a surface")
+            raise TypeError(f"{name}.{field} is {shown(value)}; it must be an array with one row per surface")
     if len(packed[0]) != len(surfaces):
         raise ValueError(f"{name}.{packed._fields[0]} has {len(packed[0])} rows for {len(surfaces)} surfaces")
     return packed

@@ -236,9 +236,9 @@ def refused(folder, capsys, *options):
 
 def test_one_process_trains_in_a_folder(copied, capsys):
     with runs.locked(copied):
-        assert f"{copied}: another process trains in this folder" in refused(copied, capsys)
+        assert f"{copied}: another process is training in this folder" in refused(copied, capsys)
         assert train.main(start(copied)) == 2
-        assert "another process trains in this folder" in capsys.readouterr().err
+        assert "another process is training in this folder" in capsys.readouterr().err
     with runs.locked(copied):
         pass
 

@@ -16,7 +16,7 @@ CELL = ["--local", "--runs", ".", "--algorithms", "ppo"]
 
 WRONG = [
     ("audit", ["zero"], "name the environment with --env"),
-    ("audit", ["zero", "--env", "CartPole-v1"], "CartPole-v1 is not an environment of springgym"),
+    ("audit", ["zero", "--env", "CartPole-v1"], "CartPole-v1 is not a springgym environment"),
     ("audit", ["nobody", "--env", TOP], "unknown controller 'nobody'"),
     ("benchmark", ["--address", "auto", "--jobs", "2"], "--jobs works on this machine only"),
     ("benchmark", ["--address", "auto", "--local"], "not allowed with argument"),
@@ -52,8 +52,8 @@ WRONG = [
     ),
     ("rllib_ppo", [TOP, "--run", ".", "--copies", "3"], "= 192 is not a multiple of 512"),
     ("rllib_ppo", [TOP, "--run", ".", "--resume"], "has no checkpoint"),
-    ("train", [], "give an environment id, or --resume and a run folder"),
-    ("train", ["A-v0", "--resume", "x"], "give an environment id, or --resume and a run folder"),
+    ("train", [], "missing environment id (or --resume RUN)"),
+    ("train", ["A-v0", "--resume", "x"], "missing environment id (or --resume RUN)"),
     ("train", ["--resume", "x", "--set", "a=1"], "configuration of the run: leave out --set"),
     ("train", ["--resume", "x", "--seed", "0", "--algo", "ppo"], "the run: leave out --algo, --seed"),
     ("train", ["A-v0", "--seed", "1000000"], "--seed: '1000000' must be a whole number from 0 to 999999"),

@@ -211,7 +211,7 @@ class Short(NamedTuple):
         (lambda: Scene(CUBE, forces=(Tether(0, ANCHOR, np.nan),)), ValueError, "stiffness"),
         (lambda: Scene(CUBE, forces=(Tether(0, np.full(3, np.inf), 1.0),)), ValueError, "anchor"),
         (lambda: Scene(CUBE, forces=(Tether(0, np.array(["x"]), 1.0),)), TypeError, "anchor"),
-        (lambda: Scene(CUBE, forces=(PULLED[0],) * 99), ValueError, "forces are 99"),
+        (lambda: Scene(CUBE, forces=(PULLED[0],) * 99), ValueError, "forces has 99 entries"),
         (lambda: Scene(CUBE, forces=(Tether(8, ANCHOR, 1.0),)), ValueError, r"forces\[0\].particle is 8"),
         (lambda: Scene(CUBE, forces=(Tether(-1, ANCHOR, 1.0),)), ValueError, r"particle is -1"),
         (lambda: Scene(CUBE, forces=(Tether(0.0, ANCHOR, 1.0),)), TypeError, r"particle is 0.0"),
@@ -332,7 +332,7 @@ def test_a_method_without_dampers_says_so() -> None:
         lambda: Simulator(Scene(CUBE), integrator="leapfrog", varying=("damping",)),
         lambda: gym.make("SpringTop-v0", integrator="leapfrog"),
     ):
-        with pytest.raises(ValueError, match="leapfrog takes no dampers"):
+        with pytest.raises(ValueError, match="leapfrog cannot handle dampers"):
             make()
     with pytest.raises(ValueError, match="pefrl takes substeps back in time"):
         gym.make("SpringTop-v0", integrator="pefrl")
@@ -375,7 +375,7 @@ def test_what_is_no_method_is_refused() -> None:
         TypeError, match=r"integrate takes \(x, force, tether\); it must take \(x, v, ledger, "
     ):
         register(LEAPFROG, Tether.add)
-    with pytest.raises(ValueError, match="a method of springgym"):
+    with pytest.raises(ValueError, match="a built-in integrator"):
         register(integrator(METHODS[0]), drift_kick_drift)
     with pytest.raises(ValueError, match="unknown integrator 'hop'; choose from: verlet, symplectic_euler"):
         Simulator(Scene(CUBE), integrator="hop")

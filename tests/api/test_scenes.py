@@ -148,7 +148,7 @@ def test_what_starts_is_checked_where_scenes_and_simulators_do() -> None:
         with pytest.raises(ValueError, match=message):
             Scene(CUBE, PLACE, moving, pinned=(3,), drive=drive)
     assert Scene(CUBE, PLACE, moving, pinned=(3,), drive=DriveActuator(3, 2.0)).pinned == (3,)
-    with pytest.raises(ValueError, match="spring 0 starts with both ends at the same place"):
+    with pytest.raises(ValueError, match="spring 0 starts with both ends at the same position"):
         Scene(CUBE, np.ones((8, 3)))
 
 

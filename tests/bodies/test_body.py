@@ -36,7 +36,7 @@ def test_lengths_are_those_of_the_shape():
         ({"positions": [[0, 0, 0], [1, 0, math.nan], [0, 1, 0]]}, "body 'triangle': positions[1, 2] is nan"),
         (
             {"positions": [[0, 0, 0], [0, 0, 0], [0, 1, 0]]},
-            "spring 0 of body 'triangle' joins particles 0 and 1, which lie at the same place",
+            "spring 0 of body 'triangle' joins particles 0 and 1, which are at the same position",
         ),
         ({"masses": [1, 0, 3]}, "body 'triangle': masses[1] is 0"),
         ({"stiffness": [1, 0, 1]}, "body 'triangle': stiffness[1] is 0"),
@@ -50,7 +50,7 @@ def test_lengths_are_those_of_the_shape():
         ({"springs": [(0, 1), (1, 2), (1, 0)]}, "spring 2 of body 'triangle' joins particles 1 and 0, which"),
         ({"springs": [(0, 1)]}, "nothing joins particle 2 to particle 0"),
         ({"springs": [(0, 1), (1, 2)]}, "1 zero-energy mode)"),
-        ({"markers": (0, 0, 1)}, "markers is (0, 0, 1); the first two must lie at different places"),
+        ({"markers": (0, 0, 1)}, "markers is (0, 0, 1); the first two must be at different positions"),
         ({"markers": (0, 1, 3)}, "body 'triangle': markers[2] is 3"),
         ({"parts": {"end": (5,)}}, "body 'triangle': parts['end'][0] is 5"),
         ({"parts": {"end": ()}}, "body 'triangle': parts['end'] has no particles"),

@@ -248,5 +248,5 @@ def test_union_errors_name_the_offender():
         (rope(), "no shape of its own"),
         (rolling_ball(0.1), "round features"),
     ):
-        with pytest.raises(ValueError, match=f"has {has}, which a union does not take over"):
+        with pytest.raises(ValueError, match=f"has {has}, which a union does not keep"):
             union([body, moved(box(), "other", (1, 0, 0))])

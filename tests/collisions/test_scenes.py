@@ -149,7 +149,7 @@ HALF_INSIDE_OUT = union(
         (
             lambda: beside(CUBE, collisions=(Pair("a", "b"), Pair(1, 0))),
             ValueError,
-            r"collisions\[1\] is of 'a' and 'b', which were paired before",
+            r"collisions\[1\] pairs 'a' with 'b', which are already paired",
         ),
         (lambda: Pair("a", 1.5), TypeError, "second of a pair is 1.5"),  # type: ignore[arg-type]
         (lambda: Pair("a", "b", "hard"), TypeError, "contact of a pair is 'hard'"),  # type: ignore[arg-type]

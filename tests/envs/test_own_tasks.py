@@ -86,7 +86,7 @@ def marks(m: MeasuresOfBodies, s: Situation) -> Marks:
             Arrow(1.2 * axle * s.goal, 0.5 * axle * s.goal, GREEN),
             torque_arrow((0, 0, 0), across(s.action, m.axis), 1.1 * REACH),
         ],
-        key=((GREEN, "bring the axle's orange end here"), (RED, "torque")),
+        key=((GREEN, "target of the axle's orange end"), (RED, "torque")),
         text=(f"off target {angle:5.1f}°", f"spin {float(m.angular_velocity @ m.axis):5.1f} rad/s"),
     )
 

@@ -119,18 +119,18 @@ def test_duel_tells_the_tops_apart() -> None:
     key = {line: color for color, line in acted(env, np.ones(2)).key}
     faces = np.split(np.asarray(task.look().triangle_colors), 2)
     own, other = ({tuple(color) for color in half.tolist()} for half in faces)
-    assert key["first top, the agent's"] in own - other
-    assert key["second top, the opponent's"] in other - own
+    assert key["agent's top"] in own - other
+    assert key["opponent's top"] in other - own
 
 
 def test_juggle_says_how_high_this_flight_goes() -> None:
     env = make("SpringJuggle-v0")
-    for height, word in ((0.3, "below"), (0.7, "above")):
+    for height, word in ((0.3, "low"), (0.7, "high")):
         env.reset(seed=1, options={"wanted": 0.5, "height": height, "away": 0.0})
         task, seen = env.unwrapped.episodes.task, env.unwrapped.episodes.seen_of(0)
         (line,) = task.marks(*seen).text
-        assert line.startswith("this flight peaks 20.")
-        assert line.endswith(f"cm {word} the ring")
+        assert line.startswith("apex 20.")
+        assert line.endswith(f"cm too {word}")
 
 
 def test_tasks_of_scenes_show_what_their_actions_drive() -> None:

@@ -309,7 +309,7 @@ def test_what_is_no_regular_file_of_a_sane_size_is_not_read(reader: str, what: s
         ("SpringTop-v0", {"randomize": {"masses": (1e-9, 1)}}, "particle 0 of 5e-10 kg"),
         ("SpringTop-v0", {"body": {"stiffness": 1e25}}, "springs of .*e.25 N/m"),
         ("SpringPendulum-v0", {"body": {"damping": 1e12}}, "dampers of .*e.12 kg/s"),
-        ("SpringDetumble-v0", {"step": 1e-12}, "step is 1e-12 s, 2e.10 to a control period of 0.02 s"),
+        ("SpringDetumble-v0", {"step": 1e-12}, "step is 1e-12 s, 2e.10 per control period of 0.02 s"),
     ],
 )
 def test_steps_that_would_not_end_are_refused(env_id: str, arguments: dict[str, Any], blamed: str) -> None:

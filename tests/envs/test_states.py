@@ -423,7 +423,7 @@ def test_copies_that_no_state_can_be_set_into_are_refused() -> None:
         same(frozen(envs), before, f"{copies}")
     others = variants()
     springgym.set_state(envs, others.pop("one copy of a batch"), [2])  # which is none of others
-    check_refused(envs, others, r"state.* is another: its|the state holds 2 copies", [2])
+    check_refused(envs, others, r"state.* does not match: its|the state holds 2 copies", [2])
 
 
 def test_copies_of_a_batch_in_which_no_episode_has_begun() -> None:

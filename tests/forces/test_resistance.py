@@ -161,9 +161,9 @@ def test_resistance_without_effect_is_refused() -> None:
     with pytest.raises(ValueError, match="no friction"):
         Scene(bodies=(body_at(BALL, (0, 0, 0)), body_at(BLOCK, (1, 0, 0))), contact=ice)
     blocks = body_at(BLOCK, (0, 0, 0)), body_at(BLOCK, (1, 0, 0))
-    with pytest.raises(ValueError, match="no round feature meets another body"):
+    with pytest.raises(ValueError, match="no round feature touches another body"):
         Scene(bodies=blocks, contact=BETWEEN)
-    with pytest.raises(ValueError, match="no round feature meets another body"):
+    with pytest.raises(ValueError, match="no round feature touches another body"):
         Scene(bodies=(body_at(BALL, (0, 0, 0)), body_at(BALL, (1, 0, 0))), contact=BETWEEN, collisions=None)
     for collisions in (BETWEEN, (Pair(0, 1, BETWEEN),)):
         with pytest.raises(

@@ -307,7 +307,7 @@ def test_a_surface_that_no_way_leads_to_is_told() -> None:
 
     nowhere = kind_of(height, gradient)
     nowhere.height = lambda positions: 1 + (positions**2).sum(-1)  # type: ignore[method-assign]
-    with pytest.raises(ValueError, match="no way along the gradient leads from the places onto the Slope"):
+    with pytest.raises(ValueError, match="no path along the gradient leads from the places to the Slope"):
         check_gradient(nowhere, PLACES)
 
 

@@ -253,9 +253,9 @@ def test_no_vibration_lasts(turn: float, rings: bool) -> None:
 REASONS = {
     "dampers act on the motion of a floppy body": (Scene(rope(), pinned=(0,)), {}),
     "the scene has no dampers": (tops(0.0), {}),
-    "thrust: what pushes single particles": (Scene(cube(), thrust=ThrustActuator((0,))), {}),
-    "drive: what pushes single particles": (Scene(cube(), pinned=(0,), drive=DriveActuator(0, 1.0)), {}),
-    "rk4 knows no cycles": (tops(100.0), {"integrator": "rk4"}),
+    "thrust: forces on single particles": (Scene(cube(), thrust=ThrustActuator((0,))), {}),
+    "drive: forces on single particles": (Scene(cube(), pinned=(0,), drive=DriveActuator(0, 1.0)), {}),
+    "rk4 cannot run dampers in cycles": (tops(100.0), {"integrator": "rk4"}),
     "rigid bodies have no dampers": (tops(100.0), {"dynamics": "rigid"}),
 }
 

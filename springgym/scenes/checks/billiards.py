@@ -46,7 +46,7 @@ def _ball_and(plan: Plan, held: bool) -> None:
     needs.collide(plan)
     others = [placed for placed in plan.scene.bodies if not placed.body.rounds]
     if len(others) != 1 or bool(others[0].pinned) != held:
-        raise ValueError(f"it concerns balls and one {'pinned' if held else 'free'} body that is none")
+        raise ValueError(f"it applies to balls, and one {'pinned' if held else 'free'} body is not a ball")
     for placed in plan.scene.bodies:
         if placed is not others[0]:
             refuse_other_than_balls(placed.body)
@@ -59,7 +59,7 @@ def _cushion(plan: Plan) -> None:
 def _turntable(plan: Plan) -> None:
     _ball_and(plan, held=False)
     if len(plan.scene.bodies) != 2:
-        raise ValueError(f"it concerns a ball on a table, and there are {len(plan.scene.bodies)} bodies")
+        raise ValueError(f"it applies to a ball on a table, and there are {len(plan.scene.bodies)} bodies")
 
 
 def _other(recording: Recording) -> tuple[int, Placed]:

@@ -92,7 +92,7 @@ free = _need(
 )
 pair = _need(
     lambda scene: len(scene.body.springs) == 1 and np.array_equal(scene.masses, scene.masses[:1].repeat(2)),
-    "it concerns two equal masses on a spring",
+    "it applies to two equal masses on a spring",
 )
 collide = _need(lambda scene: scene.meetings, "no bodies collide")
 apart = _need(
@@ -102,7 +102,7 @@ apart = _need(
 )
 balls = _need(
     lambda scene: all(len(placed.body.masses) == 1 for placed in scene.bodies),
-    "it concerns balls, and a body has several particles",
+    "it applies to balls, and a body has several particles",
     apart,
 )
 row = _need(
@@ -116,7 +116,7 @@ row = _need(
 )
 one_held = _need(
     lambda scene: len(scene.bodies) == 2 and sum(bool(placed.pinned) for placed in scene.bodies) == 1,
-    "it concerns two bodies, one of them pinned",
+    "it applies to two bodies, one of them pinned",
     collide,
 )
 smooth_bowl = _need(lambda scene: not scene.pins, "a particle is pinned", bowl, gravity, ice)
@@ -124,7 +124,7 @@ smooth_bowl = _need(lambda scene: not scene.pins, "a particle is pinned", bowl, 
 
 def particle(plan: Plan) -> None:
     if (count := len(plan.scene.body.masses)) != 1:
-        raise ValueError(f"it concerns a single particle, and this body has {count}")
+        raise ValueError(f"it applies to a single particle, and this body has {count}")
 
 
 def trace(plan: Plan) -> None:
@@ -145,7 +145,7 @@ def cable(plan: Plan) -> None:
 def two(plan: Plan) -> None:
     balls(plan)
     if len(plan.scene.bodies) != 2:
-        raise ValueError(f"it concerns two balls, and there are {len(plan.scene.bodies)}")
+        raise ValueError(f"it applies to two balls, and there are {len(plan.scene.bodies)}")
 
 
 def dominoes(plan: Plan) -> None:
@@ -153,7 +153,7 @@ def dominoes(plan: Plan) -> None:
     level(plan)
     gravity(plan)
     if len(plan.scene.bodies) < 12:
-        raise ValueError(f"it concerns a row of 12 bodies or more, and there are {len(plan.scene.bodies)}")
+        raise ValueError(f"it applies to a row of 12 bodies or more, and there are {len(plan.scene.bodies)}")
 
 
 def dropped(plan: Plan) -> None:
@@ -164,7 +164,7 @@ def dropped(plan: Plan) -> None:
 
 def falls(plan: Plan) -> None:
     if not len(plan.scene.body.springs):
-        raise ValueError("it concerns a body with springs")
+        raise ValueError("it applies to a body with springs")
     _, reach = scales(plan.scene.contact, plan.scene.body)
     if plan.scene.velocities.any() or float(plan.scene.positions[:, 2].min()) <= reach:
         raise ValueError("it is not dropped from rest above the floor's reach")
@@ -192,7 +192,7 @@ def _chain(body: Body) -> bool:
 
 def rope(plan: Plan) -> None:
     if not _chain(plan.scene.body) or plan.scene.pinned != (0,):
-        raise ValueError("it concerns a rope: a chain of springs, pinned at its first particle")
+        raise ValueError("it applies to a rope: a chain of springs, pinned at its first particle")
 
 
 def rigid_body(plan: Plan) -> None:
