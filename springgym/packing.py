@@ -236,7 +236,7 @@ def solves_rows(scene: Scene, method: Integrator, twin: bool) -> bool:
 
 
 def _collisions(scene: Scene, twin: bool, options: Options) -> Collisions | None:
-    """Return the contacts of a scene that are solved together, with empty totals; None if none are."""
+    """Return the record of the contacts that one solver handles together, or None if there are none."""
     if not solves_rows(scene, options.method, twin):
         return None
     pairs = pack_pairs(scene, options)

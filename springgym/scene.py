@@ -57,7 +57,7 @@ class WrenchActuator:
 
 @dataclass(frozen=True)
 class ThrustActuator:
-    """Apply forces to named particles, fixed in the world or, if ``turns``, in the body's triad."""
+    """Apply forces to named particles, along the world's axes or, if ``turns``, along the body's triad."""
 
     particles: tuple[int, ...]
     turns: bool = False
@@ -82,7 +82,7 @@ class DriveActuator:
 
 @dataclass(frozen=True, eq=False)
 class Placed(ReadOnly):
-    """A body in a scene, with its start, pins, actuators and forces.
+    """A body in a scene, with its initial state, pins, actuators and forces.
 
     Parameters
     ----------

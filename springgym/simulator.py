@@ -718,7 +718,7 @@ class Simulator:
 
     @guarded
     def take_over(self, other: Simulator) -> None:
-        """Take over the state of another simulator of the same scene, and continue with other steps.
+        """Take over the state of another simulator of the same scene, and continue with a different step.
 
         The state is bit-identical, except for the decay by dampers in a step. This decay follows from the
         step of this simulator and from `vary`. With contact, or dampers that act once in several steps, the
@@ -970,7 +970,7 @@ class Simulator:
 
     @guarded
     def pairs(self, *, forget: bool = False) -> PairReadings:
-        """Return impulses [N·s], losses [J] and counts of pairs since copies were placed or last forgotten.
+        """Return impulses [N·s], losses [J] and counts of pairs since the start or the last ``forget``.
 
         There is an entry for each pair, so 1000 bodies have half a million entries. `contacts` returns only
         those that touch.

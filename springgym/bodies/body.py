@@ -271,7 +271,7 @@ class Body(ReadOnly):
 
     @cached_property
     def swept(self) -> float:
-        """Return the diameter of the ball that the body sweeps when it turns about its centre of mass [m].
+        """Return the diameter of the ball that the body sweeps when it rotates about its centre of mass [m].
 
         It is an upper bound if a round feature is not at that centre.
         """

@@ -13,7 +13,7 @@ import numpy as np
 
 
 def largest_distance(positions: np.ndarray, others: np.ndarray, sizes: np.ndarray) -> float:
-    """Return the largest distance of a particle from its place in ``others``, over its body's size [1]."""
+    """Return the largest distance of a particle from its position in ``others``, over its body's size [1]."""
     return float(_shares(positions, others, sizes).max())
 
 

@@ -18,7 +18,7 @@ def gyroscope(
     stiffness: float = 2e5,
     damping: float = 50.0,
 ) -> Body:
-    """Make a ring around the middle of an axle; pin its ``centre``, or its ``foot`` to let it precess.
+    """Make a ring around the middle of an axle; pin its ``centre``, or its ``foot`` to make it precess.
 
     Springs join ring neighbours, the ring to the centre and to both ends of the axle, and the centre to
     the ends. Unstretched, about the centre: I₃ = M_ring r², I₁ = M_ring r²/2 + 2 m_end (axle/2)².

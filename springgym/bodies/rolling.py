@@ -40,7 +40,7 @@ def rolling_ball(
     stiffness: float = 1e5,
     damping: float = 10.0,
 ) -> Body:
-    """Make a ball that rolls: four particles inside a sphere, with which it meets surfaces and other bodies.
+    """Make a rolling ball: four particles inside a sphere, which touches surfaces and other bodies.
 
     Parameters
     ----------

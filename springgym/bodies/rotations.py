@@ -1,4 +1,4 @@
-"""Rotations as matrices, and the triad that turns with a body."""
+"""Rotations as matrices, and the triad that rotates with a body."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ THIN = 4
 
 
 class Shape(NamedTuple):
-    """Features, by indices of the body's particles."""
+    """Corners, edges and faces of a body that can touch others, as indices of its particles."""
 
     vertices: np.ndarray
     """(V,) the corners of a closed surface, or all particles"""

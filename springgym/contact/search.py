@@ -162,7 +162,7 @@ def is_listed(kind: int, p: int, lists: Neighbours) -> bool:
 
 @compiled
 def all_far_are_far(lists: Neighbours) -> bool:
-    """Return whether pairs that are not watched are still too far apart to need a check."""
+    """Return whether all pairs outside the list of close pairs are still too far apart to touch."""
     for body in range(lists.margin.size):
         gone = load(lists.travelled, body) + load(lists.moved, body)
         margin = load(lists.margin, body)
@@ -289,7 +289,7 @@ def average(u: Rows, shapes: Shapes, mean: Rows, rest: Numbers) -> None:
 
 @compiled
 def approach(a: int, b: int, mean: Rows, rest: Numbers) -> Number:
-    """Return a bound of the approach, or its speed, of two bodies' particles, with rotation and bending."""
+    """Return an upper bound on the approach of two bodies' particles [m], or on its speed [m/s]."""
     apart = row(mean, a) - row(mean, b)
     return sqrt(dot(apart, apart)) + load(rest, a) + load(rest, b)
 

@@ -368,7 +368,7 @@ def taper(v: Rows, problem: Problem, shapes: Shapes | None) -> None:
 
 @compiled
 def gradient_of_share(k: int, on: Mask, problem: Problem) -> Ends:
-    """Return ∇Φ by each of the four ends of the edges that meet in contact k [1/m].
+    """Return ∇Φ by each of the four ends of the two edges in contact k [1/m].
 
     With D = r + s a − t b, D·a = D·b = 0 determines the changes of s and t with the four points; lengths are
     constant.
@@ -527,7 +527,7 @@ def lost_to_couple(v: Rows, k: int, problem: Problem, resistance: Resistance | N
 
 @compiled
 def add_loss(k: int, entry: int, energy: Number, problem: Problem) -> None:
-    """Add to the loss of a pair, and half of it, or all at a surface, to the loss of each body [J]."""
+    """Add a loss [J] to a contact's pair, and half of it to each body (at a surface, all to the body)."""
     contacts = problem.contacts
     add_to(problem.totals, contacts.pair[k], entry, energy)
     among = contacts.surface[k] < 0

@@ -55,7 +55,7 @@ def _count(kinds: Kinds) -> Overload:
 
 
 def distance(k: int, place: Vector, kinds: Kinds) -> Number:
-    """Return the height [m] of a place above surface ``k`` of some kinds."""
+    """Return the height [m] of a point above surface ``k`` of some kinds."""
     raise NotImplementedError(COMPILED)
 
 
@@ -134,7 +134,7 @@ def from_skin(distance: Number, radius: float | None) -> Number:
 
 @compiled
 def height(k: int, place: Vector, surfaces: Surfaces) -> Number:
-    """Return the gap [m] between a particle at a place and surface ``k``."""
+    """Return the gap [m] between a particle at a point and surface ``k``."""
     return from_skin(distance(k, place, surfaces.kinds), surfaces.radius)
 
 
@@ -157,13 +157,13 @@ def mean_normal(k: int, begin: Vector, end: Vector, surfaces: Surfaces) -> Facin
 
 @compiled
 def normal_at(k: int, place: Vector, surfaces: Surfaces) -> Facing:
-    """Return the normal of surface ``k`` at a place, its square, and the gap there [m]."""
+    """Return the normal of surface ``k`` at a point, its square, and the gap there [m]."""
     return mean_normal(k, place, place, surfaces)
 
 
 @compiled
 def lowest(place: Vector, surfaces: Surfaces) -> Number:
-    """Return the least gap [m] between a particle at a place and any surface."""
+    """Return the smallest gap [m] between a particle at a point and any surface."""
     least = height(0, place, surfaces)
     for k in range(1, count(surfaces.kinds)):
         least = minimum(least, height(k, place, surfaces))

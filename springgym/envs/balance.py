@@ -1,4 +1,4 @@
-"""SpringBalance: keep a ball at a moving place on a plate that stands on a stick."""
+"""SpringBalance: make a ball follow a moving target on a plate that balances on a stick."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
 
 @kernel
 def move(m: Measures, s: Situation, goal: np.ndarray) -> None:
-    """Move the place along its circle: x, y, z, its velocity x, y, and its angular velocity."""
+    """Move the target along its circle: x, y, z, its velocity x, y, and its angular velocity."""
     for c in range(goal.shape[0]):
         turn = goal[c, 5] * PERIOD
         cosine, sine = math.cos(turn), math.sin(turn)

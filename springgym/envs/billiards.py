@@ -1,4 +1,4 @@
-"""SpringBilliards: pocket a ball by striking another one, in an episode of one step."""
+"""SpringBilliards: pocket one ball by striking another, in an episode of one step."""
 
 from __future__ import annotations
 

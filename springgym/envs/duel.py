@@ -1,4 +1,4 @@
-"""SpringDuel: knock another top over, or out of the ring, in a bowl."""
+"""SpringDuel: knock an opponent's top over or out of the ring, in a bowl."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
 
 @kernel
 def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
-    """Write observations; axes are turned by half a turn for the second player, who sees the same duel."""
+    """Write observations; axes are rotated by 180° for the second player, who sees the same duel."""
     own = int(s.parameters[0])
     sign = 1.0 - 2.0 * own
     for c in range(observation.shape[0]):
@@ -111,7 +111,7 @@ ENTRIES = tuple(
         ("momentum", 2, MOMENTUM_UNIT),
     )
 )
-"""Entries of the compact observation; centre and velocity of the other top are relative to one's own."""
+"""Entries of the compact observation; the opponent's centre and velocity are relative to the own top."""
 
 
 @dataclass(frozen=True)

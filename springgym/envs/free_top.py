@@ -1,4 +1,4 @@
-"""SpringFreeTop: keep a top upright and in its place on near-ice."""
+"""SpringFreeTop: keep an unpinned top upright and inside a circle on an almost frictionless floor."""
 
 from __future__ import annotations
 

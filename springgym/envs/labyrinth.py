@@ -59,7 +59,7 @@ LINE: Color = (160, 124, 78)
 
 @compiled
 def angle_after(s: Situation, c: int, axis: int, seconds: float) -> float:
-    """Return the board's angle towards an axis after the action has turned it for some seconds [rad]."""
+    """Return the board's tilt towards an axis after the action has changed it for some seconds [rad]."""
     angle = s.goal[c, LEANING + axis] + s.parameters[0] * s.action[c, axis] * seconds
     return min(max(angle, -TILT), TILT)
 
@@ -164,7 +164,7 @@ def ways() -> np.ndarray:
 
 
 def beside(middles: np.ndarray, way: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Return the holes (k, HOLES, 2) of boards [m]: places between cells that are nearest to the path.
+    """Return the holes (k, HOLES, 2) of boards [m]: the points between cells that are nearest to the path.
 
     Places are half-way between two neighbours that the path does not join, or between four. For cells shifted
     by up to `SHIFT`, they are at least 6 cm from the path.

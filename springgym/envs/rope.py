@@ -1,4 +1,4 @@
-"""SpringRope: bring a swinging load to its place by moving the trolley it hangs from."""
+"""SpringRope: swing a load to a target and stop it, by moving the trolley from which it hangs."""
 
 from __future__ import annotations
 

@@ -177,7 +177,7 @@ class SB3VecEnv(Stateful, VecEnv):
         return [result for _ in self._get_indices(indices)]
 
     def env_is_wrapped(self, wrapper_class: type[gym.Wrapper], indices: VecEnvIndices = None) -> list[bool]:
-        """Return false for each copy: a native copy has no wrappers of its own."""
+        """Return false for each copy: a native copy has no wrappers."""
         return [False for _ in self._get_indices(indices)]
 
     def get_images(self) -> Sequence[np.ndarray | None]:

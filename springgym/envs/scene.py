@@ -550,7 +550,7 @@ def _defaulted(function: Callable[..., Any]) -> tuple[str, ...]:
 
 
 def _checked_aims(given: object, goal_size: int) -> tuple[Aim, ...]:
-    """Return aims after checking that they name all numbers of the goal; a spec holds them as lists."""
+    """Return aims, which may be lists, after checking that their sizes sum to the size of the goal."""
     if not isinstance(given, Sequence) or isinstance(given, str):
         raise TypeError(f"aims is {checks.shown(given)}; it must be a sequence of Aim(name, size, within)")
     aims = []

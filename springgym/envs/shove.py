@@ -1,4 +1,4 @@
-"""SpringShove: push a box to its place and heading with a ball."""
+"""SpringShove: push a box to a target position and heading with a ball."""
 
 from __future__ import annotations
 

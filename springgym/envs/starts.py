@@ -87,7 +87,7 @@ def tilted(azimuth: float | np.ndarray, tilt: float | np.ndarray) -> np.ndarray:
 
 
 def headed(shapes: np.ndarray, headings: np.ndarray) -> np.ndarray:
-    """Return shapes (…, N, 3) turned about z by headings (…) [rad]."""
+    """Return shapes (…, N, 3) rotated about z by headings (…) [rad]."""
     return shapes @ turned(np.array([0.0, 0.0, 1.0]), headings).swapaxes(-1, -2)
 
 

@@ -55,14 +55,14 @@ def height_of(x: np.ndarray, c: int) -> float:
 
 @compiled
 def off(m: Measures, s: Situation, c: int, k: int, axis: int) -> float:
-    """Return the distance of block k from its place on the block below, along an axis [m]."""
+    """Return the distance of block k from its target on the block below, along an axis [m]."""
     way = m.centre[c, k, axis] - m.centre[c, k - 1, axis]
     return way - height_of(s.x, c) if axis == 2 else way
 
 
 @compiled
 def fell(m: Measures, s: Situation, c: int, k: int) -> bool:
-    """Return whether block k, which has been let go, is lower than its place in the tower, or leans."""
+    """Return whether a released block k is lower than its position in the tower, or leans."""
     wanted = (k + 0.5) * height_of(s.x, c)
     return m.centre[c, k, 2] < wanted - SUNK or m.axis[c, k, 2] < UPRIGHT
 

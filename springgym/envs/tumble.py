@@ -1,4 +1,4 @@
-"""SpringTumble: roll an irregular body to a place, onto a given face."""
+"""SpringTumble: roll an irregular body to a target and onto a given face."""
 
 from __future__ import annotations
 

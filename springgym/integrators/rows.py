@@ -285,7 +285,7 @@ def record_losses(n: int, ledger: Ledger, contacts: ContactRows) -> None:
 def motion_given(
     n: int, first: int, space: RowSpace, turning: Turning | None
 ) -> tuple[Vector, Vector, Vector]:
-    """Return the changes of v [m/s] and ω [rad/s] by contact of a body that turns, and its point X [m]."""
+    """Return the changes by contact of v [m/s] and ω [rad/s] of a body that rotates, and its point X [m]."""
     faster = 0.0 * row(space.velocity, first)
     spin, point = faster, faster
     if turning is not None and turning.turns[n] and space.active[n]:

@@ -30,7 +30,7 @@ NEWTON = 20
 
 
 def check_gradient(surface: Surface, places: ArrayLike) -> None:
-    """Check that height and gradient of a surface agree at some places, and that its height is the distance.
+    """Check that height and gradient of a surface agree at some points, and that its height is the distance.
 
     Use it for user-defined kinds of surfaces, because a wrong gradient gives wrong physics without an error.
     It compares the compiled height with that of Python, and the compiled gradient with the slope of the

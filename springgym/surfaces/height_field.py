@@ -66,7 +66,7 @@ class HeightFields(NamedTuple):
 
 @compiled
 def grid_splines(place: Vector, k: int, own: HeightFields) -> Any:
-    """Return `splines` along x and along y, for a place above field ``k``."""
+    """Return `splines` along x and along y, for a point above field ``k``."""
     density, corner = load(own.density, k), row(own.corner, k)
     along_x = splines(density * (place[0] - corner[0]), load(own.cells, (k, 0)), density)
     return along_x, splines(density * (place[1] - corner[1]), load(own.cells, (k, 1)), density)

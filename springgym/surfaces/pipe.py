@@ -1,4 +1,4 @@
-"""The inside of a round pipe: height R − |d|, the distance, with d the vector from the axis to a place."""
+"""The inside of a round pipe: height R − |d|, the distance, with d the vector from the axis to a point."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Pipes(NamedTuple):
 
 @compiled
 def off_axis(place: Vector, k: int, own: Pipes) -> Any:
-    """Return d [m], the vector from the axis of pipe ``k`` to a place."""
+    """Return d [m], the vector from the axis of pipe ``k`` to a point."""
     arm = place - row(own.point, k)
     return plus_scaled(arm, -1.0 * dot(arm, row(own.axis, k)), row(own.axis, k))
 

@@ -56,7 +56,7 @@ def _surface_height(surface: Surface, places: np.ndarray) -> np.ndarray:
 
 
 def gradients(surface: Surface, places: np.ndarray, extent: float | np.ndarray) -> np.ndarray:
-    """Return gradients (…, 3) of a height at places (…, 3), by differences over `TRIED` × ``extent`` [m]."""
+    """Return gradients (…, 3) of a height at points (…, 3), by differences over `TRIED` × ``extent`` [m]."""
     if isinstance(surface, Plane):
         return np.broadcast_to(np.asarray(surface.normal), places.shape)
     step = np.asarray(TRIED * extent)[..., None]

@@ -172,7 +172,7 @@ def turntable_rate(rate: float, moment: float) -> float:
 
 
 def disk_rate(angle: float, radius: float, across: float, gravity: float = 9.81) -> float:
-    """Return the rate at which a disk that rolls on its rim, centre at rest, turns about z, rad/s.
+    """Return the rate at which a disk that rolls on its rim, centre at rest, rotates about z, rad/s.
 
     The point of contact and the centre are at rest, so that it turns about the diameter between them:
     L = I_1 W sin a along it. The floor's m g acts R cos a beside the centre, and turns L with W about the

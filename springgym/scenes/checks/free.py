@@ -125,7 +125,7 @@ def energy(recording: Recording) -> list[Check]:
 
 
 def of_turning(plan: Plan, step: float) -> float:
-    """Return a bound of the variation of H [J] for a stiff body that turns about a pin; else ∞.
+    """Return a bound on the variation of H [J] for a stiff body that rotates about a pin; otherwise ∞.
 
     (h²/8) Σ m |a|² varies by (Ω h)² of the energy that changes its form, plus `BALANCED` of the energy that
     is not rotation at the start. Ω is the fastest possible rotation: Ω² is at most ω² + 4 g/l, with ω at the

@@ -55,7 +55,7 @@ def _late(recording: Recording) -> np.ndarray:
 
 @applies(needs.collide, together=True)
 def counted(recording: Recording) -> list[Check]:
-    """Check that no contacts were found too late, were too fast or had no space."""
+    """Check that no contacts were detected too late, were too fast or did not fit into the lists."""
     pairs = recording.pairs
     wrong = sum(float(of[-1].sum()) for of in (pairs.misses, pairs.too_fast, pairs.overflow))
     return [Check("contacts too late, too fast or left out", 0.0, wrong, 0.5, "")]
@@ -102,7 +102,7 @@ def exchange(recording: Recording) -> list[Check]:
 
 @applies(needs.row, together=True)
 def cradle(recording: Recording) -> list[Check]:
-    """Check that equal balls in a row exchange their velocities whenever two meet."""
+    """Check that equal balls in a row exchange their velocities whenever two collide."""
     scene = recording.plan.scene
     along = int(np.argmax(np.ptp([m.centre[0] for m in recording.bodies], axis=0)))
     order = np.argsort([m.centre[0, along] for m in recording.bodies])
