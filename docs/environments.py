@@ -679,7 +679,7 @@ def features(report: Report) -> str:
     return "\n".join(
         [
             "# Common features\n",
-            "All environments, also those of your own scenes, share these features.\n",
+            "All environments, including environments made from your own scenes, share these features.\n",
             RANDOMISATION,
             GOALS,
             PROMISES,
