@@ -1,6 +1,6 @@
 """Baselines without learning: ``zero``, ``random`` and a classical controller by environment.
 
-A classical controller reads the compact observation (``observation="frame"``) and nothing else.
+A classical controller reads the features (``observation="features"``) and nothing else.
 It maps a task and a batch ``(n, d)`` to actions ``(n, a)`` in [-1, 1]. The task tells it the meaning of the
 numbers, the strength of the actuators and the control period: `Task.seen`, `Task.limits`, `Task.period`.
 """
@@ -31,7 +31,7 @@ UP = np.array([0.0, 0.0, 1.0])
 G = -GRAVITY[2]
 
 Controller = Callable[[Any, np.ndarray], np.ndarray]
-"""A function from a task and compact observations (n, d) to actions (n, a)."""
+"""A function from a task and features (n, d) to actions (n, a)."""
 
 
 def top_moment(task: Task, observations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -665,7 +665,7 @@ def own_controller(name: str, action_space: spaces.Space[Any]) -> Policy:
 
 
 def controller_env_kwargs(name: str, env_id: str, env_kwargs: Mapping[str, Any]) -> dict[str, Any]:
-    """Return keyword arguments of a baseline's environment: classical control needs the frame, no goals."""
+    """Return keyword arguments of a baseline's environment: classical control needs the features, no goals."""
     kwargs = {key: value for key, value in env_kwargs.items() if key != "goals"}
-    framed = name == "classical" and controllers_of(env_id)
-    return {**kwargs, **({"observation": "frame"} if framed else {})}
+    by_features = name == "classical" and controllers_of(env_id)
+    return {**kwargs, **({"observation": "features"} if by_features else {})}

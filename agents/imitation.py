@@ -40,11 +40,10 @@ def teacher(run: Run, space: spaces.Space[Any]) -> Policy:
         If the environment has none, or the agent does not see what it sees.
     """
     given = run.config.env_kwargs
-    if given.get("observation") != "frame":
+    if given.get("observation") != "features":
         raise ConfigError(
-            f"{run.env_id}: imitate: classical control needs the compact "
-            "observation, so the agent must have it: "
-            "set env_kwargs.observation=frame"
+            f"{run.env_id}: bc_steps: classical control needs the features, so the agent must "
+            "observe them: set env_kwargs.observation=features"
         )
     return make_controller("classical", run.env_id, given, space)
 

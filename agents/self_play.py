@@ -45,8 +45,8 @@ if TYPE_CHECKING:
     from springgym.envs.players import ParallelDuel, ParallelOptions
 
 ID = "SpringDuel-v0"
-SEEN: ParallelOptions = {"observation": "frame"}
-"""Opponents get the compact observation of the duel."""
+SEEN: ParallelOptions = {"observation": "features"}
+"""Opponents get the features of the duel."""
 MOST_RATED = 10
 ANCHOR, POINTS = ("script", 1000.0), 400.0 / np.log(10.0)
 RESAMPLES = 200

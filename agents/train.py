@@ -1,8 +1,8 @@
 """Train an agent, compare it with the baselines and record a video.
 
     springgym train SpringTop-v0
-    springgym train SpringTop-v0 --algo sac --seed 1 --run runs/sac-frame \\
-        --set env_kwargs.observation=frame learning_rate=3e-4
+    springgym train SpringTop-v0 --algo sac --seed 1 --run runs/sac-features \\
+        --set env_kwargs.observation=features learning_rate=3e-4
     springgym train --resume runs/SpringTop-v0-ppo-0
 
 Hyperparameters come from configs/<algo>.yaml of the package or the clone. The run folder holds all results,

@@ -154,7 +154,7 @@ These commands record the data of SpringTop-v0 and learn from it:
 
 ```sh
 springgym train SpringTop-v0 --timesteps 100_000 --run runs/medium
-python agents/studies/dataset.py SpringTop-v0 random SpringTop-v0 --set observation=frame
+python agents/studies/dataset.py SpringTop-v0 random SpringTop-v0 --set observation=features
 python agents/studies/dataset.py SpringTop-v0 runs/medium --noise 0.3
 python agents/studies/offline.py SpringTop-v0 --data springgym/SpringTop/medium-noisy-v0 \\
     --rows runs/offline.json
@@ -162,7 +162,7 @@ python docs/baselines.py --rows runs/offline.json
 ```
 
 The medium agent of SpringTumble-v0 took 300,000 steps, that of SpringRope-v0 65,536. The random data of
-SpringTumble-v0 is also recorded with `--set observation=frame`, which the trained agents observe.
+SpringTumble-v0 is also recorded with `--set observation=features`, which the trained agents observe.
 """
 METHOD = """## How it was made
 
@@ -182,7 +182,7 @@ bit-identical on the same machine and commit; those of a number of seconds end a
 
 - *Classical* is the hand-written controller in `agents/controllers.py`.
 - `configs/` holds the hyperparameters and the observation. Where a file names no observation, PPO
-  observes particles, and the other algorithms `"frame"`. A variant that a file does not name uses the
+  observes particles, and the other algorithms `"features"`. A variant that a file does not name uses the
   hyperparameters of its environment.
 - Runs outside the suite take the steps of their configuration (`--seconds 0`).
 - In some tasks, PPO first [imitates](training.md#warm-starting-from-the-classical-controller) classical

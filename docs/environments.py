@@ -411,7 +411,7 @@ These hold for all environments; their pages give the rest.
 - **U(a, b)** is drawn uniformly from a to b.
 - **Actions** lie in [−1, 1]; values outside are clipped.
 - **Observations** are positions and velocities of particles (`observation="particles"`), or a few numbers
-  such as axis and spin (`"frame"`). Each number is divided by its *scale*, then clipped to ±10.
+  such as axis and spin (`"features"`). Each number is divided by its *scale*, then clipped to ±10.
 - **Rewards** lie between 0 and 1; `info` holds their terms, `reward_…`. With d = max(|x| − b, 0)/m, pages
   write G(x; b, m) = 0.1^(d²) and L(x; b, m) = 1/(1 + 9d²): both are 1 up to |x| = b, and 0.1 at b + m. The
   effort of actions a gives the factor E = 1 − 0.1 mean(a²).
@@ -437,7 +437,7 @@ All environments have these arguments (see `springgym.envs.base.SpringEnv`):
 
 | argument | default | meaning |
 |---|---|---|
-| `observation` | `"particles"` | or `"frame"` (SpringBilliards: `"frame"` only) |
+| `observation` | `"particles"` | or `"features"` (SpringBilliards: `"features"` only) |
 | `action` | the page's first | mode of the actions |
 | `dynamics` | `"springs"` | or `"rigid"` (not SpringRope) |
 | `integrator`, `step` | `"verlet"`, as on the page | method and sub-step [s] |

@@ -66,11 +66,11 @@ from springgym.envs import parallel
 from springgym.envs.top import SpringTopEnv, SpringTopVectorEnv
 
 env = SpringTopEnv(action="impulse", render_mode="rgb_array", step=1e-4, body={"height": 1.0})
-envs = SpringTopVectorEnv(4, autoreset_mode="SameStep", observation="frame", max_episode_steps=10)
+envs = SpringTopVectorEnv(4, autoreset_mode="SameStep", observation="features", max_episode_steps=10)
 box: spaces.Box = env.action_space
 boxes: tuple[spaces.Box, spaces.Box] = envs.single_action_space, envs.observation_space
 print(env.action_space.low, envs.action_space.high, springgym.get_state(env))
-duel = parallel("SpringDuel-v0", observation="frame")
+duel = parallel("SpringDuel-v0", observation="features")
 print(duel.action_space("first").low)
 SpringTopEnv(observation="wrong")  # type: ignore[arg-type]
 SpringTopEnv(hard="yes")  # type: ignore[arg-type]

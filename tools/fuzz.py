@@ -59,7 +59,7 @@ FURTHER: dict[str, tuple[dict[str, Any], ...]] = {
     "SpringShove-v0": ({"friction": 0.3},),
     "SpringStack-v0": ({"step": 6.25e-4},),
     "SpringJuggle-v0": ({"hard": True}, {"restitution": 0.85}),
-    "SpringLabyrinth-v0": ({"observation": "frame"},),
+    "SpringLabyrinth-v0": ({"observation": "features"},),
     "SpringTower-v0": ({"blocks": 2},),
     "SpringBilliards-v0": ({},),
     "SpringDuel-v0": ({"opponent": "still"},),

@@ -1,7 +1,7 @@
 """Record episodes of agents as Minari data sets, for offline learning.
 
     python agents/studies/dataset.py SpringTop-v0 random classical SpringTop-v0
-    python agents/studies/dataset.py SpringTop-v0 planner --episodes 10 --set observation=frame
+    python agents/studies/dataset.py SpringTop-v0 planner --episodes 10 --set observation=features
     python agents/studies/dataset.py SpringTop-v0 runs/medium --noise 0.3
 
 An agent is what ``agents/evaluate.py`` takes, or ``planner``, which is ``agents/plan.py``. Each becomes a

@@ -47,7 +47,7 @@ FAR = 0.25  # where the ball starts, at most, from the axis [m]
 TOUCHING = 0.02  # a ball higher above the plate has left it [m]
 HIGH = 0.3  # where an episode ends [m]
 TIPPED = 0.7  # tilt of the plate [rad]
-WAY_UNIT, SPEED_UNIT = 0.2, 0.5  # units of the compact observation: distances [m], speeds [m/s]
+WAY_UNIT, SPEED_UNIT = 0.2, 0.5  # units of the features: distances [m], speeds [m/s]
 TILT_UNIT, TURNING_UNIT = 0.2, 1.0  # of the axis [1], of the plate's angular velocity [rad/s]
 
 
@@ -73,7 +73,7 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
 
 
 @kernel
-def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
+def observe_features(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
         for axis in range(2):
             observation[c, axis] = (m.centre[c, BALL, axis] - s.goal[c, axis]) / WAY_UNIT
@@ -96,7 +96,7 @@ def move(m: Measures, s: Situation, goal: np.ndarray) -> None:
             goal[c, n + 1] = sine * x + cosine * y
 
 
-class SpringBalance(Task, kernels=(evaluate, compact, move)):
+class SpringBalance(Task, kernels=(evaluate, observe_features, move)):
     """Define the MDP of `SpringBalanceEnv`, which describes it."""
 
     actions: ClassVar = {"torque": 2}
@@ -219,7 +219,7 @@ class SpringBalanceEnv(SpringEnv, gym.Env, task=SpringBalance):
     | | 30–59 | their velocities | 0.5 m/s |
     | | 60, 61 | velocity x, y of the place | 1 m/s |
     | | 62 | its angular velocity on the circle | 1 rad/s |
-    | `"frame"` | 0, 1 | ball x, y, from the place | 0.2 m |
+    | `"features"` | 0, 1 | ball x, y, from the place | 0.2 m |
     | | 2, 3 | its velocity x, y | 0.5 m/s |
     | | 4, 5 | axis of the plate x, y | 0.2 |
     | | 6, 7 | its angular velocity x, y | 1 rad/s |

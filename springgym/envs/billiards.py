@@ -68,7 +68,7 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
 
 
 @kernel
-def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
+def observe_features(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
         for axis in range(2):
             place = m.centre[c, OBJECT, axis]
@@ -76,10 +76,10 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
             observation[c, 2 + axis] = (s.goal[c, axis] - place) / WAY_UNIT
 
 
-class SpringBilliards(Task, kernels=(evaluate, compact, remember)):
+class SpringBilliards(Task, kernels=(evaluate, observe_features, remember)):
     """Define the MDP of `SpringBilliardsEnv`, which describes it."""
 
-    observations = ("frame",)
+    observations = ("features",)
     actions: ClassVar = {"stroke": 2}
     terms = ("near", "potted")
     metrics = ("away",)
@@ -199,7 +199,7 @@ class SpringBilliardsEnv(SpringEnv, gym.Env, task=SpringBilliards):
     ## Observation Space
     | `observation` | entries | meaning | scale |
     |---|---|---|---|
-    | `"frame"` | 0, 1 | second ball x, y, from the first | 0.5 m |
+    | `"features"` | 0, 1 | second ball x, y, from the first | 0.5 m |
     | | 2, 3 | the pocket x, y, from the second ball | 0.5 m |
 
     ## Rewards

@@ -25,7 +25,7 @@ from springgym.scene import Scene, ThrustActuator, WrenchActuator
 
 TORQUE = 0.35  # [N·m]
 IMPULSE = 0.012  # of a thruster in a control period [N·s]
-TURNING_UNIT = 4.0  # unit of angular velocities in the compact observation [rad/s]
+TURNING_UNIT = 4.0  # unit of angular velocities among the features [rad/s]
 SIDES = (1.0, 0.7, 0.4)  # [m]
 MASSES = (0.2, 0.1, 0.1, 0.15, 0.1, 0.1, 0.15, 0.1)  # [kg]
 THRUSTERS = ((1, (0, 0, 1)), (2, (0, 0, 1)), (4, (0, 1, 0)), (6, (0, 1, 0)))
@@ -50,7 +50,7 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
 
 
 @kernel
-def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
+def observe_features(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
         for axis in range(3):
             turning = along(m.angular_velocity[c], m.side[c], m.axis[c], axis)
@@ -58,7 +58,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
             observation[c, 3 + axis] = along(m.angular_momentum[c], m.side[c], m.axis[c], axis)
 
 
-class SpringDetumble(Task, kernels=(evaluate, compact)):
+class SpringDetumble(Task, kernels=(evaluate, observe_features)):
     """Define the MDP of `SpringDetumbleEnv`, which describes it."""
 
     actions: ClassVar = {"torque": 3, "thrusters": len(THRUSTERS)}
@@ -182,7 +182,7 @@ class SpringDetumbleEnv(SpringEnv, gym.Env, task=SpringDetumble):
     | `"particles"` | 0–23 | positions of the corners, from the centre of mass | distance from it |
     | | 24–47 | their velocities, less that of the centre of mass | 4 rad/s × distance |
     | | 48–50 | angular momentum in the body's axes | 0.3 kg·m²/s |
-    | `"frame"` | 0–2 | angular velocity in the body's axes | 4 rad/s |
+    | `"features"` | 0–2 | angular velocity in the body's axes | 4 rad/s |
     | | 3–5 | angular momentum in the body's axes | 1 kg·m²/s |
 
     The angular momentum is a product of positions and velocities, which small networks learn poorly.

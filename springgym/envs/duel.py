@@ -43,12 +43,12 @@ FORCE = 40.0  # on the crown [N]
 GRIP, REBOUND = 0.02, 0.2  # friction and restitution between both
 REACH, STRENGTH = 0.02, 0.08  # of all contacts: Δ [m], c [N·m²]
 WAY_UNIT, TILT_UNIT, SPIN_UNIT, MOMENTUM_UNIT = 0.5, 0.2, 25.0, 6.0
-"""Units of the compact observation: distances [m], axis [1], spins [rad/s], momenta [kg·m²/s]."""
+"""Units of the features: distances [m], axis [1], spins [rad/s], momenta [kg·m²/s]."""
 SEEN = 11  # number of observed values of each top
 SHAPED = 2e-3  # largest reward of a step that does not decide the duel
 
 Opponent = Callable[[np.ndarray], np.ndarray]
-"""Maps compact observations (n, D) of the second top to its actions (n, 2)."""
+"""Maps features (n, D) of the second top to its actions (n, 2)."""
 
 
 @compiled
@@ -77,7 +77,7 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
 
 
 @kernel
-def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
+def observe_features(m: Measures, s: Situation, observation: np.ndarray) -> None:
     """Write observations; axes are turned by half a turn for the second player, who sees the same duel."""
     own = int(s.parameters[0])
     sign = 1.0 - 2.0 * own
@@ -111,7 +111,7 @@ ENTRIES = tuple(
         ("momentum", 2, MOMENTUM_UNIT),
     )
 )
-"""Entries of the compact observation; centre and velocity of the other top are relative to one's own."""
+"""Entries of the features; centre and velocity of the other top are relative to one's own."""
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,7 @@ OPPONENTS: dict[str, Opponent] = {
 """Scripted opponents."""
 
 
-class SpringDuel(Task, kernels=(evaluate, compact)):
+class SpringDuel(Task, kernels=(evaluate, observe_features)):
     """Define the MDP of `SpringDuelEnv`, which describes it."""
 
     actions: ClassVar = {"push": 2}
@@ -253,9 +253,9 @@ class SpringDuel(Task, kernels=(evaluate, compact)):
         return {"first.thrust": FORCE * level(action)[:, None]}
 
     def seen_by_second(self, m: Measures, s: Situation) -> np.ndarray:
-        """Return the second player's compact observations (n, D)."""
+        """Return the second player's features (n, D)."""
         seen = np.empty((len(s.x), sum(entry.size for entry in ENTRIES)), np.float32)
-        compact(m, s._replace(parameters=self.others), seen)
+        observe_features(m, s._replace(parameters=self.others), seen)
         return np.clip(np.nan_to_num(seen), -BOUND, BOUND)
 
     def particles_of_second(self, rows: np.ndarray, s: Situation) -> np.ndarray:
@@ -345,7 +345,7 @@ class SpringDuelEnv(SpringEnv, gym.Env, task=SpringDuel):
     |---|---|---|---|
     | `"particles"` | 0–83 | positions of ring particles 0–11, crown and tip, one's own top first | 0.7 m |
     | | 84–167 | their velocities | 30 rad/s × its distance from the axis + 1 m/s |
-    | `"frame"` | 0, 1 | centre of mass x, y of one's own top, from the middle | 0.5 m |
+    | `"features"` | 0, 1 | centre of mass x, y of one's own top, from the middle | 0.5 m |
     | | 2, 3 | its velocity x, y | 1 m/s |
     | | 4, 5 | its axis x, y | 0.2 |
     | | 6, 7 | its angular velocity across the axis, x, y | 1 rad/s |
@@ -383,9 +383,9 @@ class SpringDuelEnv(SpringEnv, gym.Env, task=SpringDuel):
     - `opponent="guard"`: returns to the middle, and rights its top.
     - `opponent="strong"`: attacks with full force, on the side on which its top rolls off the other one,
       rights its top and keeps to the middle, as classical control does.
-    - `opponent` can also be a function of observations as `"frame"` (n, 22) that returns actions (n, 2). Its
+    - `opponent` can also be a function of observations as `"features"` (n, 22) that returns actions (n, 2). Its
       axes are turned by half a turn, so that both players see the same duel. Agents trained with
-      `observation="frame"` are such functions, see `springgym.envs.agent`.
+      `observation="features"` are such functions, see `springgym.envs.agent`.
 
     `springgym.envs.parallel("SpringDuel-v0")`, or `pettingzoo.make("parallel", "SpringDuel-v0")` where
     `pettingzoo` has a registry, is the same duel for two agents, as PettingZoo's `ParallelEnv`. Import

@@ -659,8 +659,8 @@ class Episodes:
         self._info = self._info_views()
         self._parts: dict[tuple[int, int], Part] = {}
         self._whole = self._part(0, self.copies)
-        compact = self.task.observation != "particles"
-        observe = self.task.compact if compact else observation.observe_particles
+        features = self.task.observation != "particles"
+        observe = self.task.observe_features if features else observation.observe_particles
         self._sees_parts = self._trusts and is_jitted(observe)
         width = self.simulator.width
         self._judges_parts = self._sees_parts and self.copies % width != 1  # see `_seen_alone`
@@ -674,7 +674,7 @@ class Episodes:
             None if self.goals is None or self.task.achieve is None else SameTypes(self.task.achieve)
         )
         self._remember = None if self.task.remember is None else SameTypes(self.task.remember)
-        self._bound = SameTypes(observation.bound) if compact else None
+        self._bound = SameTypes(observation.bound) if features else None
 
     def __getstate__(self) -> dict[str, Any]:
         return {

@@ -32,7 +32,7 @@ BAND = 4.5  # largest deviation of the spin [rad/s]
 FORCE = 40.0  # on the crown [N]
 RING_ACCELERATION = 8.0  # angular acceleration of the ring about the axis [rad/s²]
 FALLEN = 0.7  # tilt [rad]
-SPIN_UNIT = 4.0  # unit of the compact observation, from `WANTED` [rad/s]
+SPIN_UNIT = 4.0  # unit of the features, from `WANTED` [rad/s]
 WAY_UNIT = 0.5  # the same for distances [m] and speeds [m/s]
 ARENA = 1.0  # largest distance from the middle [m]
 INSIDE = 0.15  # radius of the circle to stay in [m]
@@ -58,7 +58,7 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
 
 
 @kernel
-def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
+def observe_features(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
         spin = put_axis(m, c, 1.0, observation[c])
         observation[c, 6] = (spin - WANTED) / SPIN_UNIT
@@ -67,7 +67,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
             observation[c, 9 + axis] = m.centre_velocity[c, axis] / WAY_UNIT
 
 
-class SpringFreeTop(Task, kernels=(evaluate, compact)):
+class SpringFreeTop(Task, kernels=(evaluate, observe_features)):
     """Define the MDP of `SpringFreeTopEnv`, which describes it."""
 
     actions: ClassVar = {"push": 3}
@@ -216,7 +216,7 @@ class SpringFreeTopEnv(SpringEnv, gym.Env, task=SpringFreeTop):
     |---|---|---|---|
     | `"particles"` | 0–41 | positions of ring particles 0–11, crown and tip, from the middle | 0.5 m |
     | | 42–83 | their velocities | 8 rad/s × its distance from the axis + 0.5 m/s |
-    | `"frame"` | 0–2 | axis n of the top, a unit vector | 1 |
+    | `"features"` | 0–2 | axis n of the top, a unit vector | 1 |
     | | 3–5 | angular velocity across the axis, ω⊥ | 1 rad/s |
     | | 6 | spin ω₃ − 8 rad/s | 4 rad/s |
     | | 7, 8 | centre of mass x, y, from the middle | 0.5 m |

@@ -46,7 +46,7 @@ HOME = 0.25  # largest distance of the paddle from home, vertical and horizontal
 TIPPED = 0.8  # and its tilt [rad]
 COLUMN = 0.12  # distance of the verticals of two balls from home [m]
 ASIDE = 0.5  # largest distance of a ball from its vertical [m]
-WAY_UNIT, SPEED_UNIT = 0.1, 1.0  # units of the compact observation: paddle [m], [m/s]
+WAY_UNIT, SPEED_UNIT = 0.1, 1.0  # units of the features: paddle [m], [m/s]
 BALL_WAY_UNIT, BALL_SPEED_UNIT, SPIN_UNIT = 0.25, 2.0, 10.0  # of the ball [m], [m/s], [rad/s]
 TILT_UNIT, TURNING_UNIT = 0.2, 3.0  # of the axis [1], of the paddle's angular velocity [rad/s]
 
@@ -97,7 +97,7 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
 
 
 @kernel
-def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
+def observe_features(m: Measures, s: Situation, observation: np.ndarray) -> None:
     balls = m.centre.shape[1] - 1
     for c in range(observation.shape[0]):
         for axis in range(3):
@@ -127,7 +127,7 @@ def ball_entries(which: str) -> tuple[Entry, ...]:
     )
 
 
-class SpringJuggle(Task, kernels=(evaluate, compact)):
+class SpringJuggle(Task, kernels=(evaluate, observe_features)):
     """Define the MDP of `SpringJuggleEnv`, which describes it."""
 
     actions: ClassVar = {"wrench": 5}
@@ -269,7 +269,7 @@ class SpringJuggleEnv(SpringEnv, gym.Env, task=SpringJuggle):
     | | 21–32 | velocities of the paddle's particles | 1 m/s |
     | | 33–41 | velocities of the ball's | 2 m/s |
     | | 42 | wanted height | 1 m |
-    | `"frame"` | 0–2 | the paddle's centre of mass, from the home of its upper side | 0.1 m |
+    | `"features"` | 0–2 | the paddle's centre of mass, from the home of its upper side | 0.1 m |
     | | 3–5 | its velocity | 1 m/s |
     | | 6, 7 | axis of the paddle x, y | 0.2 |
     | | 8, 9 | its angular velocity x, y | 3 rad/s |

@@ -44,7 +44,7 @@ HOLES = 18
 CLOSE = 0.05  # distance at which a point of the path counts as passed [m]
 SEEN, NEAR = 4, 4  # numbers of observed points, from the last one passed, and of nearest holes
 WAY_UNIT, SPEED_UNIT, TURNING_UNIT, TILT_UNIT, HOLE_UNIT, LEFT_UNIT = 0.2, 0.3, 12.0, 0.1, 0.1, 1.0
-"""Units of the compact observation: distance [m], speed [m/s], angular velocity [rad/s], tilt [rad], distance
+"""Units of the features: distance [m], speed [m/s], angular velocity [rad/s], tilt [rad], distance
 of holes [m], remaining path length [m]."""
 
 FIRST_HOLE = 2 * (LEGS + 1)
@@ -121,7 +121,7 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
 
 
 @kernel
-def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
+def observe_features(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
         done, holes = int(s.goal[c, PASSED]), 8 + 2 * SEEN + 1
         for axis in range(2):
@@ -210,7 +210,7 @@ def board_axes(angles: np.ndarray) -> np.ndarray:
     return np.array([[a, 0.0, p], [-p * q, b, a * q], [-p * b, -q, a * b]])
 
 
-class SpringLabyrinth(Task, kernels=(evaluate, compact, move)):
+class SpringLabyrinth(Task, kernels=(evaluate, observe_features, move)):
     """Define the MDP of `SpringLabyrinthEnv`, which describes it."""
 
     actions: ClassVar = {"tilt": 2}
@@ -384,7 +384,7 @@ class SpringLabyrinthEnv(SpringEnv, gym.Env, task=SpringLabyrinth):
     | | 50–85 | middles x, y of the holes | 1 m |
     | | 86, 87 | angles of the board towards x, y | 1 rad |
     | | 88 | number of completed legs | 1 |
-    | `"frame"` | 0, 1 | position x, y of the ball | 0.2 m |
+    | `"features"` | 0, 1 | position x, y of the ball | 0.2 m |
     | | 2, 3 | its velocity x, y | 0.3 m/s |
     | | 4, 5 | its angular velocity x, y | 12 rad/s |
     | | 6, 7 | angles of the board towards x, y | 0.1 rad |

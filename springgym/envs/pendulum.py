@@ -26,7 +26,7 @@ from springgym.scene import Scene, ThrustActuator, WrenchActuator
 
 TORQUE = 4.25  # [N·m], half of the weight's largest moment
 IMPULSE = 0.1  # largest component a control period [N·s]: 4.3 N·m at the arm of the far corner
-TURNING_UNIT = 4.0  # unit of angular velocities in the compact observation [rad/s]
+TURNING_UNIT = 4.0  # unit of angular velocities among the features [rad/s]
 FAR = 6  # the corner opposite to the pin
 TOO_FAST = 8.0  # angular velocity that ends an episode [rad/s]
 
@@ -48,13 +48,13 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
 
 
 @kernel
-def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
+def observe_features(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
         spin = put_axis(m, c, TURNING_UNIT, observation[c])
         observation[c, 6] = spin / TURNING_UNIT
 
 
-class SpringPendulum(Task, kernels=(evaluate, compact)):
+class SpringPendulum(Task, kernels=(evaluate, observe_features)):
     """Define the MDP of `SpringPendulumEnv`, which describes it."""
 
     actions: ClassVar = {"torque": 3, "impulse": 3}
@@ -166,7 +166,7 @@ class SpringPendulumEnv(SpringEnv, gym.Env, task=SpringPendulum):
     |---|---|---|---|
     | `"particles"` | 0–20 | positions x, y, z of corners 1–7 | distance from the pin |
     | | 21–41 | their velocities | 4 rad/s × distance from the pin |
-    | `"frame"` | 0–2 | diagonal n from the pin, a unit vector | 1 |
+    | `"features"` | 0–2 | diagonal n from the pin, a unit vector | 1 |
     | | 3–5 | angular velocity across it, ω⊥ | 4 rad/s |
     | | 6 | angular velocity along it, ω₃ | 4 rad/s |
 

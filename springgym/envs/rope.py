@@ -30,7 +30,7 @@ LOAD_RADIUS = 0.34  # as it is drawn [m]
 SPEED = 3.0  # of the trolley [m/s]
 LOST = 10.0  # horizontal distance of the load from its target at which an episode ends [m]
 CLOSE, SLOW = 0.1, 0.1  # of the load, for success [m], [m/s]
-WAY_UNIT, SPEED_UNIT = 2.0, 2.0  # units of the compact observation [m], [m/s]
+WAY_UNIT, SPEED_UNIT = 2.0, 2.0  # units of the features [m], [m/s]
 
 
 @kernel
@@ -49,7 +49,7 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
 
 
 @kernel
-def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
+def observe_features(m: Measures, s: Situation, observation: np.ndarray) -> None:
     load = s.x.shape[1] - 1
     for c in range(observation.shape[0]):
         for axis in range(2):
@@ -68,7 +68,7 @@ def achieve(m: Measures, s: Situation, achieved: np.ndarray, desired: np.ndarray
             achieved[c, 2 + axis], desired[c, 2 + axis] = s.v[c, load, axis], 0.0
 
 
-class SpringRope(Task, kernels=(evaluate, compact, achieve)):
+class SpringRope(Task, kernels=(evaluate, observe_features, achieve)):
     """Define the MDP of `SpringRopeEnv`, which describes it."""
 
     actions: ClassVar = {"trolley": 2}
@@ -207,7 +207,7 @@ class SpringRopeEnv(SpringEnv, gym.Env, task=SpringRope):
     |---|---|---|---|
     | `"particles"` | 0–25 | positions of trolley (x, y), beads and load (x, y, z), from the target | 2 m |
     | | 26–51 | their velocities | 2 m/s |
-    | `"frame"` | 0–1 | horizontal way from the load to the target | 2 m |
+    | `"features"` | 0–1 | horizontal way from the load to the target | 2 m |
     | | 2–3 | horizontal way from the load to the trolley | 1 m |
     | | 4–5 | horizontal velocity of the load | 2 m/s |
     | | 6–7 | velocity of the trolley | 2 m/s |

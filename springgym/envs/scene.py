@@ -461,7 +461,7 @@ class SceneTask(Task):
         given = self._numbers("remember", m, s, memory.shape)
         memory[:] = np.where(_not_diverged(m)[:, None], given, memory)
 
-    def compact(self, m: Measures, s: Situation, observation: np.ndarray) -> None:
+    def observe_features(self, m: Measures, s: Situation, observation: np.ndarray) -> None:
         observation[:] = np.clip(self._numbers("observe", m, s, observation.shape), -BOUND, BOUND)
 
     def _named(self, m: Measures) -> MeasuresOfBodies:

@@ -46,7 +46,7 @@ CLOSE, ALIGNED, SLOW = 0.08, 0.2, 0.1
 TURNING_ARM = 0.2  # factor by which angular velocity counts as speed [m]
 ARENA = 1.8  # where an episode ends [m]
 WAY_UNIT, SPEED_UNIT, NEAR_UNIT, TURNING_UNIT = 0.5, 0.5, 0.3, 2.0
-"""Units of the compact observation: distances [m], speeds [m/s], distance to the box [m], turning [rad/s]."""
+"""Units of the features: distances [m], speeds [m/s], distance to the box [m], turning [rad/s]."""
 PUSHER_SPEED = 1.0  # the same of the pusher's velocity [m/s]
 
 Level: TypeAlias = Sequence[float] | np.ndarray
@@ -113,7 +113,7 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
 
 
 @kernel
-def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
+def observe_features(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
         heading = heading_of(m, c, BOX)
         for axis in range(2):
@@ -137,7 +137,7 @@ def achieve(m: Measures, s: Situation, achieved: np.ndarray, desired: np.ndarray
             achieved[c, axis], desired[c, axis] = m.centre[c, BOX, axis], 0.0
 
 
-class SpringShove(Task, kernels=(evaluate, compact, achieve)):
+class SpringShove(Task, kernels=(evaluate, observe_features, achieve)):
     """Define the MDP of `SpringShoveEnv`, which describes it."""
 
     actions: ClassVar = {"push": 2}
@@ -269,7 +269,7 @@ class SpringShoveEnv(SpringEnv, gym.Env, task=SpringShove):
     | | 9–16 | positions x, y of the box's upper corners 0–3 | 0.5 m |
     | | 17–25 | velocities of the ball's particles | 0.5 m/s |
     | | 26–33 | velocities x, y of the corners | 0.5 m/s |
-    | `"frame"` | 0, 1 | centre of the box x, y | 0.5 m |
+    | `"features"` | 0, 1 | centre of the box x, y | 0.5 m |
     | | 2, 3 | its velocity x, y | 0.5 m/s |
     | | 4, 5 | cosine and sine of its heading | 1 |
     | | 6 | how fast it turns | 2 rad/s |

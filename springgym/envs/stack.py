@@ -94,7 +94,7 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
 
 
 @kernel
-def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
+def observe_features(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
         heading, turned = heading_of(m, c, BOX), turned_of(m, c)
         for axis in range(2):
@@ -110,7 +110,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
         see_pusher(m, c, observation, 9)
 
 
-class SpringStack(Task, kernels=(evaluate, compact, remember)):
+class SpringStack(Task, kernels=(evaluate, observe_features, remember)):
     """Define the MDP of `SpringStackEnv`, which describes it."""
 
     actions: ClassVar = {"push": 2}
@@ -257,7 +257,7 @@ class SpringStackEnv(SpringEnv, gym.Env, task=SpringStack):
     | | 9–24 | positions x, y of the upper corners of box and block | 0.5 m |
     | | 25–33 | velocities of the ball's particles | 0.5 m/s |
     | | 34–49 | velocities x, y of the corners | 0.5 m/s |
-    | `"frame"` | 0, 1 | centre of the box x, y, from that of the block | 0.5 m |
+    | `"features"` | 0, 1 | centre of the box x, y, from that of the block | 0.5 m |
     | | 2, 3 | its velocity x, y | 0.5 m/s |
     | | 4, 5 | cosine and sine of its heading | 1 |
     | | 6, 7 | cosine and sine of the angle by which it is turned from the block | 1 |

@@ -69,13 +69,13 @@ def at_rest(positions: np.ndarray, goal: Sequence[Any] | np.ndarray = ()) -> Sta
 class Task:
     """The MDP of an environment. Subclasses define it, and their instances are immutable.
 
-    A subclass gets these compiled functions by ``class Own(Task, kernels=(evaluate, compact))``. They act on
+    A subclass gets these compiled functions by ``class Own(Task, kernels=(evaluate, observe_features))``. They act on
     consecutive copies:
 
     - ``evaluate(m, s, out)``: for every copy c, from `Measures` m and the `Situation` s, set ``out[name][c]``
       for each name in `outcome`: the reward's terms, the metrics, whether the aim is met now, and whether the
       episode has failed;
-    - ``compact(m, s, observation)``: the compact observation (n, D);
+    - ``observe_features(m, s, observation)``: the features (n, D);
     - ``move(m, s, goal)``, where there is one: sets the goals (n, G) of the next control period;
     - ``remember(m, s, memory)``, where there is one: sets the memory (n, K);
     - ``achieve(m, s, achieved, desired)``, where there are `aims`: sets achieved and desired goals, (n, K)
@@ -89,7 +89,7 @@ class Task:
     For several bodies, m holds the measures of each: scalars (n, bodies), vectors (n, bodies, 3).
     """
 
-    observations: ClassVar[tuple[str, ...]] = ("particles", "frame")
+    observations: ClassVar[tuple[str, ...]] = ("particles", "features")
     actions: ClassVar[Mapping[str, int]]
     """names of the action modes, and their sizes"""
     terms: ClassVar[tuple[str, ...]]
@@ -97,11 +97,11 @@ class Task:
     metrics: ClassVar[tuple[str, ...]]
     """names of the quantities reported in ``info``"""
     entries: tuple[Entry, ...]
-    """meaning of the numbers in the compact observation, in order"""
+    """meaning of the numbers among the features, in order"""
     limits: np.ndarray
     """(A,) effect of each entry of an action at 1, in the units that the docstring states"""
     parameters: np.ndarray = np.zeros(0)
-    """parameters of the task for ``evaluate`` and ``compact``"""
+    """parameters of the task for ``evaluate`` and ``observe_features``"""
     goal_size: ClassVar[int] = 0
     memory: ClassVar[Sequence[float]] = ()
     """the K numbers of the memory before the first call of ``remember``"""
@@ -124,7 +124,7 @@ class Task:
     """whether every start is checked. If it is False, starts with reset options or randomisation still are;
     tests show that all others are possible"""
     evaluate: ClassVar[Callable[..., None]]
-    compact: ClassVar[Callable[..., None]]
+    observe_features: ClassVar[Callable[..., None]]
     move: ClassVar[Callable[..., None] | None] = None
     remember: ClassVar[Callable[..., None] | None] = None
     aims: ClassVar[tuple[Aim, ...]] = ()
@@ -164,7 +164,7 @@ class Task:
         return (*self.reported, "met", "failed")
 
     def seen(self, observations: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the values that compact observations (n, D) encode, by entry, (n, size) in SI units."""
+        """Return the values that features (n, D) encode, by entry, (n, size) in SI units."""
         return values(self.entries, observations)
 
     @cached_property

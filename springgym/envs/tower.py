@@ -43,7 +43,7 @@ UPRIGHT = 0.8  # least cosine of the tilt of a block that has not fallen
 HELD = 0.25  # reward of a held block relative to that after it was let go
 CLOSE, CALM = 0.06, 0.1  # for success: horizontal distance from the block below [m], speed [m/s]
 WAY_UNIT, SPEED_UNIT, TILT_UNIT, TURNING_UNIT, TOWER_UNIT = 0.3, 0.5, 0.2, 2.0, 0.5
-"""Units of the compact observation: way [m], speed [m/s], tilt [1], turning [rad/s], tower's places [m]."""
+"""Units of the features: way [m], speed [m/s], tilt [1], turning [rad/s], tower's places [m]."""
 
 
 @compiled
@@ -107,7 +107,7 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
 
 
 @kernel
-def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
+def observe_features(m: Measures, s: Situation, observation: np.ndarray) -> None:
     blocks = m.centre.shape[1]
     for c in range(observation.shape[0]):
         held = min(int(s.goal[c, 0]), blocks - 1)
@@ -128,7 +128,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
                 observation[c, first + 3 + axis] = m.axis[c, k, axis] / TILT_UNIT
 
 
-class SpringTower(Task, kernels=(evaluate, compact, move)):
+class SpringTower(Task, kernels=(evaluate, observe_features, move)):
     """Define the MDP of `SpringTowerEnv`, which describes it."""
 
     actions: ClassVar = {"crane": 4}
@@ -280,7 +280,7 @@ class SpringTowerEnv(SpringEnv, gym.Env, task=SpringTower):
     | `"particles"` | 0–95 | positions of the corners of all blocks, from the lowest to the last | 0.5 m |
     | | 96–191 | their velocities | 0.5 m/s |
     | | 192 | the number of the block, 1 to 3; 4 when all are let go | 1 |
-    | `"frame"` | 0–2 | centre of the block, from its place | 0.3 m |
+    | `"features"` | 0–2 | centre of the block, from its place | 0.3 m |
     | | 3–5 | its velocity | 0.5 m/s |
     | | 6, 7 | its third axis x, y | 0.2 |
     | | 8–10 | its angular velocity | 2 rad/s |
@@ -294,7 +294,7 @@ class SpringTowerEnv(SpringEnv, gym.Env, task=SpringTower):
     | | 26–28 | centre of block 3, from its place | 0.5 m |
     | | 29, 30 | its third axis x, y | 0.2 |
 
-    Each further block adds 48 entries to `"particles"` and 5 to `"frame"`. A "4" in the table is the
+    Each further block adds 48 entries to `"particles"` and 5 to `"features"`. A "4" in the table is the
     number of blocks.
 
     ## Rewards

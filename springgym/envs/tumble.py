@@ -35,7 +35,7 @@ FORCE, WEAK_FORCE = 35.0, 28.0  # half of the weight, and with hard=True [N]
 TORQUE, WEAK_TORQUE = 9.0, 7.5  # [N·m]
 CLOSE, FLAT, SLOW = 0.1, 0.97, 0.15
 """For success: distance to the target [m], cosine of face and straight down, speed of a particle [m/s]."""
-TURNING_UNIT = 4.0  # unit of angular velocities in the compact observation [rad/s]
+TURNING_UNIT = 4.0  # unit of angular velocities among the features [rad/s]
 ARENA = 4.0  # where an episode ends [m]
 FACES = ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))
 """The face opposite to each corner; its corners in the order that points the normal outwards."""
@@ -98,7 +98,7 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
 
 
 @kernel
-def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
+def observe_features(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
         normal = facing(s.x, c, int(s.goal[c, 3]))
         for axis in range(3):
@@ -122,7 +122,7 @@ def achieve(m: Measures, s: Situation, achieved: np.ndarray, desired: np.ndarray
         achieved[c, 5], desired[c, 5] = fastest(s.v, c), 0.0
 
 
-class SpringTumble(Task, kernels=(evaluate, compact, achieve)):
+class SpringTumble(Task, kernels=(evaluate, observe_features, achieve)):
     """Define the MDP of `SpringTumbleEnv`, which describes it."""
 
     actions: ClassVar = {"wrench": 6, "impulses": 3 * len(CORNERS)}
@@ -255,7 +255,7 @@ class SpringTumbleEnv(SpringEnv, gym.Env, task=SpringTumble):
     | `"particles"` | 0–14 | positions x, y, z of corners 0–3 and centre, from the target | 0.5 m |
     | | 15–29 | their velocities | 2 m/s |
     | | 30–32 | unit vector from the centre of mass to the corner that is to point up | 1 |
-    | `"frame"` | 0–2 | centre of mass, from the target | 1 m |
+    | `"features"` | 0–2 | centre of mass, from the target | 1 m |
     | | 3–5 | its velocity | 1 m/s |
     | | 6–8 | outward normal of the face that is to lie down | 1 |
     | | 9–11 | angular velocity | 4 rad/s |
@@ -288,7 +288,7 @@ class SpringTumbleEnv(SpringEnv, gym.Env, task=SpringTumble):
       m away.
     - `goals=True`, with `sparse=True`: [goal environment](../features.md#goals). The goal is x, y of the
       centre of mass [m], the direction that points down, along the axes of the body (the third axis, and the
-      first, are those of `"frame"`), and the speed s [m/s].
+      first, are those of `"features"`), and the speed s [m/s].
     """
 
     if TYPE_CHECKING:

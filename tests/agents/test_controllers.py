@@ -30,6 +30,6 @@ def test_unknown_controller():
 
 
 def test_only_classical_control_asks_for_the_frame():
-    assert controllers.controller_env_kwargs("classical", "SpringTop-v0", {}) == {"observation": "frame"}
+    assert controllers.controller_env_kwargs("classical", "SpringTop-v0", {}) == {"observation": "features"}
     assert controllers.controller_env_kwargs("classical", "Another-v0", {"size": 2}) == {"size": 2}
     assert controllers.controller_env_kwargs("zero", "SpringTop-v0", {"goals": True}) == {}

@@ -32,7 +32,7 @@ def test_recorded_episodes_can_be_played_again(minari, monkeypatch, capsys):
         assert data.total_episodes == 2
         assert data.storage.metadata["algorithm_name"] == agent
         env = data.recover_environment()
-        assert env.spec.kwargs.get("observation") == ("frame" if "classical" in agent else None)
+        assert env.spec.kwargs.get("observation") == ("features" if "classical" in agent else None)
         for n, episode in enumerate(data.iterate_episodes()):
             seen, _ = env.reset(seed=dataset.DATASET_SEED + n)
             for k, action in enumerate(episode.actions):

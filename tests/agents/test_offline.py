@@ -121,7 +121,7 @@ def test_it_prefers_what_was_rewarded():
         ([RANDOM, RANDOM], "names a data set twice"),
         ([RANDOM, "springgym/SpringRope/classical-v0"], "its environment has"),
         (["springgym/SpringRope/zero-v0"], "belong to the evaluation"),
-        ([RANDOM, "--set", "env_kwargs.observation=frame"], "cannot be changed"),
+        ([RANDOM, "--set", "env_kwargs.observation=features"], "cannot be changed"),
         ([RANDOM, "--set", "expectile=1.5"], "expectile: must lie between 0.0 and 1.0, got 1.5"),
         ([RANDOM, "--set", "updates=3"], "unknown key 'updates'"),
     ],

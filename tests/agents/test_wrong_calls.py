@@ -10,7 +10,7 @@ from toy_env import ToyEnv
 gym.register("ToyEndless-v0", entry_point=ToyEnv)
 
 TOP, TOY = "SpringTop-v0", "toy_env:Toy-v0"
-FRAME = "env_kwargs.observation=frame"
+FEATURES = "env_kwargs.observation=features"
 TOY_PPO = ["--config", str(HERE / "toy_ppo.yaml"), "--set"]
 CELL = ["--local", "--runs", ".", "--algorithms", "ppo"]
 
@@ -63,12 +63,12 @@ WRONG = [
     ("train", [TOP, "--timesteps", "0"], "total_timesteps: must lie between 1 and inf, got 0"),
     ("train", [TOP, "--set", "env_kwargs.obs=frame"], "SpringTop-v0: "),
     ("train", [TOP, "--set", "env_kwargs.observation=fram"], "observation is 'fram'"),
-    ("train", [TOP, "--set", "imitate=100", "env_kwargs={}"], "compact observation"),
-    ("train", [TOP, "--set", "imitate=-1", FRAME], "between 0"),
-    ("train", [TOP, "--set", "imitate=20_000_000", FRAME], "less than total_timesteps"),
-    ("train", [TOP, "--set", "imitate=63", FRAME], "at least n_envs, 64"),
-    ("train", [TOP, "--set", "imitate=0.5", FRAME], "whole number"),
-    ("train", [TOY, *TOY_PPO, "imitate=100", FRAME], "no classical controller"),
+    ("train", [TOP, "--set", "imitate=100", "env_kwargs={}"], "needs the features"),
+    ("train", [TOP, "--set", "imitate=-1", FEATURES], "between 0"),
+    ("train", [TOP, "--set", "imitate=20_000_000", FEATURES], "less than total_timesteps"),
+    ("train", [TOP, "--set", "imitate=63", FEATURES], "at least n_envs, 64"),
+    ("train", [TOP, "--set", "imitate=0.5", FEATURES], "whole number"),
+    ("train", [TOY, *TOY_PPO, "imitate=100", FEATURES], "no classical controller"),
     ("train", ["ToyEndless-v0"], "ToyEndless-v0 has no time limit: register it with max_ep"),
     # the file of an agent cannot hold discrete actions
     (

@@ -80,7 +80,7 @@ MISSED = {"SpringShove-v0": [pytest.mark.xfail(reason="γ is 0.88: noise costs s
 def test_returns_rank_as_successes_do(env_id: str, with_published: bool) -> None:
     """Goodman and Kruskal's γ is at least 0.9 over pairs of agents whose success rates differ by over 0.2."""
     exact = make_controller("classical", env_id, {}, task_type(env_id)().action_space)
-    played = family(env_id, exact, observation="frame")
+    played = family(env_id, exact, observation="features")
     if with_published:
         agent = springgym.load_agent(env_id)
         env = agent.make()
@@ -106,13 +106,13 @@ def test_returns_rank_as_successes_do(env_id: str, with_published: bool) -> None
 def test_starts_can_be_met(env_id: str) -> None:
     """Slow tops that lean too far fall whatever is done, and a tip that sticks has to be pushed off."""
     exact = make_controller("classical", env_id, {}, task_type(env_id)().action_space)
-    assert play(env_id, exact, 200, observation="frame").successes.mean() >= 0.97
+    assert play(env_id, exact, 200, observation="features").successes.mean() >= 0.97
 
 
 def test_the_fastest_flat_spin_can_be_stopped_in_time() -> None:
     env = make("SpringDetumble-v0")
     policy = make_controller("classical", "SpringDetumble-v0", {"start": "flat"}, env.action_space)
-    asked: dict[str, Any] = {"start": "flat", "observation": "frame"}
+    asked: dict[str, Any] = {"start": "flat", "observation": "features"}
     assert play("SpringDetumble-v0", policy, 16, {"speed": 6.0}, **asked).successes.all()
 
 
@@ -130,7 +130,7 @@ def test_the_spin_of_either_sign_is_of_order_one() -> None:
     """Of the easier task it is shown as before: from the usual spin."""
     spins = {}
     for hard in (True, False):
-        env = make("SpringGyroscope-v0", observation="frame", hard=hard)
+        env = make("SpringGyroscope-v0", observation="features", hard=hard)
         seen, infos = zip(*(env.reset(seed=seed) for seed in range(40)), strict=True)
         entry, spin = np.array(seen)[:, 6], np.array([info["spin"] for info in infos])
         assert entry == pytest.approx(spin / 35 if hard else (spin - 35) / 20, abs=1e-5)

@@ -59,7 +59,7 @@ def test_copies_strike_as_single_environments_do() -> None:
     """To the bit, though copies differ in when balls meet and fall."""
     envs: Any = gym.make_vec(ENV, 3, vectorization_mode="vector_entry_point")
     seen, _ = envs.reset(seed=4)
-    actions = classical(ENV)(gym.make_vec(ENV, 3, observation="frame").reset(seed=4)[0])
+    actions = classical(ENV)(gym.make_vec(ENV, 3, observation="features").reset(seed=4)[0])
     _, rewards, *_ = envs.step(actions)
     x = envs.unwrapped.episodes.particles[0]
     for n, action in enumerate(actions):
@@ -172,7 +172,7 @@ def nearly(seen: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("other", slow_but([waiting, straight, nearly], straight))
 def test_only_a_precise_stroke_pays(other: Policy) -> None:
-    honest, cheat = (play(ENV, policy, COPIES, observation="frame") for policy in (classical(ENV), other))
+    honest, cheat = (play(ENV, policy, COPIES, observation="features") for policy in (classical(ENV), other))
     assert honest.successes.mean() >= 0.9
     assert cheat.successes.mean() <= 0.25
     assert cheat.returns.mean() < 0.3 * honest.returns.mean()

@@ -22,11 +22,11 @@ top_torque = classical("SpringTop-v0")
 
 
 def pendulum(policy, action: str = "torque") -> Played:
-    return play("SpringPendulum-v0", policy, COPIES, observation="frame", action=action)
+    return play("SpringPendulum-v0", policy, COPIES, observation="features", action=action)
 
 
 def free_top(policy) -> Played:
-    return play("SpringFreeTop-v0", policy, COPIES, observation="frame")
+    return play("SpringFreeTop-v0", policy, COPIES, observation="features")
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +83,7 @@ def test_whirling_too_fast_ends_the_episode() -> None:
 def test_spinning_the_pinned_top_up_is_not_enough() -> None:
     """Torque about the axis alone keeps the spin wanted, but it precesses on, tilted."""
     honest, cheat = (
-        play("SpringTop-v0", policy, COPIES, observation="frame")
+        play("SpringTop-v0", policy, COPIES, observation="features")
         for policy in (top_torque, lambda seen: top_torque(seen) * np.float32([0, 0, 1]))
     )
     assert cheat.lengths.max() == 500

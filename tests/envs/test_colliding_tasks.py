@@ -46,7 +46,7 @@ def test_who_fails_after_success_has_none(env_id: str, honest: int) -> None:
         steps += 1
         return control(seen) if steps <= honest else np.tile(worst, (len(seen), 1))
 
-    played = play(env_id, turns, COPIES, observation="frame")
+    played = play(env_id, turns, COPIES, observation="features")
     failed = (played.lengths > honest) & (played.lengths < gym.spec(env_id).max_episode_steps)
     assert failed.sum() > COPIES / 2
     assert not played.successes[failed].any()
@@ -111,7 +111,7 @@ def test_a_ball_in_the_air_earns_nothing() -> None:
 @pytest.mark.slow
 def test_a_ball_held_in_the_middle_does_not_do_it() -> None:
     """The place moves, and the middle is no part of it."""
-    task = task_type("SpringBalance-v0")(observation="frame")
+    task = task_type("SpringBalance-v0")(observation="features")
     follow = classical("SpringBalance-v0")
     unit = np.repeat([entry.unit for entry in task.entries], [entry.size for entry in task.entries])
 
@@ -121,8 +121,8 @@ def test_a_ball_held_in_the_middle_does_not_do_it() -> None:
         known[:, 8:] = 0.0
         return follow((known / unit).astype(np.float32))
 
-    cheat = play("SpringBalance-v0", stay, COPIES, {"radius": 0.2}, observation="frame")
-    honest = play("SpringBalance-v0", follow, COPIES, {"radius": 0.2}, observation="frame")
+    cheat = play("SpringBalance-v0", stay, COPIES, {"radius": 0.2}, observation="features")
+    honest = play("SpringBalance-v0", follow, COPIES, {"radius": 0.2}, observation="features")
     assert (cheat.lengths == 500).all()
     assert not cheat.successes.any()
     assert cheat.returns.max() < 0.3 < 0.8 < honest.returns.min()
@@ -184,8 +184,8 @@ def test_pushing_straight_on_does_not_pay(env_id: str, first: int) -> None:
         way = -seen[:, first : first + 2]
         return way / np.linalg.norm(way, axis=1, keepdims=True)
 
-    cheat = play(env_id, lean, COPIES, observation="frame")
-    honest = play(env_id, classical(env_id), COPIES, observation="frame")
+    cheat = play(env_id, lean, COPIES, observation="features")
+    honest = play(env_id, classical(env_id), COPIES, observation="features")
     assert not cheat.successes.any()
     assert cheat.returns.mean() < 0.2 * honest.returns.mean()
 
@@ -268,7 +268,7 @@ def lie_on_the_paddle(env: gym.Env, height: float) -> None:
 @pytest.mark.parametrize("height", [0.0, 0.2])
 def test_a_ball_that_is_carried_is_not_juggled(height: float) -> None:
     """It lies on the paddle for two seconds, as high up as the paddle may go: little is earned."""
-    env = started("SpringJuggle-v0", observation="frame", seed=0, options={"wanted": 0.4})
+    env = started("SpringJuggle-v0", observation="features", seed=0, options={"wanted": 0.4})
     lie_on_the_paddle(env, height)
     seen, *_ = env.step(np.zeros(5))
     for _ in range(120):
@@ -329,7 +329,7 @@ def test_a_push_drives_ones_own_top() -> None:
 
 def test_both_players_see_the_same_duel() -> None:
     """Turned by half a turn, with the players exchanged, the duel is the same: so is what the first sees."""
-    env = started("SpringDuel-v0", observation="frame", opponent="still", seed=3)
+    env = started("SpringDuel-v0", observation="features", opponent="still", seed=3)
     episodes = env.unwrapped.episodes
     task, (x, v) = episodes.task, episodes.particles
     seen = task.seen_by_second(*episodes.seen[:2])
@@ -340,7 +340,7 @@ def test_both_players_see_the_same_duel() -> None:
     np.testing.assert_allclose(episodes.observe()[0], seen[0], atol=1e-6)
 
 
-@pytest.mark.parametrize("observation", ["particles", "frame"])
+@pytest.mark.parametrize("observation", ["particles", "features"])
 @pytest.mark.slow
 def test_the_opponent_is_asked_for_all_copies_at_once(observation: str) -> None:
     """A function of one's own in place of a name is the same duel, to the bit."""
@@ -380,7 +380,7 @@ def test_opponents_are_checked_and_so_is_what_they_give() -> None:
 def test_waiting_does_not_win() -> None:
     """An idle agent wins no duel; a guarding agent earns less in every duel that it does not win."""
     idle, guard = (
-        play("SpringDuel-v0", duel.OPPONENTS[of], 50, observation="frame") for of in ("still", "guard")
+        play("SpringDuel-v0", duel.OPPONENTS[of], 50, observation="features") for of in ("still", "guard")
     )
     assert not idle.successes.any()
     assert guard.returns[~guard.successes].max() < 0.6 * guard.returns[guard.successes].min()
@@ -389,14 +389,14 @@ def test_waiting_does_not_win() -> None:
 # --- Two agents -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("observation", ["particles", "frame"])
+@pytest.mark.parametrize("observation", ["particles", "features"])
 @pytest.mark.slow
 def test_pettingzoo(observation: str) -> None:
     parallel_api_test(parallel("SpringDuel-v0", observation=observation), num_cycles=200)
     parallel_seed_test(lambda: parallel("SpringDuel-v0", observation=observation), num_cycles=100)
 
 
-@pytest.mark.parametrize("observation", ["particles", "frame"])
+@pytest.mark.parametrize("observation", ["particles", "features"])
 @pytest.mark.slow
 def test_two_agents_are_an_agent_and_its_opponent(observation: str) -> None:
     """To the bit, for the first; and what the second sees is what an opponent is asked with."""
@@ -413,7 +413,7 @@ def test_two_agents_are_an_agent_and_its_opponent(observation: str) -> None:
     for n in range(500):
         np.testing.assert_array_equal(one, two["first"])
         one, reward, terminated, truncated, info = single.step(np.array([0.5, -0.5]))
-        if observation == "frame":
+        if observation == "features":
             np.testing.assert_array_equal(asked[n][0], two["second"])
         second = duel.OPPONENTS["strong"](asked[n])[0]
         two, rewards, ended, _, infos = both.step({"first": np.array([0.5, -0.5]), "second": second})
@@ -495,7 +495,7 @@ def test_pettingzoo_s_registry_makes_it() -> None:
     """Whichever was imported first, after `register`."""
     pettingzoo = pytest.importorskip("pettingzoo", "1.27")
     springgym.register()
-    env = pettingzoo.make("parallel", "SpringDuel-v0", max_cycles=7, observation="frame")
+    env = pettingzoo.make("parallel", "SpringDuel-v0", max_cycles=7, observation="features")
     assert type(env) is type(parallel("SpringDuel-v0"))
     assert (env.episodes.max_episode_steps, env.observation_space("first").shape) == (7, (22,))
     assert pettingzoo.make("parallel", "SpringDuel").episodes.max_episode_steps == 500

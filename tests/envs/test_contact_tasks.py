@@ -88,7 +88,7 @@ def test_impulses_on_corners_in_flight() -> None:
 def test_wanted_corner_is_seen(corner: int) -> None:
     """By its direction, and by the outward normal of the face opposite to it."""
     seen = {}
-    for observation in ("particles", "frame"):
+    for observation in ("particles", "features"):
         env = make("SpringTumble-v0", observation=observation)
         seen[observation], _ = env.reset(seed=1, options={"corner": corner, "distance": 1.0})
         positions, _ = particles_of(env)
@@ -98,8 +98,8 @@ def test_wanted_corner_is_seen(corner: int) -> None:
     face = np.delete(positions[:4], corner, axis=0)
     normal = np.cross(face[1] - face[0], face[2] - face[0])
     normal *= np.sign(normal @ (face[0] - positions[corner])) / np.linalg.norm(normal)
-    np.testing.assert_allclose(seen["frame"][6:9], normal, atol=1e-6)
-    goal = centre - seen["frame"][:3]
+    np.testing.assert_allclose(seen["features"][6:9], normal, atol=1e-6)
+    goal = centre - seen["features"][:3]
     assert math.hypot(*goal[:2]) == pytest.approx(1.0, abs=1e-6)
     np.testing.assert_allclose(seen["particles"][:15].reshape(5, 3), (positions - goal) / 0.5, atol=1e-5)
 

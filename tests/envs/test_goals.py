@@ -141,7 +141,7 @@ def test_what_cannot_be_is_refused() -> None:
     with pytest.raises(ValueError, match="give sparse=True, too"):
         make("SpringRope-v0", goals=True)
     with pytest.raises(ValueError, match="must be 'particles'"):
-        make("SpringRope-v0", observation="frame", **APART)
+        make("SpringRope-v0", observation="features", **APART)
     with pytest.raises(TypeError, match="goals is 1; it must be True or False"):
         make("SpringRope-v0", goals=1)
     assert not hasattr(make("SpringRope-v0", sparse=True).unwrapped, "compute_reward")

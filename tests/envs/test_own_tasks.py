@@ -121,7 +121,7 @@ def rebuilt(**options: Any) -> Any:
 def test_one_of_the_package_s_tasks_is_made_again_by_public_words() -> None:
     """SpringGyroscope: same starts, observations, rewards and their terms, metrics, success, pictures."""
     ours = gym.make_vec(
-        "SpringGyroscope-v0", 3, "vector_entry_point", observation="frame", render_mode="rgb_array"
+        "SpringGyroscope-v0", 3, "vector_entry_point", observation="features", render_mode="rgb_array"
     )
     theirs = rebuilt(num_envs=3, max_episode_steps=400, render_mode="rgb_array")
     options = {"angle": 0.05}  # the second time, so that the aim is met

@@ -164,14 +164,14 @@ def test_period_limit_and_hold(row: Row) -> None:
 
 @each_row
 def test_entries_of_observations(row: Row) -> None:
-    """They follow one another, up to the size; the compact ones have the units of `Task.entries`."""
+    """They follow one another, up to the size; the features have the units of `Task.entries`."""
     lines = list(table(documentation(row), "Observation Space"))
     for observation in task_type(row.id).observations:
         own = [line for line in lines if line.mode == observation]
         assert [line.first for line in own] == [0, *(line.last + 1 for line in own[:-1])]
         assert own[-1].last + 1 == task_type(row.id)(observation=observation).observation_size
     told = np.concatenate(
-        [np.full(line.last + 1 - line.first, number(line.told)) for line in lines if line.mode == "frame"]
+        [np.full(line.last + 1 - line.first, number(line.told)) for line in lines if line.mode == "features"]
     )
     entries = task_type(row.id)().entries
     np.testing.assert_array_equal(told, np.repeat([e.unit for e in entries], [e.size for e in entries]))
@@ -285,7 +285,7 @@ def of_several(task: Task, m: Any, x: np.ndarray, goal: np.ndarray) -> dict[str,
 @each_row_but_a_duel
 def test_entries_are_what_is_observed(row: Row) -> None:
     """`Task.seen` gives back, in SI units, what the kernel has scaled."""
-    envs = gym.make_vec(row.id, num_envs=3, vectorization_mode="vector_entry_point", observation="frame")
+    envs = gym.make_vec(row.id, num_envs=3, vectorization_mode="vector_entry_point", observation="features")
     envs.reset(seed=0)
     rng = np.random.default_rng(0)
     for _ in range(4):  # after an even number, an episode of one step has begun

@@ -152,7 +152,7 @@ def at_once(seen: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("cheat", [without_letting_go, at_once])
 @pytest.mark.slow
 def test_cheats_do_not_pay(cheat: Policy) -> None:
-    honest, other = (play(ENV, policy, COPIES, observation="frame") for policy in (classical(ENV), cheat))
+    honest, other = (play(ENV, policy, COPIES, observation="features") for policy in (classical(ENV), cheat))
     assert honest.successes.mean() > 0.8
     assert not other.successes.any()
     assert other.returns.max() < 0.2 * honest.returns.mean()
@@ -160,7 +160,7 @@ def test_cheats_do_not_pay(cheat: Policy) -> None:
 
 @pytest.mark.slow
 def test_classical_control_builds_lower_towers() -> None:
-    played = play(ENV, classical(ENV, blocks=3), 20, observation="frame", blocks=3)
+    played = play(ENV, classical(ENV, blocks=3), 20, observation="features", blocks=3)
     assert played.successes.mean() >= 0.9
 
 
