@@ -143,7 +143,7 @@ def training(cell: Cell, plan: Plan) -> list[str]:
             return ["--resume", str(folder), "--episodes", "0"]
         put_away(folder)
     write_atomically(folder / "probe.json", json.dumps(probe(cell.task)) + "\n")
-    arguments = [cell.task, "--algo", cell.algorithm, "--seed", str(cell.seed), "--run", str(folder)]
+    arguments = [cell.task, "--algo", cell.algorithm, "--seed", str(cell.seed), "--out", str(folder)]
     arguments += ["--config", str(plan.config(cell.algorithm))]
     return [*arguments, "--episodes", "0", *(["--set", *plan.overrides] if plan.overrides else [])]
 

@@ -134,10 +134,10 @@ def learn(options: argparse.Namespace) -> int:
         raise ConfigError(
             f"--runners × --copies × n_steps = {batch} is not a multiple of {config.batch_size}"
         )
-    folder = (options.run or Path("runs") / f"{options.env_id}-rllib-{options.seed}").absolute()
+    folder = (options.out or Path("runs") / f"{options.env_id}-rllib-{options.seed}").absolute()
     checkpoint, table = folder / "checkpoint", folder / "metrics.csv"
     if checkpoint.exists() != options.resume:
-        what = "holds a run: give --resume, or another --run" if checkpoint.exists() else "has no checkpoint"
+        what = "holds a run: give --resume, or another --out" if checkpoint.exists() else "has no checkpoint"
         raise ConfigError(f"{folder} {what}")
     torch.set_num_threads(1)
     path = os.pathsep.join([str(ROOT / "agents"), str(ROOT), os.environ.get("PYTHONPATH", "")])
@@ -188,7 +188,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--episodes", type=whole(1, 100_000), default=100, help="episodes of the evaluation (default: 100)"
     )
-    parser.add_argument("--run", type=Path, help="run folder (default: runs/<env id>-rllib-<seed>)")
+    parser.add_argument("--out", type=Path, help="run folder (default: runs/<env id>-rllib-<seed>)")
     parser.add_argument("--resume", action="store_true", help="continue this run")
     parser.add_argument("--address", help="address of a Ray cluster (auto: this machine's)")
     options = parser.parse_args(arguments)

@@ -153,7 +153,7 @@ interval over training seeds and episodes. No other table or mean contains these
 These commands record the data of SpringTop-v0 and learn from it:
 
 ```sh
-springgym train SpringTop-v0 --timesteps 100_000 --run runs/medium
+springgym train SpringTop-v0 --timesteps 100_000 --out runs/medium
 python agents/studies/dataset.py SpringTop-v0 random SpringTop-v0 --set observation=features
 python agents/studies/dataset.py SpringTop-v0 runs/medium --noise 0.3
 python agents/studies/offline.py SpringTop-v0 --data springgym/SpringTop/medium-noisy-v0 \\

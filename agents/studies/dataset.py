@@ -13,7 +13,7 @@ actions lead to, and the data set is called AGENT-noisy-v0. From data without su
 to imitate.
 
 For data of medium quality, record an agent that was trained for a part of the steps, as by
-``springgym train SpringTop-v0 --timesteps 150000 --run runs/medium``.
+``springgym train SpringTop-v0 --timesteps 150000 --out runs/medium``.
 """
 
 from __future__ import annotations

@@ -88,7 +88,7 @@ def test_what_has_a_row_is_left_alone(done, configs, capsys):
 @pytest.mark.slow
 def test_a_run_is_the_one_of_train(done, tmp_path):
     config = ["--config", str(HERE / "toy_ppo.yaml"), "--episodes", "0"]
-    assert train.main([TOY, "--run", str(tmp_path / "run"), *config]) == 0
+    assert train.main([TOY, "--out", str(tmp_path / "run"), *config]) == 0
     assert_same_run(done / "Toy-v0-ppo-0", tmp_path / "run")
 
 
@@ -98,7 +98,7 @@ def test_linear_control_goes_on_from_its_checkpoint(done, tmp_path, monkeypatch)
 
     config = ["--config", str(HERE / "toy_linear.yaml"), "--episodes", "0"]
     monkeypatch.setattr(toy_env, "interrupt_at", 100)
-    assert train.main([TOY, "--algo", "linear", "--run", str(tmp_path / "run"), *config]) == 130
+    assert train.main([TOY, "--algo", "linear", "--out", str(tmp_path / "run"), *config]) == 130
     monkeypatch.setattr(toy_env, "interrupt_at", None)
     assert 0 < len(rows(tmp_path / "run")) < len(rows(done / "Toy-v0-linear-0"))
     assert train.main(["--resume", str(tmp_path / "run"), "--episodes", "0"]) == 0
@@ -116,7 +116,7 @@ def test_a_run_of_seconds(tmp_path, monkeypatch):
     monkeypatch.setattr(Recorder, "clock", staticmethod(lambda: 0.1 * next(ticks)))  # of which learning calls
     monkeypatch.setattr(toy_env, "interrupt_at", 2000)
     config = ["--config", str(HERE / "toy_ppo.yaml"), "--set", "seconds=5", "anneal=true"]
-    assert train.main([TOY, "--run", str(folder), *config]) == 130
+    assert train.main([TOY, "--out", str(folder), *config]) == 130
     assert 1.5 < results.curve_of(folder)[-1][1] < 4.0
     monkeypatch.setattr(toy_env, "interrupt_at", None)
     assert train.main(["--resume", str(folder), "--episodes", "0"]) == 0

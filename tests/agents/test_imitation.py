@@ -13,7 +13,7 @@ TASK, FEATURES = "SpringTop-v0", "env_kwargs.observation=features"
 
 def trained(folder, *overrides, seed=0):
     """The deterministic policy of a short run that imitates for 16,384 steps."""
-    arguments = [TASK, "--seed", str(seed), "--run", str(folder), "--episodes", "0", "--set", FEATURES]
+    arguments = [TASK, "--seed", str(seed), "--out", str(folder), "--episodes", "0", "--set", FEATURES]
     arguments += ["imitate=16_384", "total_timesteps=20_480", *overrides]
     assert train.main(arguments) == 0
     run = runs.open_run(folder)

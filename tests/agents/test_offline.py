@@ -36,7 +36,7 @@ def data(tmp_path_factory):
 def learned(folder, *options, name=RANDOM):
     """The run of 50 updates, and its row."""
     rows = folder.with_name("rows.json")
-    asked = [TASK, "--data", name, "--steps", "50", "--run", str(folder), "--rows", str(rows), *options]
+    asked = [TASK, "--data", name, "--steps", "50", "--out", str(folder), "--rows", str(rows), *options]
     assert offline.main(asked) == 0
     return runs.open_run(folder), json.loads(rows.read_text())
 
@@ -127,13 +127,13 @@ def test_it_prefers_what_was_rewarded():
     ],
 )
 def test_what_is_wrong_is_told_before_anything_is_learned(data, asked, says, tmp_path, capsys):
-    assert offline.main([TASK, "--run", str(tmp_path / "run"), "--steps", "1", "--data", *asked]) == 2
+    assert offline.main([TASK, "--out", str(tmp_path / "run"), "--steps", "1", "--data", *asked]) == 2
     assert says in capsys.readouterr().err
     assert not (tmp_path / "run").exists()
 
 
 def test_a_folder_or_file_that_holds_something_else(data, tmp_path, capsys):
-    asked = [TASK, "--data", RANDOM, "--run", str(tmp_path)]
+    asked = [TASK, "--data", RANDOM, "--out", str(tmp_path)]
     (tmp_path / "rows.json").write_text("[{}]")
     assert offline.main([*asked, "--rows", str(tmp_path / "rows.json")]) == 2
     assert "does not hold rows of results" in capsys.readouterr().err

@@ -43,7 +43,7 @@ def test_evaluation_is_that_of_the_other_scripts():
     reason="needs agents/rllib-constraints.txt",
 )
 def test_it_trains_on_two_runners_and_goes_on(tmp_path):
-    asked = ["SpringTop-v0", "--runners", "2", "--episodes", "4", "--run", str(tmp_path / "run")]
+    asked = ["SpringTop-v0", "--runners", "2", "--episodes", "4", "--out", str(tmp_path / "run")]
     assert rllib_ppo.main([*asked, "--timesteps", "4096"]) == 0
     assert rllib_ppo.main([*asked, "--timesteps", "8192", "--resume"]) == 0
     steps = [line.split(",")[0] for line in (tmp_path / "run" / "metrics.csv").read_text().splitlines()]

@@ -50,8 +50,8 @@ WRONG = [
         ("plan", ["--tasks", TOP, "--horizon", time], "must be a number from 0.001 to 1000")
         for time in ("0", "-1", "nan", "inf", "far", "1e9")
     ),
-    ("rllib_ppo", [TOP, "--run", ".", "--copies", "3"], "= 192 is not a multiple of 512"),
-    ("rllib_ppo", [TOP, "--run", ".", "--resume"], "has no checkpoint"),
+    ("rllib_ppo", [TOP, "--out", ".", "--copies", "3"], "= 192 is not a multiple of 512"),
+    ("rllib_ppo", [TOP, "--out", ".", "--resume"], "has no checkpoint"),
     ("train", [], "give an environment id, or --resume and a run folder"),
     ("train", ["A-v0", "--resume", "x"], "give an environment id, or --resume and a run folder"),
     ("train", ["--resume", "x", "--set", "a=1"], "configuration of the run: leave out --set"),
