@@ -414,7 +414,7 @@ def fast_drop(broken: bool) -> Outcome:
     Broken: the paper's contact: sampled force and clamp.
     """
     body = cube(damping=0.0)
-    began = start(body, turn=(0.3, 0.5, 0.2), position=(0.0, 0.0, 21.0))
+    began = start(body, rotation=(0.3, 0.5, 0.2), position=(0.0, 0.0, 21.0))
     scene = Scene(body, *began, surfaces=(floor(),), contact=Contact(reach=0.005))
     simulator = contact_simulator(scene, broken)
     lowest, highest, fallen = np.inf, 0.0, False
@@ -442,7 +442,7 @@ def below_and_corner(broken: bool) -> Outcome:
     body = cube(damping=0.0)
     refusal = refused(lambda: Scene(body, surfaces=(floor(),)), "particle 4")
     surfaces = (floor(), Plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)))
-    began = start(body, turn=(0.3, 0.5, 0.2), position=(1.5, 0.0, 1.5), velocity=(-7.0, 0.0, -7.0))
+    began = start(body, rotation=(0.3, 0.5, 0.2), position=(1.5, 0.0, 1.5), velocity=(-7.0, 0.0, -7.0))
     scene = Scene(body, *began, surfaces=surfaces, contact=Contact(reach=0.005))
     simulator = contact_simulator(scene, broken)
 
@@ -468,7 +468,7 @@ def hundred_bounces(broken: bool) -> Outcome:
     Broken: the paper's contact, at the paper's step.
     """
     body = cube(damping=0.0)
-    began = start(body, turn=(0.3, 0.5, 0.2), omega=(1.0, 2.0, 0.5), position=(0.0, 0.0, 1.8))
+    began = start(body, rotation=(0.3, 0.5, 0.2), omega=(1.0, 2.0, 0.5), position=(0.0, 0.0, 1.8))
     scene = Scene(body, *began, surfaces=(floor(),))
     simulator = contact_simulator(scene, broken)
     if not broken:
@@ -521,7 +521,7 @@ def resting_cube(angle: float, friction: float, gravity: tuple[float, float, flo
     normal = np.array([-math.sin(angle), 0.0, math.cos(angle)])
     contact = Contact(friction=friction, restitution=0.3, strength=0.05, reach=0.02)
     height = 0.5 + theory.contact.rest_height(9.81 / 4 * math.cos(angle), 0.05, 0.02)
-    began = start(body, turn=(0.0, -angle, 0.0), position=tuple(height * normal))
+    began = start(body, rotation=(0.0, -angle, 0.0), position=tuple(height * normal))
     scene = Scene(body, *began, gravity=gravity, surfaces=(incline(angle),), contact=contact)
     return Simulator(scene)
 

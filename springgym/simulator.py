@@ -87,7 +87,7 @@ GOES_FORWARD = ("integrator", "step", "damping_every", "tolerance")
 PAPER_STEP = 5e-4
 """Step of the paper [s]."""
 
-PAPER_METHOD: dict[str, Any] = {"integrator": "rk4", "step": PAPER_STEP}
+PAPER_SETTINGS: dict[str, Any] = {"integrator": "rk4", "step": PAPER_STEP}
 """The paper's method for scenes without surfaces; `PaperContact` is its contact with surfaces."""
 
 MOST_PARTICLES, MOST_THREADS = 10**8, 1024
@@ -263,7 +263,7 @@ class Simulator:
 
     @classmethod
     def paper(cls, scene: Scene, **options: Any) -> Self:
-        """Make a simulator with the paper's method: RK4 with h = 5e-4 s and, on surfaces, the paper's
+        """Make a simulator with the paper's settings: RK4 with h = 5e-4 s and, on surfaces, the paper's
         contact.
 
         Parameters
@@ -282,11 +282,11 @@ class Simulator:
         if scene.surfaces and isinstance(contact, Contact):
             if contact.restitution < 1:
                 raise ValueError(
-                    f"restitution is {contact.restitution}; the paper's method has a damping: give the scene "
+                    f"restitution is {contact.restitution}; the paper's settings have a damping: give the scene "
                     "a PaperContact"
                 )
             contact = PaperContact(contact.friction, 0.0, contact.strength, contact.reach)
-        return cls(scene.with_(contact=contact), **(PAPER_METHOD | options))
+        return cls(scene.with_(contact=contact), **(PAPER_SETTINGS | options))
 
     def _kernel(self) -> SameTypes:
         read = measures.read if len(self.scene.bodies) == 1 else measures.read_bodies

@@ -71,7 +71,10 @@ def test_a_classical_controller_does_it_and_doing_nothing_does_not(variant: Vari
 
 
 def test_a_sparse_reward_is_whether_the_aim_is_met() -> None:
-    dense, sparse = make("SpringTop-v0", observation="features"), make("SpringTopSparse-v0", observation="features")
+    dense, sparse = (
+        make("SpringTop-v0", observation="features"),
+        make("SpringTopSparse-v0", observation="features"),
+    )
     act = make_controller("classical", "SpringTop-v0", {}, dense.action_space)
     observation, _ = dense.reset(seed=0)
     sparse.reset(seed=0)

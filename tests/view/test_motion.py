@@ -11,7 +11,7 @@ from springgym.scenes import load
 from springgym.scenes.film import TURN_A_FRAME
 from springgym.scenes.plan import SPEEDS
 from springgym.scenes.recording import record
-from springgym.simulator import PAPER_METHOD
+from springgym.simulator import PAPER_SETTINGS
 from springgym.view.motion import of_recording
 from tests.params import slow_but
 
@@ -80,7 +80,7 @@ def test_contacts_of_colliding_bodies_are_recorded():
     assert all(part.contacts == () for part in told.parts)
     assert record(plan).contacts == ()
     block = load("block-holds")
-    other = replace(block, duration=0.1, scene=block.scene.with_(contact=block.paper), **PAPER_METHOD)
+    other = replace(block, duration=0.1, scene=block.scene.with_(contact=block.paper), **PAPER_SETTINGS)
     assert record(other, contacts=True).contacts == ()
     assert of_recording(record(other, contacts=True), twin=False).touches is None
 
