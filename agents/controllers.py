@@ -1,4 +1,4 @@
-"""Baselines without learning: ``zero``, ``random`` and a classical controller by environment.
+"""Baselines without learning: ``noop``, ``random`` and a classical controller by environment.
 
 A classical controller reads the features (``observation="features"``) and nothing else.
 It maps a task and a batch ``(n, d)`` to actions ``(n, a)`` in [-1, 1]. The task tells it the meaning of the
@@ -25,7 +25,7 @@ from springgym.envs.task import Task
 from springgym.registration import find
 from springgym.scene import GRAVITY
 
-UNTRAINED = ("zero", "random", "classical")
+UNTRAINED = ("noop", "random", "classical")
 """Names of the agents of `make_controller` that need no training."""
 UP = np.array([0.0, 0.0, 1.0])
 G = -GRAVITY[2]
@@ -600,7 +600,7 @@ def make_controller(
     Parameters
     ----------
     name
-        ``"zero"``, ``"random"``, ``"classical"``, or a function by its module, ``"module:function"``: from
+        ``"noop"``, ``"random"``, ``"classical"``, or a function by its module, ``"module:function"``: from
         observations (n, …) it makes actions (n, …).
     env_id, env_kwargs
         The environment and its keyword arguments, of which ``action`` chooses the controller.
@@ -616,7 +616,7 @@ def make_controller(
         return own_controller(name, action_space)
     if not isinstance(action_space, spaces.Box):
         raise ConfigError(f"{env_id} has no continuous actions: its action space is {action_space}")
-    if name == "zero":
+    if name == "noop":
         return lambda observations: np.zeros((len(observations), *action_space.shape), np.float32)
     if name == "random":
         rng = np.random.default_rng(HELD_OUT_SEED)
@@ -626,7 +626,7 @@ def make_controller(
         )
     if name != "classical":
         raise ConfigError(
-            f"unknown controller {name!r}: use zero, random, classical or module:function"
+            f"unknown controller {name!r}: use noop, random, classical or module:function"
             "; there is no run folder of this name"
         )
     by_action = controllers_of(env_id)

@@ -49,7 +49,7 @@ def teacher(run: Run, space: spaces.Space[Any]) -> Policy:
 
 
 def imitate(run: Run, model: PPO) -> int:
-    """Let an untrained agent imitate classical control for ``imitate`` steps of all copies together.
+    """Let an untrained agent imitate classical control for ``bc_steps`` steps of all copies together.
 
     Returns
     -------
@@ -58,7 +58,7 @@ def imitate(run: Run, model: PPO) -> int:
     config, env = run.config, model.get_env()
     assert isinstance(config, PPOConfig)
     assert env is not None
-    steps = config.imitate // config.n_envs
+    steps = config.bc_steps // config.n_envs
     fit(model, *played(model, env, teacher(run, env.action_space), steps, run.seed))
     return steps * config.n_envs
 

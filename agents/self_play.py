@@ -121,7 +121,7 @@ def player(run: Run, path: Path) -> Player:
     return policy_in(path, run.config, *spaces())
 
 
-FROM_NOTHING = ("imitate=0", "log_std_init=-0.5", "learning_rate=1e-3", "normalize=false")
+FROM_NOTHING = ("bc_steps=0", "log_std_init=-0.5", "learning_rate=1e-3", "normalize=false")
 """Differences from ``configs/ppo.yaml``: agents do not imitate a controller, and explore more. Observations
 are not normalised, because training could not continue without the scales, which are not in the model."""
 

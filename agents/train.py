@@ -192,7 +192,7 @@ def begin_with_imitation(run: Run, model: BaseAlgorithm, recorder: Recorder) -> 
     if (
         isinstance(config, PPOConfig)
         and isinstance(model, PPO)
-        and config.imitate
+        and config.bc_steps
         and not model.num_timesteps
     ):
         began = recorder.clock()
@@ -223,7 +223,7 @@ def finish_search(search: Search, episodes: int) -> int:
 
 def report(run: Run, timesteps: int, episodes: int) -> int:
     """Compare the agent with the baselines, draw how it learnt, and film it."""
-    baselines = ["zero", "random", *(["classical"] if controllers_of(run.env_id) else [])]
+    baselines = ["noop", "random", *(["classical"] if controllers_of(run.env_id) else [])]
     task = task_kwargs(run.config)
     evaluations = [evaluate(agent, run.env_id, task, episodes) for agent in (str(run.folder), *baselines)]
     write_json(run.folder / "evaluation.json", evaluations)

@@ -259,7 +259,7 @@ def suite(rows: Sequence[dict[str, Any]]) -> list[str]:
         f"{SECONDS:,.0f} seconds of one core": scores(current, 1, SECONDS),
         f"{SAMPLES:,.0f} steps": scores(current, 0, SAMPLES),
     }
-    learned = [own for found in tables.values() for name, own in found.items() if name != ("zero",)]
+    learned = [own for found in tables.values() for name, own in found.items() if name != ("noop",)]
     seeds = sorted({len(scores) for own in learned for scores in own.values()})
     lines = [COMPARISON.format(tasks=len(SUITE), seeds=" or ".join(map(str, seeds)))]
     for budget, found in tables.items():

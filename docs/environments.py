@@ -40,8 +40,8 @@ CARDS = HERE.parent / "agents" / "trained"
 SEEDS = 100
 FEWEST = 3
 """Number of training seeds from which an interval is drawn, if rows do not hold their episodes."""
-BASELINES = ("zero", "random", "classical")
-ALGORITHMS = ("ppo", "classical", "linear", "sac", "tqc", "her", "planner", "random", "zero")
+BASELINES = ("noop", "random", "classical")
+ALGORITHMS = ("ppo", "classical", "linear", "sac", "tqc", "her", "planner", "random", "noop")
 """In the order of the columns: on a phone, the first is seen without scrolling."""
 
 Report = Mapping[str, Any]

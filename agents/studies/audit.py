@@ -160,7 +160,7 @@ def table(findings: Sequence[Finding], env_id: str) -> str:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line."""
     parser = command_line(__doc__)
-    parser.add_argument("agent", help="a run folder, an environment id, or zero, random, classical")
+    parser.add_argument("agent", help="a run folder, an environment id, or noop, random, classical")
     parser.add_argument("--env", help="environment id, unless the agent is a run folder")
     parser.add_argument("--episodes", type=whole(2, MOST_EPISODES), default=100)
     parser.add_argument(

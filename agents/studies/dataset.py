@@ -170,7 +170,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("env_id", help="environment id")
     parser.add_argument(
-        "agents", nargs="+", help="run folders; the environment's id; zero, random, classical, planner"
+        "agents", nargs="+", help="run folders; the environment's id; noop, random, classical, planner"
     )
     parser.add_argument("--episodes", type=whole(1, 100_000), default=100, help="of each (default: 100)")
     parser.add_argument("--seed", type=whole(0, 2**31), default=DATASET_SEED, help="of the first episode")

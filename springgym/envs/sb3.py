@@ -27,7 +27,7 @@ except ImportError as error:
     raise ImportError(missing("springgym.envs.sb3", "Stable-Baselines3", "agents")) from error
 
 from springgym.envs.base import SpringVectorEnv, Stateful, _check_keys, _own, get_state, set_state
-from springgym.envs.starts import spawned
+from springgym.envs.starts import spawn_seeds
 from springgym.identity import check_sealed, sealed
 
 __all__ = ["Monitor", "SB3VecEnv", "StaggeredMonitor", "make_sb3"]
@@ -81,7 +81,7 @@ class SB3VecEnv(Stateful, VecEnv):
         Parameters
         ----------
         seed
-            From one number, `springgym.envs.starts.spawned` makes a seed for every copy. Copies seeded from
+            From one number, `springgym.envs.starts.spawn_seeds` makes a seed for every copy. Copies seeded from
             different numbers never share a seed. (In Stable-Baselines3's own environments, copy i gets the
             number plus i, so runs of neighbouring numbers share starts.) A sequence holds the seed of each
             copy. None draws the number.
@@ -96,7 +96,7 @@ class SB3VecEnv(Stateful, VecEnv):
                 raise ValueError(f"{len(seed)} seeds were given for {self.num_envs} copies")
             self._seeds = list(seed)
         else:
-            self._seeds = [*spawned(super().seed(seed)[0], self.num_envs)]  # type: ignore[arg-type]
+            self._seeds = [*spawn_seeds(super().seed(seed)[0], self.num_envs)]  # type: ignore[arg-type]
         return self._seeds
 
     def reset(self) -> VecEnvObs:

@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="scene (springgym simulate --list), YAML file, or environment id",
     )
     parser.add_argument(
-        "--agent", help="run folder of springgym train, id of a published agent, zero or random"
+        "--agent", help="run folder of springgym train, id of a published agent, noop or random"
     )
     parser.add_argument("--seed", type=int, default=0, help="seed of the first episode")
     parser.add_argument(

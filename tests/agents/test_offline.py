@@ -29,7 +29,7 @@ def data(tmp_path_factory):
         short = ["--episodes", "4", "--set", "max_episode_steps=20"]
         assert dataset.main([TASK, "random", "classical", *short]) == 0
         assert dataset.main([OTHER, "random", *short]) == 0
-        assert dataset.main([TASK, "zero", *short[:2], "--seed", str(runs.HELD_OUT_SEED + 7)]) == 0
+        assert dataset.main([TASK, "noop", *short[:2], "--seed", str(runs.HELD_OUT_SEED + 7)]) == 0
         yield
 
 
@@ -120,7 +120,7 @@ def test_it_prefers_what_was_rewarded():
         (["springgym/SpringTop/random-v0"], "its episodes are of SpringTop-v0, not of SpringRope-v0"),
         ([RANDOM, RANDOM], "names a data set twice"),
         ([RANDOM, "springgym/SpringRope/classical-v0"], "its environment has"),
-        (["springgym/SpringRope/zero-v0"], "belong to the evaluation"),
+        (["springgym/SpringRope/noop-v0"], "belong to the evaluation"),
         ([RANDOM, "--set", "env_kwargs.observation=features"], "cannot be changed"),
         ([RANDOM, "--set", "expectile=1.5"], "expectile: must lie between 0.0 and 1.0, got 1.5"),
         ([RANDOM, "--set", "updates=3"], "unknown key 'updates'"),

@@ -31,10 +31,10 @@ class Still:
 def test_evaluation_is_that_of_the_other_scripts():
     from evaluate import evaluate
 
-    zero = evaluate("zero", "SpringTop-v0", {}, 8)
+    noop = evaluate("noop", "SpringTop-v0", {}, 8)
     earned, success = rllib_ppo.evaluate(Still(), "SpringTop-v0", {}, 8)
-    assert earned == pytest.approx(np.mean(zero.returns_per_step), rel=1e-5)
-    assert success == zero.success_rate
+    assert earned == pytest.approx(np.mean(noop.returns_per_step), rel=1e-5)
+    assert success == noop.success_rate
 
 
 @pytest.mark.slow

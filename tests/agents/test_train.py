@@ -90,9 +90,9 @@ def test_a_run_learns_and_leaves_everything(finished):
     first, *_, last = rows(finished)
     assert float(first["reward_per_step"]) < 0.6 < 0.85 < float(last["reward_per_step"])
     assert int(last["timesteps"]) == 12288
-    trained, zero, random = json.loads((finished / "evaluation.json").read_text())
-    assert [e["agent"] for e in (trained, zero, random)] == [str(finished), "zero", "random"]
-    assert trained["success_rate"] > 0.9 > 0.5 > max(zero["success_rate"], random["success_rate"])
+    trained, noop, random = json.loads((finished / "evaluation.json").read_text())
+    assert [e["agent"] for e in (trained, noop, random)] == [str(finished), "noop", "random"]
+    assert trained["success_rate"] > 0.9 > 0.5 > max(noop["success_rate"], random["success_rate"])
     assert trained["return_per_step"] > 0.9
     assert (finished / "learning_curve.png").read_bytes().startswith(b"\x89PNG")
     assert (finished / "episode.gif").read_bytes().startswith(b"GIF8")
