@@ -448,8 +448,8 @@ def juggle_wrench(task: juggle.SpringJuggle, observations: np.ndarray) -> np.nda
     first, last, here = left.argmin(axis=0), left.max(axis=0), (left.argmin(axis=0), rows)
     column = np.array(task.columns)[first, None] * [1.0, 0.0]
     ball, velocity, spin, left = ball[here], velocity[here], spin[here], left[here]
-    error = np.stack([seen[f"{name}error"][:, 0] for name in names])[here]
-    up = np.sqrt(8.0 / G * np.maximum(seen["wanted"][:, 0] - 0.3 * error, 0.05))
+    error = np.stack([seen[f"{name}height_offset"][:, 0] for name in names])[here]
+    up = np.sqrt(8.0 / G * np.maximum(seen["wanted_height"][:, 0] - 0.3 * error, 0.05))
     if task.balls == 2:
         up += np.clip(0.5 * (last - left - up / 2.0), -0.15 * up, 0.15 * up)
     place = ball + left[:, None] * velocity
@@ -665,7 +665,7 @@ def own_controller(name: str, action_space: spaces.Space[Any]) -> Policy:
 
 
 def controller_env_kwargs(name: str, env_id: str, env_kwargs: Mapping[str, Any]) -> dict[str, Any]:
-    """Return keyword arguments of a baseline's environment: classical control needs the features, no goals."""
+    """Return keyword arguments of a baseline's environment: classical control needs features, no goals."""
     kwargs = {key: value for key, value in env_kwargs.items() if key != "goals"}
     by_features = name == "classical" and controllers_of(env_id)
     return {**kwargs, **({"observation": "features"} if by_features else {})}

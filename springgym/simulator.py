@@ -282,8 +282,8 @@ class Simulator:
         if scene.surfaces and isinstance(contact, Contact):
             if contact.restitution < 1:
                 raise ValueError(
-                    f"restitution is {contact.restitution}; the paper's settings have a damping: give the scene "
-                    "a PaperContact"
+                    f"restitution is {contact.restitution}; the paper's settings have a damping: give the "
+                    "scene a PaperContact"
                 )
             contact = PaperContact(contact.friction, 0.0, contact.strength, contact.reach)
         return cls(scene.with_(contact=contact), **(PAPER_SETTINGS | options))

@@ -62,7 +62,7 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
         potted, effort = nearest < POCKET, thrift(s.action, c)
         out["reward_near"][c] = 0.0 if potted else 0.2 * effort * gaussian(nearest, 0.5, POCKET)
         out["reward_potted"][c] = effort if potted else 0.0
-        out["away"][c] = nearest
+        out["min_distance"][c] = nearest
         out["met"][c] = potted
         out["failed"][c] = True  # the episode ends
 
@@ -82,7 +82,7 @@ class SpringBilliards(Task, kernels=(evaluate, observe_features, remember)):
     observations = ("features",)
     actions: ClassVar = {"stroke": 2}
     terms = ("near", "potted")
-    metrics = ("away",)
+    metrics = ("min_distance",)
     entries = (Entry("to_ball", 2, WAY_UNIT), Entry("to_pocket", 2, WAY_UNIT))
     goal_size = 2
     memory = (math.inf,)  # the least distance of the second ball from the pocket so far [m]
@@ -218,7 +218,7 @@ class SpringBilliardsEnv(SpringEnv, gym.Env, task=SpringBilliards):
     control period. The render mode `"rgb_array_list"` has a picture of each period.
 
     ## Information
-    `away` e [m], `pairs_…`.
+    `min_distance` e [m], `pairs_…`.
 
     ## Arguments
     None of its own.

@@ -44,7 +44,7 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
         slow = gaussian(speed, 2.0, 0.05) / 4 * thrift(s.action, c)
         out["reward_slow"][c] = slow
         out["reward_still"][c] = 3 * slow * gaussian(speed, 0.2, 0.05)
-        out["speed"][c] = speed
+        out["angular_speed"][c] = speed
         out["met"][c] = speed < 0.15
         out["failed"][c] = False
 
@@ -63,7 +63,7 @@ class SpringDetumble(Task, kernels=(evaluate, observe_features)):
 
     actions: ClassVar = {"torque": 3, "thrusters": len(THRUSTERS)}
     terms = ("slow", "still")
-    metrics = ("speed",)
+    metrics = ("angular_speed",)
     entries = (Entry("angular_velocity", 3, TURNING_UNIT), Entry("angular_momentum", 3))
 
     def __init__(
@@ -115,7 +115,7 @@ class SpringDetumble(Task, kernels=(evaluate, observe_features)):
             axis = self._principal[:, 2] + near
         else:
             axis = self._principal[:, 1] + near if upset else anyhow
-        speed = number(options, "speed", speed, 0.0, FASTEST)
+        speed = number(options, "angular_speed", speed, 0.0, FASTEST)
         omega = turn @ (speed / np.linalg.norm(axis) * axis)
         return *turn.ravel().tolist(), *omega.tolist(), factors["scale"]
 
@@ -193,14 +193,15 @@ class SpringDetumbleEnv(SpringEnv, gym.Env, task=SpringDetumble):
 
     ## Starting State
     The box has any orientation and turns at |ω| = U(2, 6) rad/s, in half of the episodes about any direction,
-    in the others within about 0.1 rad of the middle principal axis. `reset(options={"speed": …})` sets |ω|.
+    in the others within about 0.1 rad of the middle principal axis. `reset(options={"angular_speed": …})`
+    sets |ω|.
 
     ## Episode End
     Termination: only by divergence. Truncation: 400 steps, 8 s. `info["is_success"]`: |ω| < 0.15 rad/s for
     the last 50 steps. The fastest flat spin takes 6.4 s of full torque to stop.
 
     ## Information
-    `speed` |ω| [rad/s].
+    `angular_speed` |ω| [rad/s].
 
     ## Arguments
     - `start="flat"`: rotation about the axis of the largest moment, within about 0.1 rad, the flat spin that

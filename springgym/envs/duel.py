@@ -52,7 +52,7 @@ Opponent = Callable[[np.ndarray], np.ndarray]
 
 
 @compiled
-def away_of(m: Measures, c: int, body: int) -> float:
+def distance_of(m: Measures, c: int, body: int) -> float:
     """Return the distance of a top's centre of mass from the middle [m]."""
     return math.hypot(m.centre[c, body, 0], m.centre[c, body, 1])
 
@@ -62,16 +62,17 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     own = int(s.parameters[0])
     other = 1 - own
     for c in range(out.shape[0]):
-        tilt, away, others = angle_of(m.axis[c, own, 2]), away_of(m, c, own), away_of(m, c, other)
-        lost = tilt > FALLEN or away > RIM
+        tilt, distance = angle_of(m.axis[c, own, 2]), distance_of(m, c, own)
+        others = distance_of(m, c, other)
+        lost = tilt > FALLEN or distance > RIM
         down = angle_of(m.axis[c, other, 2]) > FALLEN or others > RIM
         won = down and not lost
-        safe = gaussian(tilt, 0.6, 0.1) * gaussian(away, 0.8, 0.3) * thrift(s.action, c)
+        safe = gaussian(tilt, 0.6, 0.1) * gaussian(distance, 0.8, 0.3) * thrift(s.action, c)
         out["reward_won"][c] = 1.0 - SHAPED if won else 0.0
         out["reward_driven"][c] = SHAPED * safe * min(others / RIM, 1.0)
         out["tilt"][c] = tilt
-        out["away"][c] = away
-        out["other_away"][c] = others
+        out["distance"][c] = distance
+        out["other_distance"][c] = others
         out["met"][c] = won
         out["failed"][c] = lost or down
 
@@ -173,7 +174,7 @@ class SpringDuel(Task, kernels=(evaluate, observe_features)):
 
     actions: ClassVar = {"push": 2}
     terms = ("won", "driven")
-    metrics = ("tilt", "away", "other_away")
+    metrics = ("tilt", "distance", "other_distance")
     entries = ENTRIES
     finest = 1e-3
     damping_every = 2
@@ -375,7 +376,7 @@ class SpringDuelEnv(SpringEnv, gym.Env, task=SpringDuel):
     `info["is_success"]`: the other top is down, and one's own is not.
 
     ## Information
-    `tilt` θ [rad], `away` a [m], `other_away` b [m], `pairs_…`.
+    `tilt` θ [rad], `distance` a [m], `other_distance` b [m], `pairs_…`.
 
     ## Arguments
     - `opponent="still"`: does nothing, while the usual `"script"` attacks with 20 N and returns to the middle
@@ -383,8 +384,8 @@ class SpringDuelEnv(SpringEnv, gym.Env, task=SpringDuel):
     - `opponent="guard"`: returns to the middle, and rights its top.
     - `opponent="strong"`: attacks with full force, on the side on which its top rolls off the other one,
       rights its top and keeps to the middle, as classical control does.
-    - `opponent` can also be a function of observations as `"features"` (n, 22) that returns actions (n, 2). Its
-      axes are turned by half a turn, so that both players see the same duel. Agents trained with
+    - `opponent` can also be a function of observations as `"features"` (n, 22) that returns actions (n, 2).
+      Its axes are turned by half a turn, so that both players see the same duel. Agents trained with
       `observation="features"` are such functions, see `springgym.envs.agent`.
 
     `springgym.envs.parallel("SpringDuel-v0")`, or `pettingzoo.make("parallel", "SpringDuel-v0")` where

@@ -43,18 +43,18 @@ BOWL = 4.0  # radius of the bowl [m]
 def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     for c in range(out.shape[0]):
         tilt = tilt_of(m, c)
-        error = math.hypot(m.centre[c, 0], m.centre[c, 1])
+        distance = math.hypot(m.centre[c, 0], m.centre[c, 1])
         spin, _ = spinning(m, c)
         upright = gaussian(tilt, 0.3, 0.03) * thrift(s.action, c)
-        inside = gaussian(error, 0.4, 0.05)
+        inside = gaussian(distance, 0.4, 0.05)
         out["reward_upright"][c] = 0.15 * upright
         out["reward_inside"][c] = 0.35 * upright * inside
         out["reward_spin"][c] = upright * (0.15 + 0.35 * inside) * gaussian(spin - WANTED, 3.0, 0.25)
         out["tilt"][c] = tilt
-        out["error"][c] = error
+        out["distance"][c] = distance
         out["spin"][c] = spin
-        out["met"][c] = tilt < 0.1 and error < INSIDE and abs(spin - WANTED) < 1
-        out["failed"][c] = tilt > FALLEN or error > ARENA or abs(spin - WANTED) > BAND
+        out["met"][c] = tilt < 0.1 and distance < INSIDE and abs(spin - WANTED) < 1
+        out["failed"][c] = tilt > FALLEN or distance > ARENA or abs(spin - WANTED) > BAND
 
 
 @kernel
@@ -72,7 +72,7 @@ class SpringFreeTop(Task, kernels=(evaluate, observe_features)):
 
     actions: ClassVar = {"push": 3}
     terms = ("upright", "inside", "spin")
-    metrics = ("tilt", "error", "spin")
+    metrics = ("tilt", "distance", "spin")
     entries = (
         Entry("axis", 3),
         Entry("across", 3),
@@ -133,9 +133,9 @@ class SpringFreeTop(Task, kernels=(evaluate, observe_features)):
         tilt, azimuth, spin, share, bearing = uniform(rng, low, high)
         tilt = number(options, "tilt", tilt, 0.0, FALLEN)
         spin = number(options, "spin", spin, WANTED - BAND, WANTED + BAND)
-        away = number(options, "error", self.farthest * math.sqrt(share), 0.0, ARENA)
+        distance = number(options, "distance", self.farthest * math.sqrt(share), 0.0, ARENA)
         height = self._height(factors)
-        return azimuth, tilt, spin, *varied_top(factors), *self._foot(away, bearing, height), height
+        return azimuth, tilt, spin, *varied_top(factors), *self._foot(distance, bearing, height), height
 
     def starts(self, drawn: np.ndarray) -> Start:
         arms, velocities = standing(self._shape, self._tip, drawn[:, :5])
@@ -231,7 +231,7 @@ class SpringFreeTopEnv(SpringEnv, gym.Env, task=SpringFreeTop):
     ## Starting State
     The top stands on its tip, anywhere within 0.4 m of the middle, with a tilt of U(0.02, 0.12) rad and a
     spin of U(5, 9) rad/s. Below 10 rad/s the upright top is unstable.
-    `reset(options={"tilt": …, "spin": …, "error": …})` sets them.
+    `reset(options={"tilt": …, "spin": …, "distance": …})` sets them.
 
     ## Episode End
     Termination: θ > 0.7 rad, e > 1 m, or |ω₃ − 8| > 4.5 rad/s (a faster top would stand by itself).
@@ -239,7 +239,7 @@ class SpringFreeTopEnv(SpringEnv, gym.Env, task=SpringFreeTop):
     last 100 steps.
 
     ## Information
-    `tilt` θ [rad], `error` e [m], `spin` ω₃ [rad/s].
+    `tilt` θ [rad], `distance` e [m], `spin` ω₃ [rad/s].
 
     ## Arguments
     - `surface="bowl"`: a spherical bowl of 4 m radius instead of a floor.

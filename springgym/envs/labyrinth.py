@@ -101,23 +101,23 @@ def move(m: Measures, s: Situation, goal: np.ndarray) -> None:
 @kernel
 def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     for c in range(out.shape[0]):
-        whole, gap = 0.0, math.inf
+        whole, clearance = 0.0, math.inf
         for n in range(LEGS):
             whole += leg(s, c, n)
         for n in range(HOLES):
-            gap = min(gap, way_to(m, s, c, FIRST_HOLE + 2 * n) - s.parameters[1])
+            clearance = min(clearance, way_to(m, s, c, FIRST_HOLE + 2 * n) - s.parameters[1])
         left = way_left(m, s, c)
         progress = min(max(1.0 - left / whole, 0.0), 1.0)
         last = s.goal[c, PASSED] == LEGS - 1
-        error = way_to(m, s, c, 2 * LEGS)
+        distance = way_to(m, s, c, 2 * LEGS)
         effort = thrift(s.action, c)
-        out["reward_way"][c] = 0.5 * effort * progress
-        out["reward_end"][c] = 0.5 * effort * gaussian(error, 0.2, 0.02) if last else 0.0
-        out["left"][c] = left
-        out["gap"][c] = gap
+        out["reward_progress"][c] = 0.5 * effort * progress
+        out["reward_end"][c] = 0.5 * effort * gaussian(distance, 0.2, 0.02) if last else 0.0
+        out["remaining_length"][c] = left
+        out["clearance"][c] = clearance
         out["tilt"][c] = math.acos(math.cos(s.goal[c, LEANING]) * math.cos(s.goal[c, LEANING + 1]))
-        out["met"][c] = last and error < CLOSE
-        out["failed"][c] = gap < 0.0 or max(abs(m.centre[c, 0]), abs(m.centre[c, 1])) > HALF
+        out["met"][c] = last and distance < CLOSE
+        out["failed"][c] = clearance < 0.0 or max(abs(m.centre[c, 0]), abs(m.centre[c, 1])) > HALF
 
 
 @kernel
@@ -214,15 +214,15 @@ class SpringLabyrinth(Task, kernels=(evaluate, observe_features, move)):
     """Define the MDP of `SpringLabyrinthEnv`, which describes it."""
 
     actions: ClassVar = {"tilt": 2}
-    terms = ("way", "end")
-    metrics = ("left", "gap", "tilt")
+    terms = ("progress", "end")
+    metrics = ("remaining_length", "clearance", "tilt")
     entries = (
         Entry("place", 2, WAY_UNIT),
         Entry("velocity", 2, SPEED_UNIT),
         Entry("turning", 2, TURNING_UNIT),
         Entry("tilt", 2, TILT_UNIT),
         Entry("way", 2 * SEEN, WAY_UNIT),
-        Entry("left", 1, LEFT_UNIT),
+        Entry("remaining_length", 1, LEFT_UNIT),
         Entry("holes", 2 * NEAR, HOLE_UNIT),
     )
     goal_size = PASSED + 1
@@ -397,7 +397,7 @@ class SpringLabyrinthEnv(SpringEnv, gym.Env, task=SpringLabyrinth):
     it. What remains is the distance to the next point and all legs after it; the progress p is the share of
     the path that does not remain. With the distance e of the ball from the end, and K = 1 on the last leg,
     else 0, the reward is E [p + K G(e; 0.02, 0.2)]/2 ([G, L, E](../environments.md#shared-definitions)).
-    `reward_way` is the half with p, `reward_end` that with G.
+    `reward_progress` is the half with p, `reward_end` that with G.
 
     ## Starting State
     The ball rests at the first point of the path, and the board is level. The path goes from a cell of 18 cm
@@ -412,8 +412,8 @@ class SpringLabyrinthEnv(SpringEnv, gym.Env, task=SpringLabyrinth):
     for the last 25 steps.
 
     ## Information
-    `left`, the remaining length of the path [m], `gap` between the ball's centre and the nearest hole's rim
-    [m], `tilt` of the board [rad].
+    `remaining_length` of the path [m], `clearance` between the ball's centre and the nearest hole's rim [m],
+    `tilt` of the board [rad].
 
     ## Arguments
     - `hard=True`: a board that turns at up to 0.24 rad/s, and holes of 6 cm.

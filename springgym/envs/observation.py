@@ -1,7 +1,7 @@
 """Observations: positions and velocities of particles, or a few named quantities with units.
 
-Both are scaled to order one. `ObservedParticles` describes the first one. The second one, "features", comes from
-the task's own function ``observe_features``, and `Entry` describes its numbers.
+Both are scaled to order one. `ObservedParticles` describes "particles". "features" come from the task's own
+function ``observe_features``, and `Entry` describes its numbers.
 """
 
 from __future__ import annotations

@@ -41,7 +41,7 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
         out["reward_raised"][c] = raised
         out["reward_held"][c] = 3 * raised * gaussian(tilt, 0.2, 0.05) * gaussian(speed, 0.8, 0.2)
         out["tilt"][c] = tilt
-        out["speed"][c] = speed
+        out["angular_speed"][c] = speed
         out["spin"][c] = spin
         out["met"][c] = tilt < 0.15 and speed < 0.5
         out["failed"][c] = speed > TOO_FAST
@@ -59,7 +59,7 @@ class SpringPendulum(Task, kernels=(evaluate, observe_features)):
 
     actions: ClassVar = {"torque": 3, "impulse": 3}
     terms = ("raised", "held")
-    metrics = ("tilt", "speed", "spin")
+    metrics = ("tilt", "angular_speed", "spin")
     entries = (Entry("axis", 3), Entry("across", 3, TURNING_UNIT), Entry("spin", 1, TURNING_UNIT))
     period = 0.04
     hold = 25
@@ -183,7 +183,7 @@ class SpringPendulumEnv(SpringEnv, gym.Env, task=SpringPendulum):
     10 s. `info["is_success"]`: θ < 0.15 rad and |ω| < 0.5 rad/s for the last 25 steps.
 
     ## Information
-    `tilt` θ [rad], `speed` |ω| and `spin` ω₃ [rad/s].
+    `tilt` θ [rad], `angular_speed` |ω| and `spin` ω₃ [rad/s].
 
     ## Arguments
     - `start="mixed"`: half of the episodes start at any tilt U(0, π), the others near hanging; this is easier

@@ -37,15 +37,15 @@ WAY_UNIT, SPEED_UNIT = 2.0, 2.0  # units of the features [m], [m/s]
 def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     load = s.x.shape[1] - 1
     for c in range(out.shape[0]):
-        error = math.hypot(s.x[c, load, 0] - s.goal[c, 0], s.x[c, load, 1] - s.goal[c, 1])
+        distance = math.hypot(s.x[c, load, 0] - s.goal[c, 0], s.x[c, load, 1] - s.goal[c, 1])
         speed = math.hypot(s.v[c, load, 0], s.v[c, load, 1])
-        near = (long_tail(error, 1.0, 0.05) + gaussian(error, 3.0, 0.05)) / 8 * thrift(s.action, c)
+        near = (long_tail(distance, 1.0, 0.05) + gaussian(distance, 3.0, 0.05)) / 8 * thrift(s.action, c)
         out["reward_near"][c] = near
-        out["reward_still"][c] = 3 * near * gaussian(error, 0.15, 0.03) * gaussian(speed, 0.15, 0.03)
-        out["error"][c] = error
+        out["reward_still"][c] = 3 * near * gaussian(distance, 0.15, 0.03) * gaussian(speed, 0.15, 0.03)
+        out["distance"][c] = distance
         out["speed"][c] = speed
-        out["met"][c] = error < CLOSE and speed < SLOW
-        out["failed"][c] = error > LOST
+        out["met"][c] = distance < CLOSE and speed < SLOW
+        out["failed"][c] = distance > LOST
 
 
 @kernel
@@ -73,7 +73,7 @@ class SpringRope(Task, kernels=(evaluate, observe_features, achieve)):
 
     actions: ClassVar = {"trolley": 2}
     terms = ("near", "still")
-    metrics = ("error", "speed")
+    metrics = ("distance", "speed")
     entries = (
         Entry("to_target", 2, WAY_UNIT),
         Entry("to_trolley", 2),
@@ -164,7 +164,7 @@ class SpringRope(Task, kernels=(evaluate, observe_features, achieve)):
     def marks(self, m: Measures, s: Situation) -> Marks:
         x, y = s.goal[:2].tolist()
         length, trolley, side = float(self.body.lengths.sum()), s.x[0], 1.2 * self.farthest
-        error = math.hypot(s.x[-1, 0] - x, s.x[-1, 1] - y)
+        distance = math.hypot(s.x[-1, 0] - x, s.x[-1, 1] - y)
         feet = [(i * side, j * side, -1.2 * length) for i in (-1, 1) for j in (-1, 1)]
         crane = [
             ((-side, trolley[1], 0.0), (side, trolley[1], 0.0)),
@@ -176,7 +176,7 @@ class SpringRope(Task, kernels=(evaluate, observe_features, achieve)):
             balls=[((x, y, -length), LOAD_RADIUS)],
             lines=[((x, y, -1.2 * length), (x, y, -length - LOAD_RADIUS)), *crane],
             arrows=[Arrow(trolley, 1.2 * np.append(s.action, 0.0))],
-            text=(f"off target {error:4.2f} m",),
+            text=(f"off target {distance:4.2f} m",),
             key=((GREEN, "bring the load here, to rest"), (RED, "acceleration of the trolley")),
         )
 
@@ -227,7 +227,7 @@ class SpringRopeEnv(SpringEnv, gym.Env, task=SpringRope):
     for the last 20 steps.
 
     ## Information
-    `error` e [m], `speed` s [m/s].
+    `distance` e [m], `speed` s [m/s].
 
     ## Arguments
     - `hard=True`: sway U(0, 0.6) rad, U(−0.8, 0.8) rad/s, target U(1.5, 6) m away.

@@ -64,7 +64,7 @@ def turned_of(m: Measures, c: int) -> float:
 
 
 @compiled
-def error_of(m: Measures, c: int) -> float:
+def distance_of(m: Measures, c: int) -> float:
     """Return the distance of the box from the block, seen from above [m]."""
     box, block = m.centre[c, BOX], m.centre[c, BLOCK]
     return math.hypot(box[0] - block[0], box[1] - block[1])
@@ -73,22 +73,24 @@ def error_of(m: Measures, c: int) -> float:
 @kernel
 def remember(m: Measures, s: Situation, memory: np.ndarray) -> None:
     for c in range(memory.shape[0]):
-        error, turned = error_of(m, c), turned_of(m, c)
-        memory[c, BEST] = max(memory[c, BEST], sum(nearness(m, c, 1.0, error, turned)))
-        memory[c, HELD] = memory[c, HELD] + 1.0 if rests(m, c, error, turned) else 0.0
+        distance, turned = distance_of(m, c), turned_of(m, c)
+        memory[c, BEST] = max(memory[c, BEST], sum(nearness(m, c, 1.0, distance, turned)))
+        memory[c, HELD] = memory[c, HELD] + 1.0 if rests(m, c, distance, turned) else 0.0
 
 
 @kernel
 def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     for c in range(out.shape[0]):
-        error, turned = error_of(m, c), turned_of(m, c)
+        distance, turned = distance_of(m, c), turned_of(m, c)
         lowest = min(m.centre[c, BOX, 2], m.centre[c, PUSHER, 2]) - m.centre[c, BLOCK, 2]
         fallen = lowest < SUNK or min(m.axis[c, BOX, 2], m.axis[c, BLOCK, 2]) < 0.7
-        met = rests(m, c, error, turned) and not fallen
+        met = rests(m, c, distance, turned) and not fallen
         stacked = met and s.memory[c, HELD] + 1.0 >= HOLD
-        out["reward_nearer"][c] = 0.2 * max(sum(nearness(m, c, 1.0, error, turned)) - s.memory[c, BEST], 0.0)
+        out["reward_nearer"][c] = 0.2 * max(
+            sum(nearness(m, c, 1.0, distance, turned)) - s.memory[c, BEST], 0.0
+        )
         out["reward_stacked"][c] = 0.8 if stacked else 0.0
-        out["error"][c], out["heading"][c], out["speed"][c] = error, turned, speed_of(m, c)
+        out["distance"][c], out["heading"][c], out["speed"][c] = distance, turned, speed_of(m, c)
         out["met"][c] = met
         out["failed"][c] = stacked or fallen  # both end the episode
 
@@ -115,7 +117,7 @@ class SpringStack(Task, kernels=(evaluate, observe_features, remember)):
 
     actions: ClassVar = {"push": 2}
     terms = ("nearer", "stacked")
-    metrics = ("error", "heading", "speed")
+    metrics = ("distance", "heading", "speed")
     entries = (
         Entry("way", 2, shove.WAY_UNIT),
         Entry("velocity", 2, shove.SPEED_UNIT),
@@ -288,7 +290,7 @@ class SpringStackEnv(SpringEnv, gym.Env, task=SpringStack):
     box rests on the block alone.
 
     ## Information
-    `error` e [m], `heading` φ [rad], `speed` [m/s], `pairs_…`.
+    `distance` e [m], `heading` φ [rad], `speed` [m/s], `pairs_…`.
 
     ## Arguments
     - `randomize`: the factor `scale` leaves the ball as it is.

@@ -69,8 +69,8 @@ def at_rest(positions: np.ndarray, goal: Sequence[Any] | np.ndarray = ()) -> Sta
 class Task:
     """The MDP of an environment. Subclasses define it, and their instances are immutable.
 
-    A subclass gets these compiled functions by ``class Own(Task, kernels=(evaluate, observe_features))``. They act on
-    consecutive copies:
+    A subclass gets these compiled functions by ``class Own(Task, kernels=(evaluate, observe_features))``. They
+    act on consecutive copies:
 
     - ``evaluate(m, s, out)``: for every copy c, from `Measures` m and the `Situation` s, set ``out[name][c]``
       for each name in `outcome`: the reward's terms, the metrics, whether the aim is met now, and whether the

@@ -80,7 +80,7 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     blocks = m.centre.shape[1]
     for c in range(out.shape[0]):
         held = int(s.goal[c, 0])
-        carried, built, error, speed, farthest = 0.0, 0.0, 0.0, 0.0, 0.0
+        carried, built, distance, speed, farthest = 0.0, 0.0, 0.0, 0.0, 0.0
         failed = False
         for k in range(blocks):
             place, velocity = m.centre[c, k], m.centre_velocity[c, k]
@@ -95,14 +95,14 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
                     carried = HELD * near * 2.0 ** (k - 1)
                 else:
                     built += near * 2.0 ** (k - 1)
-                    error = max(error, aside)
+                    distance = max(distance, aside)
         share = thrift(s.action, c) / (2.0 ** (blocks - 1) - 1.0)
         out["reward_carried"][c] = share * carried
         out["reward_built"][c] = share * built
-        out["held"][c] = held
-        out["error"][c] = error
+        out["held_block"][c] = held
+        out["distance"][c] = distance
         out["speed"][c] = speed
-        out["met"][c] = held == blocks and error < CLOSE and speed < CALM
+        out["met"][c] = held == blocks and distance < CLOSE and speed < CALM
         out["failed"][c] = failed or farthest > ARENA
 
 
@@ -133,7 +133,7 @@ class SpringTower(Task, kernels=(evaluate, observe_features, move)):
 
     actions: ClassVar = {"crane": 4}
     terms = ("carried", "built")
-    metrics = ("held", "error", "speed")
+    metrics = ("held_block", "distance", "speed")
     goal_size = 1
     period = 0.04
     finest = 0.04 / 16
@@ -150,7 +150,7 @@ class SpringTower(Task, kernels=(evaluate, observe_features, move)):
             Entry("velocity", 3, SPEED_UNIT),
             Entry("axis", 2, TILT_UNIT),
             Entry("turning", 3, TURNING_UNIT),
-            Entry("held", 1, self.blocks),
+            Entry("held_block", 1, self.blocks),
             Entry("base", 2, TOWER_UNIT),
             Entry("base_axis", 2, TILT_UNIT),
             *(
@@ -315,8 +315,8 @@ class SpringTowerEnv(SpringEnv, gym.Env, task=SpringTower):
     moves faster than 0.1 m/s, for the last 25 steps.
 
     ## Information
-    `held`, the number of the held block; `error`, the largest horizontal distance of a tower block from the
-    one below [m]; `speed` of the fastest block [m/s]; `pairs_…`.
+    `held_block`, the number of the held block; `distance`, the largest horizontal distance of a tower block
+    from the one below [m]; `speed` of the fastest block [m/s]; `pairs_…`.
 
     ## Arguments
     - `blocks` (4): how many there are, from 2 to 5.

@@ -82,18 +82,18 @@ def fastest(v: np.ndarray, c: int) -> float:
 def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     for c in range(out.shape[0]):
         dx, dy = m.centre[c, 0] - s.goal[c, 0], m.centre[c, 1] - s.goal[c, 1]
-        error, speed = math.hypot(dx, dy), fastest(s.v, c)
+        distance, speed = math.hypot(dx, dy), fastest(s.v, c)
         down = -facing(s.x, c, int(s.goal[c, 3]))[2]
         effort = thrift(s.action, c)
-        near = (long_tail(error, 0.5, 0.05) + gaussian(error, 1.2, 0.05)) / 4 * (1 + down) * effort
-        placed = 0.6 * near * gaussian(error, 0.3, 0.05) * gaussian(1 - down, 0.3, 0.02)
+        near = (long_tail(distance, 0.5, 0.05) + gaussian(distance, 1.2, 0.05)) / 4 * (1 + down) * effort
+        placed = 0.6 * near * gaussian(distance, 0.3, 0.05) * gaussian(1 - down, 0.3, 0.02)
         out["reward_near"][c] = 0.4 * near
         out["reward_placed"][c] = 0.3 * placed
         out["reward_still"][c] = 0.7 * placed * gaussian(speed, 1.0, 0.1)
-        out["error"][c] = error
+        out["distance"][c] = distance
         out["angle"][c] = angle_of(down)
         out["speed"][c] = speed
-        out["met"][c] = error < CLOSE and down > FLAT and speed < SLOW
+        out["met"][c] = distance < CLOSE and down > FLAT and speed < SLOW
         out["failed"][c] = max(abs(m.centre[c, 0]), abs(m.centre[c, 1])) > ARENA
 
 
@@ -127,7 +127,7 @@ class SpringTumble(Task, kernels=(evaluate, observe_features, achieve)):
 
     actions: ClassVar = {"wrench": 6, "impulses": 3 * len(CORNERS)}
     terms = ("near", "placed", "still")
-    metrics = ("error", "angle", "speed")
+    metrics = ("distance", "angle", "speed")
     entries = (
         Entry("offset", 3),
         Entry("velocity", 3),
@@ -205,7 +205,7 @@ class SpringTumble(Task, kernels=(evaluate, observe_features, achieve)):
 
     def marks(self, m: Measures, s: Situation) -> Marks:
         corner = int(s.goal[3])
-        error = math.hypot(m.centre[0] - s.goal[0], m.centre[1] - s.goal[1])
+        distance = math.hypot(m.centre[0] - s.goal[0], m.centre[1] - s.goal[1])
         place = (float(s.goal[0]), float(s.goal[1]), 0.0)
         if self.action == "impulses":
             arrows = [Arrow(s.x[n], 0.2 * push) for n, push in enumerate(s.action.reshape(-1, 3))]
@@ -215,7 +215,7 @@ class SpringTumble(Task, kernels=(evaluate, observe_features, achieve)):
             rings=[(place, 0.1), (place, 0.3)],
             balls=[(s.x[corner], 0.05)],
             arrows=arrows,
-            text=(f"off target {error:4.2f} m",),
+            text=(f"off target {distance:4.2f} m",),
             key=(
                 (GREEN, "target place, and the corner to point up"),
                 (RED, "force and torque" if self.action == "wrench" else "impulses"),
@@ -280,7 +280,7 @@ class SpringTumbleEnv(SpringEnv, gym.Env, task=SpringTumble):
     `info["is_success"]`: e < 0.1 m, C > 0.97 and s < 0.15 m/s for the last 25 steps.
 
     ## Information
-    `error` e [m], `angle` between the face's normal and straight down [rad], `speed` s [m/s].
+    `distance` e [m], `angle` between the face's normal and straight down [rad], `speed` s [m/s].
 
     ## Arguments
     - `friction=0.3`: a floor half as rough as the usual one (0.6), on which the body slides.

@@ -19,7 +19,7 @@ from tests.params import slow_unless
 @pytest.mark.parametrize(
     ("env_id", "arguments", "inside", "outside"),
     [
-        ("SpringDetumble-v0", {}, {"speed": 0.1}, {"speed": 0.3}),
+        ("SpringDetumble-v0", {}, {"angular_speed": 0.1}, {"angular_speed": 0.3}),
         ("SpringPendulum-v0", {}, {"tilt": 0.05}, {"tilt": 0.3}),
         ("SpringRope-v0", {}, {"distance": 0.02, "sway": 0.0}, {"distance": 0.2, "sway": 0.0}),
         ("SpringGyroscope-v0", {}, {"angle": 0.03}, {"angle": 0.2}),
@@ -113,7 +113,7 @@ def test_the_fastest_flat_spin_can_be_stopped_in_time() -> None:
     env = make("SpringDetumble-v0")
     policy = make_controller("classical", "SpringDetumble-v0", {"start": "flat"}, env.action_space)
     asked: dict[str, Any] = {"start": "flat", "observation": "features"}
-    assert play("SpringDetumble-v0", policy, 16, {"speed": 6.0}, **asked).successes.all()
+    assert play("SpringDetumble-v0", policy, 16, {"angular_speed": 6.0}, **asked).successes.all()
 
 
 def test_a_crane_that_leaves_its_place_ends_the_episode() -> None:
@@ -121,7 +121,7 @@ def test_a_crane_that_leaves_its_place_ends_the_episode() -> None:
     terminated = truncated = False
     while not terminated and not truncated:
         *_, terminated, truncated, info = env.step(np.array([1.0, 0.0], np.float32))
-        assert terminated == (info["error"] > 10.0)
+        assert terminated == (info["distance"] > 10.0)
     assert terminated
     assert not info["is_success"]
 

@@ -50,7 +50,7 @@ def test_an_episode_is_one_stroke() -> None:
     np.testing.assert_allclose(velocities[0, CUE], begun * way, rtol=2e-3)
     np.testing.assert_allclose(velocities[40, CUE], (begun - SLOWING * 40 * PERIOD) * way, rtol=5e-3)
     assert not velocities[:, OBJECT].any()
-    assert info["away"] == np.hypot(2.5, 1.5)
+    assert info["min_distance"] == np.hypot(2.5, 1.5)
     assert not info["is_success"]
     assert 0.0 < reward < 1e-3
 
@@ -136,7 +136,7 @@ def test_a_ball_in_the_pocket_stays_there() -> None:
     assert terminated
     assert info["is_success"]
     assert reward == pytest.approx(1.0 - 0.1 * 0.5**2 / 2, abs=1e-6)
-    assert info["away"] < FRICTION * G / billiards.SOFT + 1e-4  # where friction holds it
+    assert info["min_distance"] < FRICTION * G / billiards.SOFT + 1e-4  # where friction holds it
     assert np.linalg.norm(velocities[-1, OBJECT]) < 1e-3
 
 
@@ -148,7 +148,7 @@ def test_a_stroke_that_fails(aim: float, size: float) -> None:
     assert terminated
     assert not info["diverged"]
     assert not info["is_success"]
-    assert info["away"] > billiards.POCKET
+    assert info["min_distance"] > billiards.POCKET
     assert reward < 0.2
 
 

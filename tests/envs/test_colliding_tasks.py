@@ -103,7 +103,7 @@ def test_a_ball_in_the_air_earns_nothing() -> None:
     x[0, 8:, 2] += 0.1
     simulator.place(x, v)
     _, reward, terminated, _, info = env.step(np.zeros(2))
-    assert info["gap"] > 0.02
+    assert info["clearance"] > 0.02
     assert reward == 0.0
     assert not terminated
 
@@ -142,7 +142,7 @@ def test_a_box_that_is_not_touched_stays() -> None:
 
 def test_a_ball_that_is_pushed_rolls() -> None:
     """With 5/7 F/m: a third of a second of 2 N, from rest, far from the box."""
-    env = started("SpringShove-v0", seed=0, options={"error": 1.0})
+    env = started("SpringShove-v0", seed=0, options={"distance": 1.0})
     pusher = env.unwrapped.episodes.simulator.measure("pusher")
     began = np.array(pusher.centre[0])
     away = began[:2] - env.unwrapped.episodes.simulator.measure("box").centre[0, :2]
@@ -157,7 +157,7 @@ def test_a_ball_that_is_pushed_rolls() -> None:
 def test_what_it_takes_to_push_the_box(force: float, goes_on: bool) -> None:
     """The ball presses with N = F/(1 + μ'), as it rubs on the box, and lifts itself there by μ' N; the floor
     takes μ (m g + μ' N): 5.1 N for the friction μ' = 0.2 between both and μ = 0.4 of the floor."""
-    env = started("SpringShove-v0", seed=0, options={"error": 0.5, "heading": 0.0})
+    env = started("SpringShove-v0", seed=0, options={"distance": 0.5, "heading": 0.0})
     simulator = env.unwrapped.episodes.simulator
     x, v = simulator.positions, simulator.velocities
     ball, box = x[0, : shove.CORNERS], x[0, shove.CORNERS :]
@@ -191,11 +191,11 @@ def test_pushing_straight_on_does_not_pay(env_id: str, first: int) -> None:
 
 
 def test_the_right_place_with_the_wrong_heading_is_no_success() -> None:
-    env = started("SpringShove-v0", seed=0, options={"error": 0.0, "heading": 0.5})
+    env = started("SpringShove-v0", seed=0, options={"distance": 0.0, "heading": 0.5})
     for _ in range(20):
         _, reward, *_, info = env.step(np.zeros(2))
     assert not info["is_success"]
-    right = started("SpringShove-v0", seed=0, options={"error": 0.0, "heading": 0.0})
+    right = started("SpringShove-v0", seed=0, options={"distance": 0.0, "heading": 0.0})
     for _ in range(20):
         _, more, *_, info = right.step(np.zeros(2))
     assert info["is_success"]
@@ -268,7 +268,7 @@ def lie_on_the_paddle(env: gym.Env, height: float) -> None:
 @pytest.mark.parametrize("height", [0.0, 0.2])
 def test_a_ball_that_is_carried_is_not_juggled(height: float) -> None:
     """It lies on the paddle for two seconds, as high up as the paddle may go: little is earned."""
-    env = started("SpringJuggle-v0", observation="features", seed=0, options={"wanted": 0.4})
+    env = started("SpringJuggle-v0", observation="features", seed=0, options={"wanted_height": 0.4})
     lie_on_the_paddle(env, height)
     seen, *_ = env.step(np.zeros(5))
     for _ in range(120):
@@ -280,13 +280,13 @@ def test_a_ball_that_is_carried_is_not_juggled(height: float) -> None:
         assert not terminated
         assert not info["is_success"]
         assert reward < 0.35
-    assert abs(info["error"] - (height - 0.4)) < 0.02  # it is still there
+    assert abs(info["height_offset"] - (height - 0.4)) < 0.02  # it is still there
 
 
 def test_info_tells_how_near_the_ball_came() -> None:
     """A number from the start on: the reach of the contact where nothing came nearer."""
     env = gym.make("SpringJuggle-v0")
-    _, info = env.reset(seed=0, options={"height": 0.3, "away": 0.0})
+    _, info = env.reset(seed=0, options={"height": 0.3, "lateral_offset": 0.0})
     assert info["pairs_least_gap"] == juggle.REACH
     assert (info["pairs_touching"], info["pairs_impulse"], info["pairs_missed"]) == (0.0, 0.0, 0.0)
     for _ in range(20):  # 0.4 s: it has fallen, and was thrown up again
@@ -298,10 +298,10 @@ def test_info_tells_how_near_the_ball_came() -> None:
 
 def test_the_height_of_a_flight_is_kept_in_the_air() -> None:
     """And it is where the ball turns round."""
-    env = started("SpringJuggle-v0", seed=0, options={"height": 0.5, "wanted": 0.5})
+    env = started("SpringJuggle-v0", seed=0, options={"height": 0.5, "wanted_height": 0.5})
     for _ in range(10):
         *_, info = env.step(np.zeros(5))
-        assert abs(info["error"]) < 1e-6
+        assert abs(info["height_offset"]) < 1e-6
 
 
 # --- SpringDuel -----------------------------------------------------------------------------------------
@@ -418,7 +418,7 @@ def test_two_agents_are_an_agent_and_its_opponent(observation: str) -> None:
         second = duel.OPPONENTS["strong"](asked[n])[0]
         two, rewards, ended, _, infos = both.step({"first": np.array([0.5, -0.5]), "second": second})
         assert rewards["first"] == reward
-        assert infos["first"]["away"] == info["away"] == infos["second"]["other_away"]
+        assert infos["first"]["distance"] == info["distance"] == infos["second"]["other_distance"]
         if terminated or truncated:
             break
     assert terminated

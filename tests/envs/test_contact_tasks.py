@@ -22,7 +22,7 @@ def particles_of(env):
 def test_top_starts_with_its_weight_on_the_tip() -> None:
     """Nothing moves up or down for ten periods: N(h) = Mg at the start's height, to the vibration of the
     springs, whose strain under the weight is Mg/(k L) ~ 1e-4."""
-    env = started("SpringFreeTop-v0", seed=0, options={"tilt": 0.0, "error": 0.2})
+    env = started("SpringFreeTop-v0", seed=0, options={"tilt": 0.0, "distance": 0.2})
     start, _ = particles_of(env)
     for _ in range(10):
         env.step(np.zeros(3))
@@ -36,7 +36,7 @@ def test_top_in_the_bowl_starts_on_the_tip() -> None:
     """The tip is as high above the bowl as above the floor."""
     heights = []
     for surface in ("floor", "bowl"):
-        env = started("SpringFreeTop-v0", surface=surface, seed=0, options={"error": 0.9})
+        env = started("SpringFreeTop-v0", surface=surface, seed=0, options={"distance": 0.9})
         positions, _ = particles_of(env)
         heights.append(env.unwrapped.episodes.simulator.scene.surfaces[0].height(positions[13]))
     assert heights[1] == pytest.approx(heights[0], rel=1e-9)

@@ -104,7 +104,7 @@ def test_a_ball_above_a_hole_falls(inside: bool) -> None:
     put(env, (hole[0], hole[1] + (0.95 if inside else 1.05) * HOLE))
     *_, terminated, _, info = env.step(IDLE)
     assert terminated == inside
-    assert (info["gap"] < 0.0) == inside
+    assert (info["clearance"] < 0.0) == inside
     assert not info["is_success"]
 
 

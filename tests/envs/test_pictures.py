@@ -126,7 +126,7 @@ def test_duel_tells_the_tops_apart() -> None:
 def test_juggle_says_how_high_this_flight_goes() -> None:
     env = make("SpringJuggle-v0")
     for height, word in ((0.3, "below"), (0.7, "above")):
-        env.reset(seed=1, options={"wanted": 0.5, "height": height, "away": 0.0})
+        env.reset(seed=1, options={"wanted_height": 0.5, "height": height, "lateral_offset": 0.0})
         task, seen = env.unwrapped.episodes.task, env.unwrapped.episodes.seen_of(0)
         (line,) = task.marks(*seen).text
         assert line.startswith("this flight peaks 20.")

@@ -221,7 +221,9 @@ def on_the_board(place: np.ndarray, goal: np.ndarray) -> dict[str, np.ndarray]:
         found[name] = np.take_along_axis(values, which[:, :, None], 1).reshape(len(place), -1)
     legs = np.linalg.norm(np.diff(points, axis=1), axis=2)
     rest = [own[int(n) + 1 :].sum() for own, n in zip(legs, done[:, 0], strict=True)]
-    found["left"] = np.linalg.norm(found["way"][:, 2:4], axis=1, keepdims=True) + np.array(rest)[:, None]
+    found["remaining_length"] = (
+        np.linalg.norm(found["way"][:, 2:4], axis=1, keepdims=True) + np.array(rest)[:, None]
+    )
     return found
 
 
@@ -231,7 +233,7 @@ def of_the_tower(m: Any, x: np.ndarray, goal: np.ndarray) -> dict[str, np.ndarra
     held = np.minimum(goal[:, 0].astype(int), blocks - 1)
     height = np.linalg.norm(x[:, 0] - x[:, 4], axis=1)
     off = np.diff(m.centre, axis=1) - height[:, None, None] * [0.0, 0.0, 1.0]
-    known = {"way": off[rows, held - 1], "velocity": m.centre_velocity[rows, held], "held": goal}
+    known = {"way": off[rows, held - 1], "velocity": m.centre_velocity[rows, held], "held_block": goal}
     known |= {"axis": m.axis[rows, held, :2], "turning": m.angular_velocity[rows, held]}
     known |= {"base": m.centre[:, 0, :2], "base_axis": m.axis[:, 0, :2]}
     for k in range(1, blocks):
@@ -245,7 +247,7 @@ def of_several(task: Task, m: Any, x: np.ndarray, goal: np.ndarray) -> dict[str,
         values[..., :2] for values in (m.centre, m.centre_velocity, m.axis, m.angular_velocity)
     )
     names = {entry.name for entry in task.entries}
-    if "held" in names:
+    if "held_block" in names:
         return of_the_tower(m, x, goal)
     if "to_pocket" in names:
         return {"to_ball": level[:, 1] - level[:, 0], "to_pocket": goal - level[:, 1]}
@@ -254,10 +256,10 @@ def of_several(task: Task, m: Any, x: np.ndarray, goal: np.ndarray) -> dict[str,
         return known | {"turning": turning[:, 0], "place": goal[:, :2], "place_velocity": goal[:, 3:5]}
     if "paddle" in names:
         known = {"paddle": m.centre[:, 0], "paddle_velocity": m.centre_velocity[:, 0]}
-        known |= {"axis": axis[:, 0], "turning": turning[:, 0], "wanted": goal}
+        known |= {"axis": axis[:, 0], "turning": turning[:, 0], "wanted_height": goal}
         known |= {"ball": m.centre[:, 1], "ball_velocity": m.centre_velocity[:, 1]}
         height = m.centre[:, 1, 2] - juggle.BALL_RADIUS + m.centre_velocity[:, 1, 2] ** 2 / (2 * 9.81)
-        return known | {"error": np.clip(height[:, None] - goal, -1.0, 1.0)}
+        return known | {"height_offset": np.clip(height[:, None] - goal, -1.0, 1.0)}
     if "beside" in names:
         heading, away = m.side[:, 1, :2], level[:, 0] - level[:, 1]
         heading = heading / np.linalg.norm(heading, axis=1, keepdims=True)
