@@ -509,12 +509,12 @@ assert env.unwrapped.compute_reward(achieved, achieved, info) == 1.0
   `compute_terminated`. Quantities of 100 m or m/s or more, and those after divergence, reach no goal.
 
 [Your own tasks](tutorials/task.md) need two arguments for this. `achieved` returns the current value of the
-goal's quantities from the motion alone, not from `s.goal`. Each `Aim` names some of them, with their number
-and the distance within which they are reached:
+goal's quantities from the motion alone, not from `s.goal`. Each `GoalTolerance` names some of them, with
+their number and the distance within which they are reached:
 
 ```python
 from springgym.bodies import cube
-from springgym.envs.goals import Aim
+from springgym.envs.goals import GoalTolerance
 from springgym.scene import Scene
 
 
@@ -537,7 +537,7 @@ env = springgym.make_scene_env(
     actuators={"force": 5.0},
     start=start,
     achieved=achieved,
-    aims=[Aim("place", 3, 0.1), Aim("velocity", 3, 0.1)],
+    goal_tolerances=[GoalTolerance("place", 3, 0.1), GoalTolerance("velocity", 3, 0.1)],
     goals=True,
     sparse=True,
 )
@@ -545,7 +545,8 @@ seen, info = env.reset(seed=0)
 print(seen["achieved_goal"], seen["desired_goal"])
 ```
 
-Without `goals=True`, `achieved` and `aims` replace `succeeded`: the aim is met where the goal is reached.
+Without `goals=True`, `achieved` and `goal_tolerances` replace `success`: the aim is met where the goal is
+reached.
 
 [Train an agent](training.md#hindsight-experience-replay) shows hindsight experience replay.
 """
@@ -629,9 +630,9 @@ env = springgym.make_scene_env(
     reward=near_one_metre,
     actuators={"force": 20.0},
     observe=lambda m, s: np.concatenate([m.centre, m.centre_velocity], axis=1),
-    failed=lambda m, s: m.centre[:, 2] < 0.2,
-    succeeded=lambda m, s: np.abs(m.centre[:, 2] - 1.0) < 0.05,
-    hold=50,
+    terminated=lambda m, s: m.centre[:, 2] < 0.2,
+    success=lambda m, s: np.abs(m.centre[:, 2] - 1.0) < 0.05,
+    hold_steps=50,
 )
 ```
 

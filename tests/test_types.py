@@ -79,7 +79,7 @@ parallel("SpringDuel-v0", opponent="script")  # type: ignore[call-arg]
 springgym.nonsense  # type: ignore[attr-defined]
 scene = springgym.Scene("top")  # type: ignore[arg-type]
 one = springgym.make_scene_env(scene, print, actuators={"force": 1.0})  # type: ignore[arg-type]
-more = springgym.make_scene_env(scene, lambda m, s: s.action[:, 0], actuators={}, num_envs=3, hold=2)
+more = springgym.make_scene_env(scene, lambda m, s: s.action[:, 0], actuators={}, num_envs=3, hold_steps=2)
 print(more.num_envs, more.single_action_space.low)
 springgym.make_scene_env(scene, lambda m, s: s.v, actuators={}, odd=1)  # type: ignore[call-overload]
 """

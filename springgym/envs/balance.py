@@ -68,8 +68,8 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
         out["distance"][c] = distance
         out["tilt"][c] = tilt
         out["clearance"][c] = clearance
-        out["met"][c] = distance < 0.05 and abs(clearance) < TOUCHING
-        out["failed"][c] = tilt > TIPPED or clearance < -TOUCHING or clearance > HIGH
+        out["success"][c] = distance < 0.05 and abs(clearance) < TOUCHING
+        out["terminated"][c] = tilt > TIPPED or clearance < -TOUCHING or clearance > HIGH
 
 
 @kernel

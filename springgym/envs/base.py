@@ -294,7 +294,7 @@ class SpringEnv(SingleEnv, gym.Env[np.ndarray, np.ndarray]):
         Whether observations hold the goal as separate entries, like Gymnasium-Robotics' ``GoalEnv``: a dict
         of ``observation``, the particles without the goal, ``achieved_goal`` and ``desired_goal``. The
         environment then has ``compute_reward(achieved_goal, desired_goal, info)``, see
-        `springgym.envs.goals.Goals`. Needs ``sparse=True``, and a task with `Task.aims`.
+        `springgym.envs.goals.Goals`. Needs ``sparse=True``, and a task with `Task.goal_tolerances`.
     max_episode_steps
         Time limit. The default is none, because `gymnasium.make` adds the registered one with a wrapper.
     options

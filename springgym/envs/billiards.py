@@ -63,8 +63,8 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
         out["reward_near"][c] = 0.0 if potted else 0.2 * effort * gaussian(nearest, 0.5, POCKET)
         out["reward_potted"][c] = effort if potted else 0.0
         out["min_distance"][c] = nearest
-        out["met"][c] = potted
-        out["failed"][c] = True  # the episode ends
+        out["success"][c] = potted
+        out["terminated"][c] = True  # the episode ends
 
 
 @kernel
@@ -88,7 +88,7 @@ class SpringBilliards(Task, kernels=(evaluate, observe_features, remember)):
     memory = (math.inf,)  # the least distance of the second ball from the pocket so far [m]
     period = PERIOD
     periods = PERIODS
-    hold = 1
+    hold_steps = 1
     wins = True
     finest = PERIOD / 40
     checks_starts = False

@@ -45,8 +45,8 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
         out["reward_slow"][c] = slow
         out["reward_still"][c] = 3 * slow * gaussian(speed, 0.2, 0.05)
         out["angular_speed"][c] = speed
-        out["met"][c] = speed < 0.15
-        out["failed"][c] = False
+        out["success"][c] = speed < 0.15
+        out["terminated"][c] = False
 
 
 @kernel

@@ -73,8 +73,8 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
         out["tilt"][c] = tilt
         out["distance"][c] = distance
         out["other_distance"][c] = others
-        out["met"][c] = won
-        out["failed"][c] = lost or down
+        out["success"][c] = won
+        out["terminated"][c] = lost or down
 
 
 @kernel
@@ -178,7 +178,7 @@ class SpringDuel(Task, kernels=(evaluate, observe_features)):
     entries = ENTRIES
     finest = 1e-3
     damping_every = 2
-    hold = 1
+    hold_steps = 1
     wins = True
     checks_starts = False
     parameters = np.array([float(FIRST)])

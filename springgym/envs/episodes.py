@@ -25,7 +25,7 @@ from springgym.envs.goals import bound as bound_goals
 from springgym.envs.observation import Situation
 from springgym.envs.options import Settings, mapping
 from springgym.envs.randomisation import NOMINAL, RANDOMIZABLE
-from springgym.envs.task import FAILED, MET, Task
+from springgym.envs.task import SUCCESS, TERMINATED, Task
 from springgym.identity import check_same, check_sealed, sealed
 from springgym.measures import Measures
 from springgym.rendering import Marks
@@ -126,7 +126,7 @@ class Episodes:
         sparse = checks.flag("sparse", settings.sparse)
         if sparse and not task.has_aim:
             raise ValueError(
-                "sparse is True, and there is no aim to meet; give succeeded, or achieved and aims"
+                "sparse is True, and there is no aim to meet; give success, or achieved and goal_tolerances"
             )
         self.goals = _goals_of(task, sparse) if checks.flag("goals", settings.goals) else None
         """the goals, if observations have them as separate entries; else None"""
@@ -435,7 +435,7 @@ class Episodes:
             seen = None if seen is None else seen[share]
         self._evaluate(*own[:2], own.outcome)
         if self.goals is not None:
-            reach(*self._achieved(own), self.goals.ends, self.goals.within, own.out[:, MET])
+            reach(*self._achieved(own), self.goals.ends, self.goals.within, own.out[:, SUCCESS])
         terms, wins, limit = self.rewarded, self.task.wins, self.max_episode_steps
         ends = (own.held, own.elapsed, limit, own.diverged, own.unresolved)
         self._finish(own.rows, own.out, terms, wins, *ends, result)
@@ -467,7 +467,7 @@ class Episodes:
 
     def info_arrays(self) -> dict[str, Any]:
         """Return ``info`` as arrays (n,) by name, views that the next step overwrites."""
-        np.greater_equal(self.held, self.task.hold, out=self._succeeded)
+        np.greater_equal(self.held, self.task.hold_steps, out=self._succeeded)
         np.subtract(self.measures.balance, self.balance, out=self._drift)
         if self.task.scene.meetings:
             self._info.update(zip(OF_PAIRS, self.simulator.pair_sums(), strict=True))
@@ -490,7 +490,7 @@ class Episodes:
             views |= dict.fromkeys(OF_PAIRS)
         if self.ranges:
             views["randomization"] = dict(zip(self.ranges, self.factors.T, strict=True))
-        return views | dict(zip(self.task.reported, self.out.T[:MET], strict=True))
+        return views | dict(zip(self.task.reported, self.out.T[:SUCCESS], strict=True))
 
     @property
     def observation_space(self) -> spaces.Box | spaces.Dict:
@@ -747,7 +747,7 @@ def _fastest(scene: Scene, kind: Dynamics) -> str:
 def _goals_of(task: Task, sparse: bool) -> Goals:
     """Return the goals of a task, after checking that observations can have them as separate entries."""
     name = type(task).__name__
-    if not task.aims:
+    if not task.goal_tolerances:
         raise ValueError(f"goals is True; it must be False: {name} has no goal that observations tell apart")
     if not sparse:
         raise ValueError(
@@ -759,7 +759,7 @@ def _goals_of(task: Task, sparse: bool) -> Goals:
             f"goals is True, and observation {task.observation!r}; it must be 'particles', from which "
             "the goal can be left out"
         )
-    return Goals(task.aims)
+    return Goals(task.goal_tolerances)
 
 
 def _checked_limit(steps: int | None) -> int:
@@ -812,7 +812,7 @@ def finish_step(
     The terms of the reward are the first ``terms`` columns; if `SPARSE`, the reward is whether the aim is
     met. After a failure it is not, unless the episode ``wins`` by its end.
     """
-    met, failed = out.shape[1] + MET, out.shape[1] + FAILED
+    success, terminated = out.shape[1] + SUCCESS, out.shape[1] + TERMINATED
     for c in range(out.shape[0]):
         total = 0.0
         for n in range(rows.shape[1]):
@@ -821,15 +821,15 @@ def finish_step(
         diverged[c] = unresolved[c] or not sound
         if diverged[c]:
             out[c, :] = 0.0
-            out[c, failed] = 1.0
-        if out[c, failed] > 0 and not wins:
-            out[c, met] = 0.0
+            out[c, terminated] = 1.0
+        if out[c, terminated] > 0 and not wins:
+            out[c, success] = 0.0
         result.reward[c] = 0.0
         for n in range(terms):
             result.reward[c] += out[c, n]
-        if terms == SPARSE and out[c, met] > 0:
+        if terms == SPARSE and out[c, success] > 0:
             result.reward[c] = 1.0
-        held[c] = held[c] + 1 if out[c, met] > 0 else 0
+        held[c] = held[c] + 1 if out[c, success] > 0 else 0
         elapsed[c] += 1
-        result.terminated[c] = out[c, failed] > 0
+        result.terminated[c] = out[c, terminated] > 0
         result.truncated[c] = 0 <= limit <= elapsed[c]

@@ -53,8 +53,8 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
         out["tilt"][c] = tilt
         out["distance"][c] = distance
         out["spin"][c] = spin
-        out["met"][c] = tilt < 0.1 and distance < INSIDE and abs(spin - WANTED) < 1
-        out["failed"][c] = tilt > FALLEN or distance > ARENA or abs(spin - WANTED) > BAND
+        out["success"][c] = tilt < 0.1 and distance < INSIDE and abs(spin - WANTED) < 1
+        out["terminated"][c] = tilt > FALLEN or distance > ARENA or abs(spin - WANTED) > BAND
 
 
 @kernel
@@ -81,7 +81,7 @@ class SpringFreeTop(Task, kernels=(evaluate, observe_features)):
         Entry("centre_velocity", 2, WAY_UNIT),
     )
     damping_every = 2
-    hold = 100
+    hold_steps = 100
 
     def __init__(
         self,

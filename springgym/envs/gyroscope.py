@@ -15,7 +15,7 @@ from springgym.checks import flag
 from springgym.core.compiling import kernel
 from springgym.envs.arrows import across, torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.goals import Aim
+from springgym.envs.goals import GoalTolerance
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import BodyOptions, EnvOptions, Modes, made, number
 from springgym.envs.rewards import angle_between, angle_of, gaussian, long_tail, put_axis, spinning, thrift
@@ -46,8 +46,8 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
         out["angle"][c] = angle
         out["spin"][c] = spin
         out["precession"][c] = across
-        out["met"][c] = angle < CLOSE and across < CALM
-        out["failed"][c] = False
+        out["success"][c] = angle < CLOSE and across < CALM
+        out["terminated"][c] = False
 
 
 @kernel
@@ -74,7 +74,7 @@ class SpringGyroscope(Task, kernels=(evaluate, observe_features, achieve)):
     metrics = ("angle", "spin", "precession")
     entries: tuple[Entry, ...] = (Entry("axis", 3), Entry("across", 3), SPIN, Entry("target", 3))
     goal_size = 3
-    aims = (Aim("axis", 3, 2 * math.sin(CLOSE / 2)), Aim("across", 3, CALM))
+    goal_tolerances = (GoalTolerance("axis", 3, 2 * math.sin(CLOSE / 2)), GoalTolerance("across", 3, CALM))
 
     def __init__(self, hard: bool = False, body: BodyOptions = None, **modes: Unpack[Modes]) -> None:
         super().__init__(**modes)

@@ -92,8 +92,8 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
         out["height_offset"][c] = worst
         out["lateral_offset"][c] = farthest
         out["tilt"][c] = angle_of(n[2])
-        out["met"][c] = met
-        out["failed"][c] = dropped or strayed > HOME or farthest > ASIDE or n[2] < math.cos(TIPPED)
+        out["success"][c] = met
+        out["terminated"][c] = dropped or strayed > HOME or farthest > ASIDE or n[2] < math.cos(TIPPED)
 
 
 @kernel
@@ -144,7 +144,7 @@ class SpringJuggle(Task, kernels=(evaluate, observe_features)):
     goal_size = 1
     finest = 0.02 / 64
     damping_every = 2
-    hold = 100
+    hold_steps = 100
     checks_starts = False
     limits = np.array([FORCE] * 3 + [TORQUE] * 2)
 

@@ -116,8 +116,8 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
         out["remaining_length"][c] = left
         out["clearance"][c] = clearance
         out["tilt"][c] = math.acos(math.cos(s.goal[c, LEANING]) * math.cos(s.goal[c, LEANING + 1]))
-        out["met"][c] = last and distance < CLOSE
-        out["failed"][c] = clearance < 0.0 or max(abs(m.centre[c, 0]), abs(m.centre[c, 1])) > HALF
+        out["success"][c] = last and distance < CLOSE
+        out["terminated"][c] = clearance < 0.0 or max(abs(m.centre[c, 0]), abs(m.centre[c, 1])) > HALF
 
 
 @kernel
@@ -226,7 +226,7 @@ class SpringLabyrinth(Task, kernels=(evaluate, observe_features, move)):
         Entry("holes", 2 * NEAR, HOLE_UNIT),
     )
     goal_size = PASSED + 1
-    hold = 25
+    hold_steps = 25
     checks_starts = False
 
     def __init__(self, hard: bool = False, **modes: Unpack[Modes]) -> None:

@@ -43,8 +43,8 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
         out["tilt"][c] = tilt
         out["angular_speed"][c] = speed
         out["spin"][c] = spin
-        out["met"][c] = tilt < 0.15 and speed < 0.5
-        out["failed"][c] = speed > TOO_FAST
+        out["success"][c] = tilt < 0.15 and speed < 0.5
+        out["terminated"][c] = speed > TOO_FAST
 
 
 @kernel
@@ -62,7 +62,7 @@ class SpringPendulum(Task, kernels=(evaluate, observe_features)):
     metrics = ("tilt", "angular_speed", "spin")
     entries = (Entry("axis", 3), Entry("across", 3, TURNING_UNIT), Entry("spin", 1, TURNING_UNIT))
     period = 0.04
-    hold = 25
+    hold_steps = 25
 
     def __init__(
         self, start: Literal["hanging", "mixed"] = "hanging", body: BodyOptions = None, **modes: Unpack[Modes]

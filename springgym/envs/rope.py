@@ -13,7 +13,7 @@ from springgym.bodies.rotations import cross
 from springgym.checks import flag, shown
 from springgym.core.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.goals import Aim
+from springgym.envs.goals import GoalTolerance
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import BodyOptions, EnvOptions, Modes, made, number
 from springgym.envs.randomisation import weight_of
@@ -44,8 +44,8 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
         out["reward_still"][c] = 3 * near * gaussian(distance, 0.15, 0.03) * gaussian(speed, 0.15, 0.03)
         out["distance"][c] = distance
         out["speed"][c] = speed
-        out["met"][c] = distance < CLOSE and speed < SLOW
-        out["failed"][c] = distance > LOST
+        out["success"][c] = distance < CLOSE and speed < SLOW
+        out["terminated"][c] = distance > LOST
 
 
 @kernel
@@ -82,8 +82,8 @@ class SpringRope(Task, kernels=(evaluate, observe_features, achieve)):
     )
     goal_size = 3
     period = 0.05
-    hold = 20
-    aims = (Aim("place", 2, CLOSE), Aim("velocity", 2, SLOW))
+    hold_steps = 20
+    goal_tolerances = (GoalTolerance("place", 2, CLOSE), GoalTolerance("velocity", 2, SLOW))
     limits = np.full(2, ACCELERATION)
 
     def __init__(

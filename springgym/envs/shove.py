@@ -13,7 +13,7 @@ from springgym.bodies import Body, box, rolling_ball
 from springgym.checks import flag
 from springgym.core.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.goals import Aim
+from springgym.envs.goals import GoalTolerance
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import EnvOptions, Modes, number
 from springgym.envs.randomisation import NOMINAL, weight_of
@@ -109,9 +109,9 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
         approach, near, turned = nearness(m, c, thrift(s.action, c), distance, heading)
         out["reward_approach"][c], out["reward_near"][c], out["reward_heading"][c] = approach, near, turned
         out["distance"][c], out["heading"][c], out["speed"][c] = distance, heading, speed_of(m, c)
-        out["met"][c] = rests(m, c, distance, heading)
+        out["success"][c] = rests(m, c, distance, heading)
         gone = max(distance, math.hypot(m.centre[c, PUSHER, 0], m.centre[c, PUSHER, 1])) > ARENA
-        out["failed"][c] = gone or m.axis[c, BOX, 2] < 0.7
+        out["terminated"][c] = gone or m.axis[c, BOX, 2] < 0.7
 
 
 @kernel
@@ -157,9 +157,13 @@ class SpringShove(Task, kernels=(evaluate, observe_features, achieve)):
     period = 0.04
     finest = 0.04 / 32
     damping_every = 2
-    hold = 12
+    hold_steps = 12
     checks_starts = False
-    aims = (Aim("place", 2, CLOSE), Aim("heading", 2, 2 * math.sin(ALIGNED / 2)), Aim("speed", 1, SLOW))
+    goal_tolerances = (
+        GoalTolerance("place", 2, CLOSE),
+        GoalTolerance("heading", 2, 2 * math.sin(ALIGNED / 2)),
+        GoalTolerance("speed", 1, SLOW),
+    )
     limits = np.full(2, FORCE)
 
     def __init__(self, friction: float = 0.4, hard: bool = False, **modes: Unpack[Modes]) -> None:

@@ -91,8 +91,8 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
         )
         out["reward_stacked"][c] = 0.8 if stacked else 0.0
         out["distance"][c], out["heading"][c], out["speed"][c] = distance, turned, speed_of(m, c)
-        out["met"][c] = met
-        out["failed"][c] = stacked or fallen  # both end the episode
+        out["success"][c] = met
+        out["terminated"][c] = stacked or fallen  # both end the episode
 
 
 @kernel
@@ -131,7 +131,7 @@ class SpringStack(Task, kernels=(evaluate, observe_features, remember)):
     )
     period = 0.04
     finest = 0.04 / 32
-    hold = HOLD
+    hold_steps = HOLD
     wins = True
     memory = (0.0, 0.0)
     checks_starts = False

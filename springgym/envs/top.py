@@ -48,8 +48,8 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
         out["tilt"][c] = tilt
         out["spin"][c] = spin
         out["precession"][c] = across
-        out["met"][c] = tilt < 0.1 and across < 0.3 and (abs(spin - WANTED) < 3 or not spin_counts)
-        out["failed"][c] = tilt > FALLEN
+        out["success"][c] = tilt < 0.1 and across < 0.3 and (abs(spin - WANTED) < 3 or not spin_counts)
+        out["terminated"][c] = tilt > FALLEN
 
 
 @kernel

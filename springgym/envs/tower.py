@@ -102,8 +102,8 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
         out["held_block"][c] = held
         out["distance"][c] = distance
         out["speed"][c] = speed
-        out["met"][c] = held == blocks and distance < CLOSE and speed < CALM
-        out["failed"][c] = failed or farthest > ARENA
+        out["success"][c] = held == blocks and distance < CLOSE and speed < CALM
+        out["terminated"][c] = failed or farthest > ARENA
 
 
 @kernel
@@ -137,7 +137,7 @@ class SpringTower(Task, kernels=(evaluate, observe_features, move)):
     goal_size = 1
     period = 0.04
     finest = 0.04 / 16
-    hold = 25
+    hold_steps = 25
     checks_starts = False
     limits = np.array([FORCE, FORCE, FORCE, 1.0])
 

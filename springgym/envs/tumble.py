@@ -14,7 +14,7 @@ from springgym.checks import flag, whole
 from springgym.core.compiling import compiled, kernel
 from springgym.envs.arrows import torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.goals import Aim
+from springgym.envs.goals import GoalTolerance
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import EnvOptions, Modes, number
 from springgym.envs.rewards import angle_of, gaussian, long_tail, thrift
@@ -93,8 +93,8 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
         out["distance"][c] = distance
         out["angle"][c] = angle_of(down)
         out["speed"][c] = speed
-        out["met"][c] = distance < CLOSE and down > FLAT and speed < SLOW
-        out["failed"][c] = max(abs(m.centre[c, 0]), abs(m.centre[c, 1])) > ARENA
+        out["success"][c] = distance < CLOSE and down > FLAT and speed < SLOW
+        out["terminated"][c] = max(abs(m.centre[c, 0]), abs(m.centre[c, 1])) > ARENA
 
 
 @kernel
@@ -138,9 +138,13 @@ class SpringTumble(Task, kernels=(evaluate, observe_features, achieve)):
     )
     goal_size = 4
     finest = 0.02 / 30
-    hold = 25
+    hold_steps = 25
     checks_starts = False
-    aims = (Aim("place", 2, CLOSE), Aim("down", 3, math.sqrt(2 - 2 * FLAT)), Aim("speed", 1, SLOW))
+    goal_tolerances = (
+        GoalTolerance("place", 2, CLOSE),
+        GoalTolerance("down", 3, math.sqrt(2 - 2 * FLAT)),
+        GoalTolerance("speed", 1, SLOW),
+    )
 
     def __init__(self, friction: float = 0.6, hard: bool = False, **modes: Unpack[Modes]) -> None:
         super().__init__(**modes)

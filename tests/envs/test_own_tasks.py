@@ -15,7 +15,7 @@ from numpy.random import Generator
 import springgym
 from springgym.bodies import box, cube, gyroscope, rigid_velocities, rotation, stretched_shapes
 from springgym.envs.arrows import across, torque_arrow
-from springgym.envs.goals import BOUND, Aim
+from springgym.envs.goals import BOUND, GoalTolerance
 from springgym.envs.observation import Situation
 from springgym.envs.sb3 import make_sb3
 from springgym.envs.starts import direction, tilted, uniform
@@ -105,8 +105,8 @@ def rebuilt(**options: Any) -> Any:
         scene,
         reward,
         actuators={"torque": 20.0},
-        succeeded=pointed,
-        hold=50,
+        success=pointed,
+        hold_steps=50,
         observe=observe,
         metrics=measured,
         start=start,
@@ -266,7 +266,7 @@ def test_a_goal_is_observed_with_the_particles_and_set_by_reset_options() -> Non
 # --- Goals told apart ---------------------------------------------------------------------------------
 
 NAN = float("nan")
-AIMS = (Aim("place", 2, 0.05), Aim("velocity", 2, 0.2))
+TOLERANCES = (GoalTolerance("place", 2, 0.05), GoalTolerance("velocity", 2, 0.2))
 
 
 def berth(rng: Generator, off: float = 0.08) -> Start:
@@ -286,16 +286,16 @@ def reached(m: MeasuresOfBodies, s: Situation) -> np.ndarray:
 
 
 def parking(**options: Any) -> Any:
-    settings: dict[str, Any] = {"actuators": {"force": (5.0, 5.0, 0.0)}, "start": berth, "hold": 3}
+    settings: dict[str, Any] = {"actuators": {"force": (5.0, 5.0, 0.0)}, "start": berth, "hold_steps": 3}
     return springgym.make_scene_env(Scene(cube(), gravity=None), way, **(settings | options))
 
 
-APART: dict[str, Any] = {"achieved": berthed, "aims": AIMS, "goals": True, "sparse": True}
+APART: dict[str, Any] = {"achieved": berthed, "goal_tolerances": TOLERANCES, "goals": True, "sparse": True}
 
 
 def test_goals_of_ones_own_are_told_apart() -> None:
     """They are rewarded as the same aim written as a judge, and again from the goals alone."""
-    apart, judged = parking(num_envs=32, **APART), parking(num_envs=32, succeeded=reached, sparse=True)
+    apart, judged = parking(num_envs=32, **APART), parking(num_envs=32, success=reached, sparse=True)
     seen, usual = check_rewards(apart, judged, 15, 1.0)
     assert seen["observation"].shape == (32, 48)
     np.testing.assert_array_equal(seen["observation"], usual[:, :48])
@@ -306,7 +306,7 @@ def test_goals_of_ones_own_are_told_apart() -> None:
 
 
 def test_aims_without_goals_told_apart_judge_success() -> None:
-    env = parking(achieved=berthed, aims=AIMS)
+    env = parking(achieved=berthed, goal_tolerances=TOLERANCES)
     env.reset(seed=0, options={"off": 0.0})
     told = [env.step([0, 0])[4]["is_success"] for _ in range(3)]
     assert told == [False, False, True]
@@ -326,21 +326,49 @@ def test_a_copy_that_diverged_reaches_no_goal() -> None:
 @pytest.mark.parametrize(
     ("given", "error", "says"),
     [
-        ({"achieved": None}, ValueError, "goals is True; give achieved and aims, too"),
+        ({"achieved": None}, ValueError, "goals is True; give achieved and goal_tolerances, too"),
         ({"sparse": False}, ValueError, "give sparse=True, too"),
         ({"observe": berthed}, ValueError, "goals is True and observe is given; leave observe out"),
-        ({"aims": ()}, ValueError, "achieved is .* and aims is .*; give both or neither"),
-        ({"goals": False, "achieved": None}, ValueError, "achieved is None and aims is .*; give both"),
+        (
+            {"goal_tolerances": ()},
+            ValueError,
+            "achieved is .* and goal_tolerances is .*; give both or neither",
+        ),
+        (
+            {"goals": False, "achieved": None},
+            ValueError,
+            "achieved is None and goal_tolerances is .*; give both",
+        ),
         ({"goals": 1}, TypeError, "goals is 1; it must be True or False"),
-        ({"aims": AIMS[:1]}, ValueError, "aims have 2 numbers, and the goal that start gave has 4"),
-        ({"start": None}, ValueError, "aims have 4 numbers, and the goal that start gave has 0"),
-        ({"aims": 0.1}, TypeError, "aims is 0.1; it must be a sequence of Aim"),
-        ({"aims": [("place", 4)]}, TypeError, r"aims\[0\] is"),
-        ({"aims": [Aim("place", 4, NAN)]}, ValueError, r"aims\[0\]\.within is nan"),
-        ({"aims": [Aim("place", 4, -1.0)]}, ValueError, r"aims\[0\]\.within is -1.0"),
-        ({"aims": [Aim("place", True, 0.1)]}, TypeError, r"aims\[0\]\.size is True"),
-        ({"aims": [Aim(3, 4, 0.1)]}, TypeError, r"aims\[0\]\.name is 3"),
-        ({"succeeded": reached}, ValueError, "pass either achieved or succeeded, not both"),
+        (
+            {"goal_tolerances": TOLERANCES[:1]},
+            ValueError,
+            "goal_tolerances have 2 numbers, and the goal that start gave has 4",
+        ),
+        ({"start": None}, ValueError, "goal_tolerances have 4 numbers, and the goal that start gave has 0"),
+        (
+            {"goal_tolerances": 0.1},
+            TypeError,
+            "goal_tolerances is 0.1; it must be a sequence of GoalTolerance",
+        ),
+        ({"goal_tolerances": [("place", 4)]}, TypeError, r"goal_tolerances\[0\] is"),
+        (
+            {"goal_tolerances": [GoalTolerance("place", 4, NAN)]},
+            ValueError,
+            r"goal_tolerances\[0\]\.within is nan",
+        ),
+        (
+            {"goal_tolerances": [GoalTolerance("place", 4, -1.0)]},
+            ValueError,
+            r"goal_tolerances\[0\]\.within is -1.0",
+        ),
+        (
+            {"goal_tolerances": [GoalTolerance("place", True, 0.1)]},
+            TypeError,
+            r"goal_tolerances\[0\]\.size is True",
+        ),
+        ({"goal_tolerances": [GoalTolerance(3, 4, 0.1)]}, TypeError, r"goal_tolerances\[0\]\.name is 3"),
+        ({"success": reached}, ValueError, "pass either achieved or success, not both"),
         ({"achieved": lambda m: 0}, TypeError, r"achieved takes \(m\)"),
         ({"achieved": lambda m, s: m.centre}, ValueError, r"achieved gave .* numbers of shape \(1, 4\)"),
         ({"achieved": lambda m, s: NAN * s.goal}, ValueError, "achieved gave .* for copy 0; it must be fin"),

@@ -103,7 +103,7 @@ def test_pictures_say_which_step_it_is_and_whether_it_succeeds() -> None:
     env = make("SpringTop-v0")
     episodes = env.unwrapped.episodes
     _, info = env.reset(seed=1, options={"tilt": 0.0, "spin": 50.0})
-    for step in range(episodes.task.hold + 10):
+    for step in range(episodes.task.hold_steps + 10):
         head, *others = episodes.marks(0).text
         assert head == f"step {step}"
         assert ("success" in others) == info["is_success"]

@@ -361,7 +361,7 @@ def height(m: MeasuresOfBodies, s: Situation) -> np.ndarray:
 RIGHT: dict[str, Any] = {"scene": Scene(cube(), gravity=None), "reward": height, "actuators": {"torque": 2.0}}
 
 
-FUNCTIONS = ("reward", "failed", "succeeded", "observe", "metrics", "start", "move", "remember", "marks")
+FUNCTIONS = ("reward", "terminated", "success", "observe", "metrics", "start", "move", "remember", "marks")
 
 
 def test_every_argument_of_a_scene_environment() -> None:

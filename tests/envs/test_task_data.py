@@ -159,7 +159,7 @@ def test_period_limit_and_hold(row: Row) -> None:
     assert int(steps) == row.max_episode_steps
     assert int(seconds) == pytest.approx(row.max_episode_steps * task().action_period)
     held = re.search(r"for\s+the\s+last\s+(\d+)\s+steps", text)
-    assert (int(held[1]) if held else 1) == task.hold
+    assert (int(held[1]) if held else 1) == task.hold_steps
 
 
 @each_row
@@ -307,7 +307,7 @@ def test_entries_are_what_is_observed(row: Row) -> None:
 @each_row
 def test_outcomes_have_names(row: Row) -> None:
     task = task_type(row.id)()
-    assert task.outcome == (*(f"reward_{n}" for n in task.terms), *task.metrics, "met", "failed")
+    assert task.outcome == (*(f"reward_{n}" for n in task.terms), *task.metrics, "success", "terminated")
     assert len(set(task.outcome)) == len(task.outcome)
 
 
