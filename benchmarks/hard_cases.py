@@ -874,7 +874,7 @@ def parted(simulator: Simulator, speed: float, most: float = 0.05) -> Outcome:
     told = simulator.pairs()
     moved = float(np.abs(momenta(simulator) - kept).max())
     gained = float(np.abs(simulator.measure().energy / energy - 1).max())
-    wrong = int(told.misses.sum() + told.touching.sum())
+    wrong = int(told.late_contacts.sum() + told.touching.sum())
     hit = bool((told.impulse > 0.5 * speed).all())
     return Outcome(
         f"P and L {moved:.0e}, energy {gained:.1e}, {depth:.2g} m deep, {wrong} missed or still touching",
@@ -927,7 +927,7 @@ def impacts_of_cubes(simulator: Simulator, broken: bool) -> tuple[str, float, bo
     size = float(np.abs(kept).max())
     moved = float(np.abs(momenta(simulator) - kept).max()) / size
     gained = np.abs(simulator.shadow_energy() / energy - 1)[hit & ~told.touching[:, 0]]
-    worst, missed, depth = float(np.quantile(gained, 0.99)), int(told.misses.sum()), deepest(simulator)
+    worst, missed, depth = float(np.quantile(gained, 0.99)), int(told.late_contacts.sum()), deepest(simulator)
     words = (
         f"{int(hit.sum())} hits, P and L {moved:.0e}, energy {worst:.1e}, {missed} missed, {depth:.2g} m deep"
     )
@@ -1035,7 +1035,7 @@ def heap(broken: bool) -> Outcome:
         apart = False
     lost = float(first.energy[0] - last.energy[0])
     share = abs(float(last.balance[0] - first.balance[0])) / lost
-    wrong = int(told.misses.sum() + told.overflow.sum())
+    wrong = int(told.late_contacts.sum() + told.overflow.sum())
     far = float(np.linalg.norm(simulator.positions[0, :, :2], axis=1).max())
     return Outcome(
         f"{int(told.touching.sum())} pairs touch, {wrong} missed or left out, "

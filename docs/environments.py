@@ -429,8 +429,8 @@ In all environments, `info` holds, besides the entries of the page:
 | `strain` | largest strain of any spring |
 | `pairs_touching` | number of pairs of bodies in contact now (`pairs_…`: where bodies collide) |
 | `pairs_impulse` | sum of their impulses along normals since the start [N·s] |
-| `pairs_least_gap` | the least gap of any pair since the start [m], at most the contact margin |
-| `pairs_missed` | number of contacts since the start that were found too late |
+| `pairs_min_gap` | the least gap of any pair since the start [m], at most the contact margin |
+| `pairs_late_contacts` | number of contacts since the start that were found too late |
 | `too_fast` | number of contacts since the start that move by over a fifth of their margin in a sub-step |
 
 All environments have these arguments (see `springgym.envs.base.SpringEnv`):
@@ -451,10 +451,10 @@ All environments have these arguments (see `springgym.envs.base.SpringEnv`):
 """
 
 TIERS = {
-    "first steps": "A linear policy (`--algo linear`) solves these tasks, and is found in seconds.",
-    "standard": "PPO solves most of these tasks with the package's hyperparameters; linear policies do not.",
-    "harder": "Variants that are harder to control. PPO succeeds in most episodes.",
-    "hard": "PPO fails in most episodes, although these tasks can be done.",
+    "easy": "A linear policy (`--algo linear`) solves these tasks, and is found in seconds.",
+    "medium": "PPO solves most of these tasks with the package's hyperparameters; linear policies do not.",
+    "hard": "Variants that are harder to control. PPO succeeds in most episodes.",
+    "very hard": "PPO fails in most episodes, although these tasks can be done.",
 }
 HARDER = """## Tiers and harder variants
 

@@ -832,7 +832,7 @@ class Simulator:
         own, reach = self._totals
         read = PairReadings(*(of[copy] for of in totals.read_pairs(own, self.copies)))
         resolved, met, bodies = RESOLVED / self.step * reach, self.scene.meetings, self.scene.bodies
-        n = int(np.argmax((read.fastest > resolved) | (read.misses > 0) | (read.overflow > 0)))
+        n = int(np.argmax((read.fastest > resolved) | (read.late_contacts > 0) | (read.overflow > 0)))
         if n < len(met):
             who = f"bodies {bodies[met.first[n]].name!r} and {bodies[met.second[n]].name!r}"
         else:
@@ -841,7 +841,7 @@ class Simulator:
         deep, soft = "so deep that they (almost) overlapped", "more strength or stiffer springs"
         cases = (
             (finer < self.step, f"at {read.fastest[n]:.4g} m/s", f"a step of less than {finer:.2g} s"),
-            (read.misses[n] > 0, deep, f"a larger reach, such as {2 * reach[n]:g} m, {soft}"),
+            (read.late_contacts[n] > 0, deep, f"a larger reach, such as {2 * reach[n]:g} m, {soft}"),
             (read.overflow[n] > 0, "at too many points, or too fast to find", "a shorter step"),
         )
         how = " and ".join(met for wrong, met, _ in cases if wrong)

@@ -144,7 +144,7 @@ def test_rows_of_an_earlier_protocol_or_task_are_old_and_marked() -> None:
         ({name: value for name, value in now.items() if name != "protocol"}, True),
     ):
         assert writer.is_old(own) == old
-        assert any("`SpringDuel-v0` †" in line for line in writer.table_of("standard", [own])) == old
+        assert any("`SpringDuel-v0` †" in line for line in writer.table_of("medium", [own])) == old
 
 
 def outdated_rows() -> set[str]:

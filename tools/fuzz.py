@@ -331,7 +331,7 @@ class Player:
         if simulator.scene.meetings:
             pairs = simulator.pairs()
             slow = pairs.too_fast.sum(axis=-1) == 0
-            check(not (slow & (pairs.misses.sum(axis=-1) > 0)).any(), "bodies missed each other")
+            check(not (slow & (pairs.late_contacts.sum(axis=-1) > 0)).any(), "bodies missed each other")
             check(not pairs.overflow.any(), "more contacts than are listed")
 
     def follow(self, action: np.ndarray, result: Any, fresh: bool) -> None:

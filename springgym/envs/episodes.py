@@ -84,7 +84,7 @@ class Part(NamedTuple):
 STATE = ("goal", "memory", "time", "factors", "elapsed", "held", "balance", "action", "out", "diverged")
 """Arrays of `Episodes` that change; the strength of the actuators follows from the factors."""
 
-OF_PAIRS = ("pairs_touching", "pairs_impulse", "pairs_least_gap", "pairs_missed", "too_fast")
+OF_PAIRS = ("pairs_touching", "pairs_impulse", "pairs_min_gap", "pairs_late_contacts", "too_fast")
 """Names in ``info`` of the fields of `springgym.contacts.PairSums`, in their order."""
 
 CLEARED = ("elapsed", "time", "held", "action", "out", "diverged")

@@ -83,8 +83,8 @@ class SB3VecEnv(Stateful, VecEnv):
         seed
             From one number, `springgym.envs.starts.spawn_seeds` makes a seed for every copy. Copies seeded
             from different numbers never share a seed. (In Stable-Baselines3's own environments, copy i gets
-            the number plus i, so runs of neighbouring numbers share starts.) A sequence holds the seed of each
-            copy. None draws the number.
+            the number plus i, so runs of neighbouring numbers share starts.) A sequence holds the seed of
+            each copy. None draws the number.
 
         Raises
         ------

@@ -217,8 +217,9 @@ class SceneTask(Task):
         Alternative to ``success``, where the aim is to reach the goal. ``achieved`` is a function of (m, s)
         that returns which goals (n, G) would be reached now, in SI units. Each
         `springgym.envs.goals.GoalTolerance` names some of the G numbers, in their order: they are reached
-        together, if their distance from those of ``s.goal`` is smaller than its limit. The aim is met if all are reached. They allow ``goals=True``,
-        which makes goals separate entries of observations, see `springgym.envs.base.SpringEnv`.
+        together, if their distance from those of ``s.goal`` is smaller than its limit. The aim is met if all
+        are reached. They allow ``goals=True``, which makes goals separate entries of observations, see
+        `springgym.envs.base.SpringEnv`.
     hold_steps
         Number of consecutive steps in which the aim must be met for ``info["is_success"]``. Without an aim,
         ``info`` does not have this entry.

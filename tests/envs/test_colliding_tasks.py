@@ -287,11 +287,11 @@ def test_info_tells_how_near_the_ball_came() -> None:
     """A number from the start on: the reach of the contact where nothing came nearer."""
     env = gym.make("SpringJuggle-v0")
     _, info = env.reset(seed=0, options={"height": 0.3, "lateral_offset": 0.0})
-    assert info["pairs_least_gap"] == juggle.REACH
-    assert (info["pairs_touching"], info["pairs_impulse"], info["pairs_missed"]) == (0.0, 0.0, 0.0)
+    assert info["pairs_min_gap"] == juggle.REACH
+    assert (info["pairs_touching"], info["pairs_impulse"], info["pairs_late_contacts"]) == (0.0, 0.0, 0.0)
     for _ in range(20):  # 0.4 s: it has fallen, and was thrown up again
         info = env.step(np.zeros(5, np.float32))[4]
-    assert 0.2 * juggle.REACH < info["pairs_least_gap"] < 0.8 * juggle.REACH
+    assert 0.2 * juggle.REACH < info["pairs_min_gap"] < 0.8 * juggle.REACH
     weight = juggle.BALL_MASS * juggle.FALL
     assert weight * 0.4 < info["pairs_impulse"] < weight * 1.0
 
