@@ -203,7 +203,7 @@ class Simulator:
         particles = len(scene.positions)
         self.damping_every = self._checked_cycle(damping_every)
         """number of steps in a cycle of dampers and wrench"""
-        self.copies = checks.whole("copies", copies, 1, MOST_PARTICLES // particles)
+        self.copies = checks.whole("copies", copies, 1, most_copies(scene))
         self.threads = checks.whole("threads", threads, 1, MOST_THREADS)
         self.dtype = _checked_dtype(dtype)
         ledger = checks.flag("ledger", ledger)
@@ -1186,6 +1186,11 @@ class Simulator:
             reason = "rigid bodies have no dampers" if self._kind.rigid else one
             raise ValueError(f"damping_every is {every}; it must be 1: {reason}")
         return every
+
+
+def most_copies(scene: Scene) -> int:
+    """Return the largest number of copies of a scene."""
+    return MOST_PARTICLES // len(scene.positions)
 
 
 def _warn(what: str) -> None:

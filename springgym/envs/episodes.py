@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -30,7 +31,7 @@ from springgym.identity import check_same, check_sealed, sealed
 from springgym.measures import Measures
 from springgym.rendering import Marks
 from springgym.scene import Scene, squared_lengths
-from springgym.simulator import STRAIN_LIMIT, Simulator, copies_in
+from springgym.simulator import STRAIN_LIMIT, Simulator, copies_in, most_copies
 from springgym.stability import steps_in
 
 SPARSE = -1
@@ -116,7 +117,7 @@ class Episodes:
         error_bound: float | None = None,
     ) -> None:
         self.task = task
-        self.copies = copies
+        self.copies = checks.whole("num_envs", copies, 1, most_copies(task.scene))
         self.parameters = task.parameters
         self.unready = NOT_BEGUN
         """the reason why copies must be reset before a step; empty if they need not"""
@@ -318,9 +319,10 @@ class Episodes:
         try:
             self._vary(copies, drawn)
             self.simulator.place(positions, velocities, copies, check=check, read=True)
-        except (TypeError, ValueError):  # an option is refused
+        except (TypeError, ValueError) as error:  # an option is refused
             self._vary(copies, before)
             self.unready = was
+            error.args = (re.sub(r"\bcopy (?=\d)", "environment ", str(error)),)
             raise
         if self.error is not None:
             self.error.last[copies] = 0.0

@@ -419,7 +419,7 @@ class SceneTask(Task):
         with _warning_unless_diverged(m):
             self.terms = tuple(self._rewards(m, s))  # type: ignore[misc]
             self.metrics = tuple(self._metrics_now(m, s))  # type: ignore[misc]
-            self._met_and_failed(m, s)
+            self._success_and_end(m, s)
             if "observe" in self._functions:
                 self.entries = (Entry("own", self._numbers("observe", m, s, (copies, None)).shape[1]),)
 
@@ -427,7 +427,7 @@ class SceneTask(Task):
         with _warning_unless_diverged(m):
             for name, numbers in self._rewards(m, s).items():
                 out[f"reward_{name}"] = numbers
-            for name, values in (self._metrics_now(m, s) | self._met_and_failed(m, s)).items():
+            for name, values in (self._metrics_now(m, s) | self._success_and_end(m, s)).items():
                 out[name] = values
 
     def _rewards(self, m: Measures, s: Situation) -> dict[str, np.ndarray]:
@@ -447,19 +447,19 @@ class SceneTask(Task):
                 )
         return _by_name("metrics", given, m, self.metrics)
 
-    def _met_and_failed(self, m: Measures, s: Situation) -> dict[str, np.ndarray]:
-        """Return whether each copy meets the aim, and whether it fails."""
+    def _success_and_end(self, m: Measures, s: Situation) -> dict[str, np.ndarray]:
+        """Return whether each copy meets the aim, and whether its episode ends by failure."""
         copies = len(s.x)
         found = dict.fromkeys(("success", "terminated"), np.zeros(copies, bool))
-        for field, name in ("success", "terminated"):
+        for name in found:
             if judge := self._functions.get(name):
-                found[field] = _of_shape(name, judge(self._named(m), s), (copies,), "b", "bools")
+                found[name] = _of_shape(name, judge(self._named(m), s), (copies,), "b", "bools")
         if self.goal_tolerances:
             achieved, desired = np.empty((2, copies, self.goal_size))
             met = np.zeros(copies)
             self._reached(m, s, achieved, desired)
             reach(achieved, desired, self._goals.ends, self._goals.within, met)
-            found["met"] = met > 0
+            found["success"] = met > 0
         return found
 
     def _reached(self, m: Measures, s: Situation, achieved: np.ndarray, desired: np.ndarray) -> None:
@@ -638,7 +638,7 @@ def _numbers(name: str, given: object, shape: tuple[int | None, ...], m: Measure
         wrong &= _not_diverged(m)
         if wrong.any():
             n = int(np.argmax(wrong))
-            raise ValueError(f"{name} gave {checks.shown(values[n])} for copy {n}; it must be finite")
+            raise ValueError(f"{name} gave {checks.shown(values[n])} for environment {n}; it must be finite")
     return values
 
 
@@ -651,7 +651,8 @@ def _of_shape(name: str, given: object, shape: tuple[int | None, ...], kinds: st
         must = str(tuple("D" if n is None else n for n in shape)).replace("'", "")
         error = TypeError if values.dtype.kind not in kinds else ValueError
         raise error(
-            f"{name} gave {checks.shown(given)}; it must give {what} of shape {must}, a row for each copy"
+            f"{name} gave {checks.shown(given)}; it must give {what} of shape {must}, a row for each "
+            "environment"
         )
     return values
 

@@ -371,7 +371,11 @@ def test_a_copy_that_diverged_reaches_no_goal() -> None:
         ({"success": reached}, ValueError, "pass either achieved or success, not both"),
         ({"achieved": lambda m: 0}, TypeError, r"achieved takes \(m\)"),
         ({"achieved": lambda m, s: m.centre}, ValueError, r"achieved gave .* numbers of shape \(1, 4\)"),
-        ({"achieved": lambda m, s: NAN * s.goal}, ValueError, "achieved gave .* for copy 0; it must be fin"),
+        (
+            {"achieved": lambda m, s: NAN * s.goal},
+            ValueError,
+            "achieved gave .* for environment 0; it must be fin",
+        ),
     ],
 )
 def test_goals_that_cannot_be_told_apart_are_refused(
@@ -481,7 +485,11 @@ def test_marks_are_marks() -> None:
         ),
         ({"metrics": lambda m, s: {3: s.time}}, TypeError, "an entry named 3"),
         ({"metrics": lambda m, s: {"a": m.centre}}, ValueError, "metrics, 'a', gave"),
-        ({"metrics": lambda m, s: {"a": NAN * s.time}}, ValueError, "metrics, 'a', gave nan for copy 0"),
+        (
+            {"metrics": lambda m, s: {"a": NAN * s.time}},
+            ValueError,
+            "metrics, 'a', gave nan for environment 0",
+        ),
         ({"actuators": {"force": (1.0, 2.0)}}, ValueError, r"actuators\['force'\]"),
         ({"actuators": {"force": (1.0, -2.0, 0)}}, ValueError, r"actuators\['force'\]"),
         ({"actuators": {"force": (0, 0, 0)}}, ValueError, "at least one axis must differ from 0"),
@@ -497,9 +505,9 @@ def test_what_a_task_cannot_be_is_told(given: dict[str, Any], error: type[Except
     ("given", "says"),
     [
         ({"move": lambda m, s: s.goal[:, 0]}, r"move gave .*; it must give numbers of shape \(1, 2\)"),
-        ({"move": lambda m, s: NAN * s.goal}, "move gave .* for copy 0; it must be finite"),
+        ({"move": lambda m, s: NAN * s.goal}, "move gave .* for environment 0; it must be finite"),
         ({"remember": lambda m, s: s.memory[0]}, r"remember gave .*; it must give numbers of shape \(1, 2\)"),
-        ({"remember": lambda m, s: s.memory / 0}, "remember gave .* for copy 0; it must be finite"),
+        ({"remember": lambda m, s: s.memory / 0}, "remember gave .* for environment 0; it must be finite"),
         ({"metrics": lambda m, s: {f"at {s.time[0]}": s.time}}, "the names must not change"),
     ],
 )
