@@ -245,7 +245,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "evaluate.py") -
         "--seed", type=whole(0, LAST_SEED), default=HELD_OUT_SEED, help="seed of the first episode"
     )
     add_overrides(parser)
-    parser.add_argument("--json", type=new_file(), help="write the evaluations to this file")
+    parser.add_argument("--json", type=new_file(), metavar="FILE", help="write the evaluations to this file")
     options = parser.parse_args(arguments)
     return guarded(program, lambda: _compare(options), MENDABLE)
 

@@ -13,7 +13,9 @@ import pytest
 
 from springgym import measures
 from springgym.envs import free_top, juggle, labyrinth
+from springgym.envs.episodes import OptionsProbe
 from springgym.envs.observation import ABOUT_CENTRE, ABOUT_GOAL, Situation
+from springgym.envs.randomisation import NOMINAL
 from springgym.envs.task import Task
 from springgym.registration import ENVIRONMENTS, Row
 from springgym.simulator import Simulator
@@ -309,6 +311,14 @@ def test_outcomes_have_names(row: Row) -> None:
     task = task_type(row.id)()
     assert task.outcome == (*(f"reward_{n}" for n in task.terms), *task.metrics, "success", "terminated")
     assert len(set(task.outcome)) == len(task.outcome)
+
+
+@each_row
+def test_errors_are_numerical(row: Row) -> None:
+    """In ``info`` and among reset options, a distance or an offset is not named an error: those are of steps."""
+    task, options = task_type(row.id)(), OptionsProbe()
+    task.draw_starts([np.random.default_rng(0)], [options], [NOMINAL])
+    assert not [name for name in (*task.reported, *options.names) if "error" in name]
 
 
 @pytest.mark.parametrize("env_id", ["SpringTop-v0", "SpringTumble-v0", "SpringShove-v0"])
