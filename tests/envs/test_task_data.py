@@ -315,7 +315,7 @@ def test_outcomes_have_names(row: Row) -> None:
 
 @each_row
 def test_errors_are_numerical(row: Row) -> None:
-    """In ``info`` and among reset options, a distance or an offset is not named an error: those are of steps."""
+    """Of steps: in ``info`` and among reset options, a distance or an offset has another name."""
     task, options = task_type(row.id)(), OptionsProbe()
     task.draw_starts([np.random.default_rng(0)], [options], [NOMINAL])
     assert not [name for name in (*task.reported, *options.names) if "error" in name]
