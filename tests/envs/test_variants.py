@@ -62,7 +62,7 @@ def test_names_are_told_apart() -> None:
 )
 def test_a_classical_controller_does_it_and_doing_nothing_does_not(variant: Variant) -> None:
     env = make(variant.id)
-    idle = make_controller("zero", variant.id, {}, env.action_space)
+    idle = make_controller("noop", variant.id, {}, env.action_space)
     assert play(variant.id, idle, 16).successes.mean() <= 0.1
     assert controllers_of(variant.id)
     policy = make_controller("classical", variant.id, {}, env.action_space)
