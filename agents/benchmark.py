@@ -143,7 +143,7 @@ def training(cell: Cell, plan: Plan) -> list[str]:
             return ["--resume", str(folder), "--episodes", "0"]
         put_away(folder)
     write_atomically(folder / "probe.json", json.dumps(probe(cell.task)) + "\n")
-    arguments = [cell.task, "--algo", cell.algorithm, "--seed", str(cell.seed), "--run", str(folder)]
+    arguments = [cell.task, "--algo", cell.algorithm, "--seed", str(cell.seed), "--out", str(folder)]
     arguments += ["--config", str(plan.config(cell.algorithm))]
     return [*arguments, "--episodes", "0", *(["--set", *plan.overrides] if plan.overrides else [])]
 
@@ -392,7 +392,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         help="episodes of the evaluation (default: 100)",
     )
     parser.add_argument("--runs", type=Path, default=Path("runs/benchmark"), help="parent of the run folders")
-    parser.add_argument("--json", type=new_file(), help="results file (default: RUNS/baselines.json)")
+    parser.add_argument(
+        "--json", type=new_file(), metavar="FILE", help="results file (default: RUNS/baselines.json)"
+    )
     parser.add_argument("--check", type=Path, metavar="FILE", help="only check the results of this file")
     parser.add_argument(
         "--agents",

@@ -152,7 +152,7 @@ class PPOConfig(SB3Config):
     gae_lambda: float
     log_std_init: float
     ent_coef: float = 0.0
-    imitate: int = 0
+    bc_steps: int = 0
     """steps, of the total, in which classical control plays and is imitated, see imitation.py"""
 
 
@@ -245,7 +245,7 @@ RANGES = {
     "gae_lambda": (0.0, 1.0),
     "log_std_init": (-10.0, 2.0),
     "ent_coef": (0.0, 1.0),
-    "imitate": (0, inf),
+    "bc_steps": (0, inf),
     "tau": (1e-6, 1.0),
     "buffer_size": (1, 1_000_000_000),
     "learning_starts": (0, inf),
@@ -347,11 +347,11 @@ def build_config(algo: Algorithm, tree: Tree, path: tuple[str, ...]) -> Config:
             f"{tree.where[*path, 'elites']}: elites {config.elites} must be at most the population, "
             f"{config.population}"
         )
-    if isinstance(config, PPOConfig) and config.imitate:
-        here = tree.where[*path, "imitate"]
-        if not config.n_envs <= config.imitate < config.total_timesteps:
+    if isinstance(config, PPOConfig) and config.bc_steps:
+        here = tree.where[*path, "bc_steps"]
+        if not config.n_envs <= config.bc_steps < config.total_timesteps:
             raise ConfigError(
-                f"{here}: imitate {config.imitate} must be 0, or at least n_envs, {config.n_envs}, and "
+                f"{here}: bc_steps {config.bc_steps} must be 0, or at least n_envs, {config.n_envs}, and "
                 f"less than total_timesteps, {config.total_timesteps}"
             )
     if isinstance(config, PPOConfig) and config.n_envs * config.n_steps % config.batch_size:

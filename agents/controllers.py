@@ -1,6 +1,6 @@
-"""Baselines without learning: ``zero``, ``random`` and a classical controller by environment.
+"""Baselines without learning: ``noop``, ``random`` and a classical controller by environment.
 
-A classical controller reads the compact observation (``observation="frame"``) and nothing else.
+A classical controller reads the features (``observation="features"``) and nothing else.
 It maps a task and a batch ``(n, d)`` to actions ``(n, a)`` in [-1, 1]. The task tells it the meaning of the
 numbers, the strength of the actuators and the control period: `Task.seen`, `Task.limits`, `Task.period`.
 """
@@ -25,13 +25,13 @@ from springgym.envs.task import Task
 from springgym.registration import find
 from springgym.scene import GRAVITY
 
-UNTRAINED = ("zero", "random", "classical")
+UNTRAINED = ("noop", "random", "classical")
 """Names of the agents of `make_controller` that need no training."""
 UP = np.array([0.0, 0.0, 1.0])
 G = -GRAVITY[2]
 
 Controller = Callable[[Any, np.ndarray], np.ndarray]
-"""A function from a task and compact observations (n, d) to actions (n, a)."""
+"""A function from a task and features (n, d) to actions (n, a)."""
 
 
 def top_moment(task: Task, observations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -448,8 +448,8 @@ def juggle_wrench(task: juggle.SpringJuggle, observations: np.ndarray) -> np.nda
     first, last, here = left.argmin(axis=0), left.max(axis=0), (left.argmin(axis=0), rows)
     column = np.array(task.columns)[first, None] * [1.0, 0.0]
     ball, velocity, spin, left = ball[here], velocity[here], spin[here], left[here]
-    error = np.stack([seen[f"{name}error"][:, 0] for name in names])[here]
-    up = np.sqrt(8.0 / G * np.maximum(seen["wanted"][:, 0] - 0.3 * error, 0.05))
+    error = np.stack([seen[f"{name}height_offset"][:, 0] for name in names])[here]
+    up = np.sqrt(8.0 / G * np.maximum(seen["wanted_height"][:, 0] - 0.3 * error, 0.05))
     if task.balls == 2:
         up += np.clip(0.5 * (last - left - up / 2.0), -0.15 * up, 0.15 * up)
     place = ball + left[:, None] * velocity
@@ -600,7 +600,7 @@ def make_controller(
     Parameters
     ----------
     name
-        ``"zero"``, ``"random"``, ``"classical"``, or a function by its module, ``"module:function"``: from
+        ``"noop"``, ``"random"``, ``"classical"``, or a function by its module, ``"module:function"``: from
         observations (n, …) it makes actions (n, …).
     env_id, env_kwargs
         The environment and its keyword arguments, of which ``action`` chooses the controller.
@@ -616,7 +616,7 @@ def make_controller(
         return own_controller(name, action_space)
     if not isinstance(action_space, spaces.Box):
         raise ConfigError(f"{env_id} has no continuous actions: its action space is {action_space}")
-    if name == "zero":
+    if name == "noop":
         return lambda observations: np.zeros((len(observations), *action_space.shape), np.float32)
     if name == "random":
         rng = np.random.default_rng(HELD_OUT_SEED)
@@ -626,7 +626,7 @@ def make_controller(
         )
     if name != "classical":
         raise ConfigError(
-            f"unknown controller {name!r}: use zero, random, classical or module:function"
+            f"unknown controller {name!r}: use noop, random, classical or module:function"
             "; there is no run folder of this name"
         )
     by_action = controllers_of(env_id)
@@ -665,7 +665,7 @@ def own_controller(name: str, action_space: spaces.Space[Any]) -> Policy:
 
 
 def controller_env_kwargs(name: str, env_id: str, env_kwargs: Mapping[str, Any]) -> dict[str, Any]:
-    """Return keyword arguments of a baseline's environment: classical control needs the frame, no goals."""
+    """Return keyword arguments of a baseline's environment: classical control needs features, no goals."""
     kwargs = {key: value for key, value in env_kwargs.items() if key != "goals"}
-    framed = name == "classical" and controllers_of(env_id)
-    return {**kwargs, **({"observation": "frame"} if framed else {})}
+    by_features = name == "classical" and controllers_of(env_id)
+    return {**kwargs, **({"observation": "features"} if by_features else {})}

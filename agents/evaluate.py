@@ -1,11 +1,11 @@
 """Evaluate agents on the same held-out episodes, without exploration.
 
-    springgym evaluate runs/SpringTop-v0-ppo-0 zero random classical
+    springgym evaluate runs/SpringTop-v0-ppo-0 noop random classical
     springgym evaluate classical --env SpringTop-v0 --set action=impulse --episodes 200
     springgym evaluate SpringTop-v0
 
 An agent is a run folder, an environment id (for the published agent of that environment), the name of a
-baseline (zero, random, classical), or ``module:function``, a function from observations to actions. The
+baseline (noop, random, classical), or ``module:function``, a function from observations to actions. The
 return is the sum of rewards divided by the time limit, so an episode that ends early earns nothing for the
 rest; SpringDuel, SpringStack and SpringBilliards are scored per episode. The other columns are means over the
 episodes of entries of the last ``info``. The number after ± is the standard deviation over the episodes, –
@@ -237,7 +237,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "evaluate.py") -
         program, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument(
-        "agents", nargs="+", help="run folders; environment ids; zero, random, classical; module:function"
+        "agents", nargs="+", help="run folders; environment ids; noop, random, classical; module:function"
     )
     parser.add_argument("--env", help="environment id (default: that of an agent)")
     parser.add_argument("--episodes", type=whole(1, MOST_EPISODES), default=100)
@@ -245,7 +245,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "evaluate.py") -
         "--seed", type=whole(0, LAST_SEED), default=HELD_OUT_SEED, help="seed of the first episode"
     )
     add_overrides(parser)
-    parser.add_argument("--json", type=new_file(), help="write the evaluations to this file")
+    parser.add_argument("--json", type=new_file(), metavar="FILE", help="write the evaluations to this file")
     options = parser.parse_args(arguments)
     return guarded(program, lambda: _compare(options), MENDABLE)
 

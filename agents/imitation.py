@@ -40,17 +40,16 @@ def teacher(run: Run, space: spaces.Space[Any]) -> Policy:
         If the environment has none, or the agent does not see what it sees.
     """
     given = run.config.env_kwargs
-    if given.get("observation") != "frame":
+    if given.get("observation") != "features":
         raise ConfigError(
-            f"{run.env_id}: imitate: classical control needs the compact "
-            "observation, so the agent must have it: "
-            "set env_kwargs.observation=frame"
+            f"{run.env_id}: bc_steps: classical control needs the features, so the agent must "
+            "observe them: set env_kwargs.observation=features"
         )
     return make_controller("classical", run.env_id, given, space)
 
 
 def imitate(run: Run, model: PPO) -> int:
-    """Let an untrained agent imitate classical control for ``imitate`` steps of all copies together.
+    """Let an untrained agent imitate classical control for ``bc_steps`` steps of all copies together.
 
     Returns
     -------
@@ -59,7 +58,7 @@ def imitate(run: Run, model: PPO) -> int:
     config, env = run.config, model.get_env()
     assert isinstance(config, PPOConfig)
     assert env is not None
-    steps = config.imitate // config.n_envs
+    steps = config.bc_steps // config.n_envs
     fit(model, *played(model, env, teacher(run, env.action_space), steps, run.seed))
     return steps * config.n_envs
 

@@ -77,7 +77,7 @@ def new_model(run: Run, env: VecEnv) -> BaseAlgorithm:
     MemoryError
         If it does not fit into memory.
     """
-    if isinstance(run.config, PPOConfig) and run.config.imitate:
+    if isinstance(run.config, PPOConfig) and run.config.bc_steps:
         teacher(run, env.action_space)
     try:
         return _new_model(run, env)

@@ -348,7 +348,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--tasks", nargs="+", default=every, metavar="ID", help="environment ids (default: all, and suite)"
     )
-    parser.add_argument("--json", type=new_file(), help="file of rows, in the form of agents/benchmark.py")
+    parser.add_argument(
+        "--json", type=new_file(), metavar="FILE", help="file of rows, in the form of agents/benchmark.py"
+    )
     parser.add_argument(
         "--episodes", type=whole(1, 10_000), default=AT_ONCE, help=f"number of episodes (default: {AT_ONCE})"
     )

@@ -37,7 +37,7 @@ def make(env_id: str, num_envs: int, monitor: type[Monitor] = Monitor) -> Monito
         num_envs=num_envs,
         vectorization_mode="vector_entry_point",
         autoreset_mode=AutoresetMode.SAME_STEP,
-        observation="frame",
+        observation="features",
     )
     return monitor(SB3VecEnv(envs))
 

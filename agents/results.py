@@ -148,7 +148,7 @@ def used(algorithm: str, config: Config | None) -> list[str]:
     """Return what an algorithm of the package uses, of `USED`."""
     found = {
         "model": algorithm == "classical",
-        "imitation": bool(getattr(config, "imitate", 0)),
+        "imitation": bool(getattr(config, "bc_steps", 0)),
         "other starts": bool(config and config.eval_env_kwargs),
         "data": algorithm == "iql",
         "planning": algorithm == "planner",
@@ -409,13 +409,13 @@ def scores(rows: Sequence[Row], column: int, budget: float) -> dict[tuple[str, .
     """Return the scores (seeds,) in tasks of `SUITE`, by algorithm with what it used, and by task.
 
     A score is the return, rescaled from that of random actions (0) to the reference's (1), see `scale_of`.
-    Of the algorithms that learn nothing, "zero" alone is scored, at every budget.
+    Of the algorithms that learn nothing, "noop" alone is scored, at every budget.
     """
     found: dict[tuple[str, ...], dict[str, np.ndarray]] = {}
     for task in SUITE:
         scale = scale_of(task, rows)
         for row in rows:
-            scored = row["task"] == task and (row["steps"] or row["algorithm"] == "zero")
+            scored = row["task"] == task and (row["steps"] or row["algorithm"] == "noop")
             if scale and scored and (value := reached(row, column, budget)) is not None:
                 own = found.setdefault((row["algorithm"], *row["used"]), {})
                 own[task] = np.append(own.get(task, []), (value - scale[0]) / (scale[1] - scale[0]))

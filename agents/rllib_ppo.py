@@ -5,7 +5,7 @@
 
 RLlib requires a certain version of Gymnasium, so use an environment with agents/rllib-constraints.txt. Each
 runner steps --copies copies by one call, on its own core; on a cluster, on any node. Hyperparameters are
-those of configs/ppo.yaml but for normalize, imitate and log_std_init. The run folder holds RLlib's
+those of configs/ppo.yaml but for normalize, bc_steps and log_std_init. The run folder holds RLlib's
 checkpoints and metrics.csv. --resume continues from the newest checkpoint.
 """
 
@@ -26,7 +26,7 @@ from config import MENDABLE, ConfigError, PPOConfig, command_line, load_config, 
 from runs import HELD_OUT_SEED
 
 from springgym.cli import INTERRUPTED, guarded
-from springgym.envs.starts import spawned
+from springgym.envs.starts import spawn_seeds
 
 ROOT = Path(__file__).resolve().parent.parent
 COLUMNS = ("timesteps", "seconds", "return_per_step", "success_rate")
@@ -39,7 +39,7 @@ def seed_apart(*, env_runner: Any, **given: object) -> None:
     Of itself RLlib seeds runner k by seed + k, and so copy i of it by seed + k + i, as others of the next.
     """
     assert env_runner._seed is not None
-    env_runner._seed = spawned(env_runner.config.seed, env_runner.worker_index + 1)[-1]
+    env_runner._seed = spawn_seeds(env_runner.config.seed, env_runner.worker_index + 1)[-1]
 
 
 def algorithm(env_id: str, config: PPOConfig, options: argparse.Namespace) -> Any:
@@ -78,7 +78,7 @@ def algorithm(env_id: str, config: PPOConfig, options: argparse.Namespace) -> An
                 fcnet_hiddens=config.net_arch, fcnet_activation=config.activation, vf_share_layers=False
             )
         )
-        .debugging(seed=spawned(options.seed, 1)[0] % 2**31, log_level="ERROR")  # runner k has seed + k
+        .debugging(seed=spawn_seeds(options.seed, 1)[0] % 2**31, log_level="ERROR")  # runner k has seed + k
         .callbacks(on_environment_created=seed_apart)
     )
     return asked.build_algo()
@@ -134,10 +134,10 @@ def learn(options: argparse.Namespace) -> int:
         raise ConfigError(
             f"--runners × --copies × n_steps = {batch} is not a multiple of {config.batch_size}"
         )
-    folder = (options.run or Path("runs") / f"{options.env_id}-rllib-{options.seed}").absolute()
+    folder = (options.out or Path("runs") / f"{options.env_id}-rllib-{options.seed}").absolute()
     checkpoint, table = folder / "checkpoint", folder / "metrics.csv"
     if checkpoint.exists() != options.resume:
-        what = "holds a run: give --resume, or another --run" if checkpoint.exists() else "has no checkpoint"
+        what = "holds a run: give --resume, or another --out" if checkpoint.exists() else "has no checkpoint"
         raise ConfigError(f"{folder} {what}")
     torch.set_num_threads(1)
     path = os.pathsep.join([str(ROOT / "agents"), str(ROOT), os.environ.get("PYTHONPATH", "")])
@@ -188,7 +188,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--episodes", type=whole(1, 100_000), default=100, help="episodes of the evaluation (default: 100)"
     )
-    parser.add_argument("--run", type=Path, help="run folder (default: runs/<env id>-rllib-<seed>)")
+    parser.add_argument("--out", type=Path, help="run folder (default: runs/<env id>-rllib-<seed>)")
     parser.add_argument("--resume", action="store_true", help="continue this run")
     parser.add_argument("--address", help="address of a Ray cluster (auto: this machine's)")
     options = parser.parse_args(arguments)

@@ -121,7 +121,7 @@ def create_run(run: Run) -> Run:
     if (run.folder / "config.yaml").exists():
         raise FileExistsError(
             f"{run.folder} holds a run already: continue it with --resume {run.folder}, "
-            "or name another folder with --run"
+            "or name another folder with --out"
         )
     run.folder.mkdir(parents=True, exist_ok=True)
     write_atomically(run.folder / "versions.json", json.dumps(versions(), indent=2) + "\n")

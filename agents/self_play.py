@@ -45,8 +45,8 @@ if TYPE_CHECKING:
     from springgym.envs.players import ParallelDuel, ParallelOptions
 
 ID = "SpringDuel-v0"
-SEEN: ParallelOptions = {"observation": "frame"}
-"""Opponents get the compact observation of the duel."""
+SEEN: ParallelOptions = {"observation": "features"}
+"""Opponents get the features of the duel."""
 MOST_RATED = 10
 ANCHOR, POINTS = ("script", 1000.0), 400.0 / np.log(10.0)
 RESAMPLES = 200
@@ -121,7 +121,7 @@ def player(run: Run, path: Path) -> Player:
     return policy_in(path, run.config, *spaces())
 
 
-FROM_NOTHING = ("imitate=0", "log_std_init=-0.5", "learning_rate=1e-3", "normalize=false")
+FROM_NOTHING = ("bc_steps=0", "log_std_init=-0.5", "learning_rate=1e-3", "normalize=false")
 """Differences from ``configs/ppo.yaml``: agents do not imitate a controller, and explore more. Observations
 are not normalised, because training could not continue without the scales, which are not in the model."""
 

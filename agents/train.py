@@ -1,8 +1,8 @@
 """Train an agent, compare it with the baselines and record a video.
 
     springgym train SpringTop-v0
-    springgym train SpringTop-v0 --algo sac --seed 1 --run runs/sac-frame \\
-        --set env_kwargs.observation=frame learning_rate=3e-4
+    springgym train SpringTop-v0 --algo sac --seed 1 --out runs/sac-features \\
+        --set env_kwargs.observation=features learning_rate=3e-4
     springgym train --resume runs/SpringTop-v0-ppo-0
 
 Hyperparameters come from configs/<algo>.yaml of the package or the clone. The run folder holds all results,
@@ -54,7 +54,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "train.py") -> i
         type=whole(0, HELD_OUT_SEED - 1),
         help=f"training seed (must be < {HELD_OUT_SEED:,}; default: 0)",
     )
-    parser.add_argument("--run", type=Path, help="output folder (default: runs/<env id>-<algo>-<seed>)")
+    parser.add_argument("--out", type=Path, help="output folder (default: runs/<env id>-<algo>-<seed>)")
     parser.add_argument("--config", type=Path, help="hyperparameter file (default: configs/<algo>.yaml)")
     add_overrides(parser, "change hyperparameters")
     parser.add_argument("--timesteps", type=whole(0, MOST_STEPS), help="same as --set total_timesteps=...")
@@ -68,7 +68,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "train.py") -> i
     options = parser.parse_args(arguments)
     if bool(options.env_id) == bool(options.resume):
         parser.error("missing environment id (or --resume RUN)")
-    ignored = {name: getattr(options, name) for name in ("algo", "seed", "run", "config")}
+    ignored = {name: getattr(options, name) for name in ("algo", "seed", "out", "config")}
     ignored["set"] = options.overrides or None
     if options.resume and (given := [f"--{name}" for name, value in ignored.items() if value is not None]):
         parser.error(f"--resume continues with the configuration of the run: leave out {', '.join(given)}")
@@ -86,7 +86,7 @@ def begin(options: argparse.Namespace) -> int:
     config = load_config(algo, options.env_id, overrides, options.config)
     if find(options.env_id) is None and options.config is None:
         print(f"{options.env_id} trains with the default hyperparameters of {algo}; --set changes them")
-    folder = options.run or Path("runs") / f"{options.env_id.rpartition(':')[2]}-{algo}-{seed}"
+    folder = options.out or Path("runs") / f"{options.env_id.rpartition(':')[2]}-{algo}-{seed}"
     run = Run(folder, algo, options.env_id, seed, config)
     if isinstance(config, LinearConfig):
         search = Search(run, COLUMNS)
@@ -194,7 +194,7 @@ def begin_with_imitation(run: Run, model: BaseAlgorithm, recorder: Recorder) -> 
     if (
         isinstance(config, PPOConfig)
         and isinstance(model, PPO)
-        and config.imitate
+        and config.bc_steps
         and not model.num_timesteps
     ):
         began = recorder.clock()
@@ -225,7 +225,7 @@ def finish_search(search: Search, episodes: int) -> int:
 
 def report(run: Run, timesteps: int, episodes: int) -> int:
     """Compare the agent with the baselines, draw how it learnt, and film it."""
-    baselines = ["zero", "random", *(["classical"] if controllers_of(run.env_id) else [])]
+    baselines = ["noop", "random", *(["classical"] if controllers_of(run.env_id) else [])]
     task = task_kwargs(run.config)
     evaluations = [evaluate(agent, run.env_id, task, episodes) for agent in (str(run.folder), *baselines)]
     write_json(run.folder / "evaluation.json", evaluations)

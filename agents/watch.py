@@ -6,7 +6,7 @@
     springgym watch classical --env SpringTop-v0 --out top.gif --set action=impulse
 
 An agent is a run folder, an environment id (for the published agent of that environment), the name of a
-baseline (zero, random, classical), or ``module:function``, a function from observations to actions.
+baseline (noop, random, classical), or ``module:function``, a function from observations to actions.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from springgym.view.episodes import episodes, played
 #: Frames per second of a GIF at most; browsers show many more at the wrong speed.
 GIF_FPS = 25
 PAGE = ".html"
-NAMES = {"zero": "no action", "random": "random actions", "classical": "classical control"}
+NAMES = {"noop": "no action", "random": "random actions", "classical": "classical control"}
 
 
 def watched(agent: str, env_id: str, env_kwargs: Mapping[str, Any]) -> Agent:
@@ -116,7 +116,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "watch.py") -> i
     """Run the command line."""
     parser = command_line(__doc__, program)
     parser.add_argument(
-        "agent", help="run folder, environment id, zero, random, classical or module:function"
+        "agent", help="run folder, environment id, noop, random, classical or module:function"
     )
     parser.add_argument("--env", help="environment id (default: that of the agent)")
     parser.add_argument("--seed", type=whole(0, LAST_SEED), default=HELD_OUT_SEED)

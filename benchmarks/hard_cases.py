@@ -414,7 +414,7 @@ def fast_drop(broken: bool) -> Outcome:
     Broken: the paper's contact: sampled force and clamp.
     """
     body = cube(damping=0.0)
-    began = start(body, turn=(0.3, 0.5, 0.2), position=(0.0, 0.0, 21.0))
+    began = start(body, rotation=(0.3, 0.5, 0.2), position=(0.0, 0.0, 21.0))
     scene = Scene(body, *began, surfaces=(floor(),), contact=Contact(reach=0.005))
     simulator = contact_simulator(scene, broken)
     lowest, highest, fallen = np.inf, 0.0, False
@@ -442,7 +442,7 @@ def below_and_corner(broken: bool) -> Outcome:
     body = cube(damping=0.0)
     refusal = refused(lambda: Scene(body, surfaces=(floor(),)), "particle 4")
     surfaces = (floor(), Plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)))
-    began = start(body, turn=(0.3, 0.5, 0.2), position=(1.5, 0.0, 1.5), velocity=(-7.0, 0.0, -7.0))
+    began = start(body, rotation=(0.3, 0.5, 0.2), position=(1.5, 0.0, 1.5), velocity=(-7.0, 0.0, -7.0))
     scene = Scene(body, *began, surfaces=surfaces, contact=Contact(reach=0.005))
     simulator = contact_simulator(scene, broken)
 
@@ -468,7 +468,7 @@ def hundred_bounces(broken: bool) -> Outcome:
     Broken: the paper's contact, at the paper's step.
     """
     body = cube(damping=0.0)
-    began = start(body, turn=(0.3, 0.5, 0.2), omega=(1.0, 2.0, 0.5), position=(0.0, 0.0, 1.8))
+    began = start(body, rotation=(0.3, 0.5, 0.2), omega=(1.0, 2.0, 0.5), position=(0.0, 0.0, 1.8))
     scene = Scene(body, *began, surfaces=(floor(),))
     simulator = contact_simulator(scene, broken)
     if not broken:
@@ -521,7 +521,7 @@ def resting_cube(angle: float, friction: float, gravity: tuple[float, float, flo
     normal = np.array([-math.sin(angle), 0.0, math.cos(angle)])
     contact = Contact(friction=friction, restitution=0.3, strength=0.05, reach=0.02)
     height = 0.5 + theory.contact.rest_height(9.81 / 4 * math.cos(angle), 0.05, 0.02)
-    began = start(body, turn=(0.0, -angle, 0.0), position=tuple(height * normal))
+    began = start(body, rotation=(0.0, -angle, 0.0), position=tuple(height * normal))
     scene = Scene(body, *began, gravity=gravity, surfaces=(incline(angle),), contact=contact)
     return Simulator(scene)
 
@@ -874,7 +874,7 @@ def parted(simulator: Simulator, speed: float, most: float = 0.05) -> Outcome:
     told = simulator.pairs()
     moved = float(np.abs(momenta(simulator) - kept).max())
     gained = float(np.abs(simulator.measure().energy / energy - 1).max())
-    wrong = int(told.misses.sum() + told.touching.sum())
+    wrong = int(told.late_contacts.sum() + told.touching.sum())
     hit = bool((told.impulse > 0.5 * speed).all())
     return Outcome(
         f"P and L {moved:.0e}, energy {gained:.1e}, {depth:.2g} m deep, {wrong} missed or still touching",
@@ -927,7 +927,7 @@ def impacts_of_cubes(simulator: Simulator, broken: bool) -> tuple[str, float, bo
     size = float(np.abs(kept).max())
     moved = float(np.abs(momenta(simulator) - kept).max()) / size
     gained = np.abs(simulator.shadow_energy() / energy - 1)[hit & ~told.touching[:, 0]]
-    worst, missed, depth = float(np.quantile(gained, 0.99)), int(told.misses.sum()), deepest(simulator)
+    worst, missed, depth = float(np.quantile(gained, 0.99)), int(told.late_contacts.sum()), deepest(simulator)
     words = (
         f"{int(hit.sum())} hits, P and L {moved:.0e}, energy {worst:.1e}, {missed} missed, {depth:.2g} m deep"
     )
@@ -1035,7 +1035,7 @@ def heap(broken: bool) -> Outcome:
         apart = False
     lost = float(first.energy[0] - last.energy[0])
     share = abs(float(last.balance[0] - first.balance[0])) / lost
-    wrong = int(told.misses.sum() + told.overflow.sum())
+    wrong = int(told.late_contacts.sum() + told.overflow.sum())
     far = float(np.linalg.norm(simulator.positions[0, :, :2], axis=1).max())
     return Outcome(
         f"{int(told.touching.sum())} pairs touch, {wrong} missed or left out, "

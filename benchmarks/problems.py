@@ -108,7 +108,7 @@ def _free_theory(t: float) -> np.ndarray:
 def _rope(damping: float) -> Callable[[float], Scene]:
     def scene(stiffness: float) -> Scene:
         body = rope(stiffness=stiffness, damping=damping)
-        began = start(body, turn=(0.0, 0.5, 0.0), pinned=(0,))
+        began = start(body, rotation=(0.0, 0.5, 0.0), pinned=(0,))
         return Scene(body, *began, pinned=(0,))
 
     return scene
@@ -116,7 +116,7 @@ def _rope(damping: float) -> Callable[[float], Scene]:
 
 def _bounce(stiffness: float) -> Scene:
     body = cube(stiffness=stiffness, damping=0.0)
-    began = start(body, turn=(0.3, 0.5, 0.2), position=(0.0, 0.0, 1.0), velocity=(0.0, 0.0, -1.0))
+    began = start(body, rotation=(0.3, 0.5, 0.2), position=(0.0, 0.0, 1.0), velocity=(0.0, 0.0, -1.0))
     return Scene(body, *began, surfaces=(floor(),), contact=Contact(strength=0.05, reach=0.02))
 
 

@@ -153,8 +153,8 @@ interval over training seeds and episodes. These results enter no other table or
 These commands record the data of SpringTop-v0 and learn from it:
 
 ```sh
-springgym train SpringTop-v0 --timesteps 100_000 --run runs/medium
-python agents/studies/dataset.py SpringTop-v0 random SpringTop-v0 --set observation=frame
+springgym train SpringTop-v0 --timesteps 100_000 --out runs/medium
+python agents/studies/dataset.py SpringTop-v0 random SpringTop-v0 --set observation=features
 python agents/studies/dataset.py SpringTop-v0 runs/medium --noise 0.3
 python agents/studies/offline.py SpringTop-v0 --data springgym/SpringTop/medium-noisy-v0 \\
     --rows runs/offline.json
@@ -162,7 +162,7 @@ python docs/baselines.py --rows runs/offline.json
 ```
 
 The medium agent was trained for 300,000 steps in SpringTumble-v0, and for 65,536 in SpringRope-v0. The random
-data of SpringTumble-v0 is also recorded with `--set observation=frame`, which the trained agents observe.
+data of SpringTumble-v0 is also recorded with `--set observation=features`, which the trained agents observe.
 """
 METHOD = """## How it was made
 
@@ -182,7 +182,7 @@ machine and commit; runs with a fixed number of seconds end at a different step 
 
 - *Classical* is the hand-written controller in `agents/controllers.py`.
 - `configs/` holds the hyperparameters and the observation. Where a file names no observation, PPO observes
-  particles, and the other algorithms `"frame"`. A variant without an entry uses the hyperparameters of its
+  particles, and the other algorithms `"features"`. A variant without an entry uses the hyperparameters of its
   environment.
 - Runs outside the suite take the number of steps in their configuration (`--seconds 0`).
 - In some tasks, PPO first [imitates](training.md#warm-starting-from-the-classical-controller) classical
@@ -259,7 +259,7 @@ def suite(rows: Sequence[dict[str, Any]]) -> list[str]:
         f"{SECONDS:,.0f} seconds of one core": scores(current, 1, SECONDS),
         f"{SAMPLES:,.0f} steps": scores(current, 0, SAMPLES),
     }
-    learned = [own for found in tables.values() for name, own in found.items() if name != ("zero",)]
+    learned = [own for found in tables.values() for name, own in found.items() if name != ("noop",)]
     seeds = sorted({len(scores) for own in learned for scores in own.values()})
     lines = [COMPARISON.format(tasks=len(SUITE), seeds=" or ".join(map(str, seeds)))]
     for budget, found in tables.items():

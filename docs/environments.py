@@ -40,8 +40,8 @@ CARDS = HERE.parent / "agents" / "trained"
 SEEDS = 100
 FEWEST = 3
 """Number of training seeds from which an interval is drawn, if rows do not hold their episodes."""
-BASELINES = ("zero", "random", "classical")
-ALGORITHMS = ("ppo", "classical", "linear", "sac", "tqc", "her", "planner", "random", "zero")
+BASELINES = ("noop", "random", "classical")
+ALGORITHMS = ("ppo", "classical", "linear", "sac", "tqc", "her", "planner", "random", "noop")
 """In the order of the columns: on a phone, the first is seen without scrolling."""
 
 Report = Mapping[str, Any]
@@ -411,7 +411,7 @@ These definitions hold on the pages of all environments.
 - **U(a, b)** is a number drawn uniformly between a and b.
 - **Actions** lie in [−1, 1]; values outside are clipped.
 - **Observations** are positions and velocities of particles (`observation="particles"`), or a few numbers
-  such as axis and spin (`"frame"`). Each number is divided by its *scale*, then clipped to ±10.
+  such as axis and spin (`"features"`). Each number is divided by its *scale*, then clipped to ±10.
 - **Rewards** lie between 0 and 1; `info` holds their terms, `reward_…`. With d = max(|x| − b, 0)/m, pages
   write G(x; b, m) = 0.1^(d²) and L(x; b, m) = 1/(1 + 9d²): both are 1 up to |x| = b, and 0.1 at b + m. The
   effort of the actions a gives the factor E = 1 − 0.1 mean(a²).
@@ -429,15 +429,15 @@ In all environments, `info` has these entries, in addition to those on the envir
 | `strain` | largest strain of any spring |
 | `pairs_touching` | number of pairs of bodies in contact now (`pairs_…`: where bodies collide) |
 | `pairs_impulse` | sum of the normal impulses between these bodies since the start [N·s] |
-| `pairs_least_gap` | smallest gap of any pair since the start [m], at most the contact margin |
-| `pairs_missed` | number of contacts since the start that were detected too late |
+| `pairs_min_gap` | smallest gap of any pair since the start [m], at most the contact margin |
+| `pairs_late_contacts` | number of contacts since the start that were detected too late |
 | `too_fast` | number of contacts since the start that moved by over a fifth of their margin in a sub-step |
 
 All environments have these arguments (see `springgym.envs.base.SpringEnv`):
 
 | argument | default | meaning |
 |---|---|---|
-| `observation` | `"particles"` | or `"frame"` (SpringBilliards: `"frame"` only) |
+| `observation` | `"particles"` | or `"features"` (SpringBilliards: `"features"` only) |
 | `action` | first mode on the environment's page | action mode |
 | `dynamics` | `"springs"` | or `"rigid"` (not SpringRope) |
 | `integrator`, `step` | `"verlet"`, the sub-step on the environment's page | integrator and sub-step [s] |
@@ -451,10 +451,10 @@ All environments have these arguments (see `springgym.envs.base.SpringEnv`):
 """
 
 TIERS = {
-    "first steps": "A linear policy (`--algo linear`), found in seconds, solves these tasks.",
-    "standard": "PPO solves most of these tasks with the package's hyperparameters; linear policies do not.",
-    "harder": "Variants that are harder to control. PPO succeeds in most episodes.",
-    "hard": "PPO fails in most episodes, although these tasks can be solved.",
+    "easy": "A linear policy (`--algo linear`), found in seconds, solves these tasks.",
+    "medium": "PPO solves most of these tasks with the package's hyperparameters; linear policies do not.",
+    "hard": "Variants that are harder to control. PPO succeeds in most episodes.",
+    "very hard": "PPO fails in most episodes, although these tasks can be solved.",
 }
 HARDER = """## Tiers and harder variants
 
@@ -509,12 +509,12 @@ assert env.unwrapped.compute_reward(achieved, achieved, info) == 1.0
   `compute_terminated`. Quantities of 100 m or m/s or more, and those after divergence, reach no goal.
 
 [Your own tasks](tutorials/task.md) need two arguments for this. `achieved` returns the current values of the
-goal's quantities, computed from the motion alone, not from `s.goal`. Each `Aim` names some of these
+goal's quantities, computed from the motion alone, not from `s.goal`. Each `GoalTolerance` names some of these
 quantities, with their number and the distance within which they count as reached:
 
 ```python
 from springgym.bodies import cube
-from springgym.envs.goals import Aim
+from springgym.envs.goals import GoalTolerance
 from springgym.scene import Scene
 
 
@@ -537,7 +537,7 @@ env = springgym.make_scene_env(
     actuators={"force": 5.0},
     start=start,
     achieved=achieved,
-    aims=[Aim("place", 3, 0.1), Aim("velocity", 3, 0.1)],
+    goal_tolerances=[GoalTolerance("place", 3, 0.1), GoalTolerance("velocity", 3, 0.1)],
     goals=True,
     sparse=True,
 )
@@ -545,8 +545,8 @@ seen, info = env.reset(seed=0)
 print(seen["achieved_goal"], seen["desired_goal"])
 ```
 
-Without `goals=True`, `achieved` and `aims` replace `succeeded`: a step is successful where the goal is
-reached.
+Without `goals=True`, `achieved` and `goal_tolerances` replace `success`: a step is successful where the goal
+is reached.
 
 [Train an agent](training.md#hindsight-experience-replay) shows hindsight experience replay.
 """
@@ -631,9 +631,9 @@ env = springgym.make_scene_env(
     reward=near_one_metre,
     actuators={"force": 20.0},
     observe=lambda m, s: np.concatenate([m.centre, m.centre_velocity], axis=1),
-    failed=lambda m, s: m.centre[:, 2] < 0.2,
-    succeeded=lambda m, s: np.abs(m.centre[:, 2] - 1.0) < 0.05,
-    hold=50,
+    terminated=lambda m, s: m.centre[:, 2] < 0.2,
+    success=lambda m, s: np.abs(m.centre[:, 2] - 1.0) < 0.05,
+    hold_steps=50,
 )
 ```
 

@@ -66,9 +66,9 @@ class PairSums(NamedTuple):
     """number of pairs that touch"""
     impulse: np.ndarray
     """the sum of all impulses along normals [N·s]"""
-    least_gap: np.ndarray
+    min_gap: np.ndarray
     """the least gap of any pair, or its contact margin if that is less [m]"""
-    misses: np.ndarray
+    late_contacts: np.ndarray
     """number of contacts that were found too late"""
     too_fast: np.ndarray
     """number of contacts that moved by more than a fifth of Δ in a step, each counted in every such step: the

@@ -11,10 +11,10 @@ from typing import Any, Literal, NamedTuple
 import gymnasium as gym
 from gymnasium.envs.registration import EnvSpec
 
-Tier = Literal["first steps", "standard", "harder", "hard", "sparse"]
-"""The difficulty of a task. Linear control solves "first steps". PPO solves "standard" with the
-hyperparameters of the package, and most of "harder". PPO does not solve "hard", though it can be solved.
-"Sparse" tasks are those of the same environments, rewarded only while their aim is met."""
+Tier = Literal["easy", "medium", "hard", "very hard", "sparse"]
+"""The difficulty of a task. Linear control solves "easy". PPO solves "medium" with the
+hyperparameters of the package, and most of "hard". PPO does not solve "very hard", though it can be solved.
+Tasks that are "sparse" are those of the same environments, rewarded only while their aim is met."""
 
 
 class Row(NamedTuple):
@@ -46,21 +46,21 @@ class Variant(NamedTuple):
 
 
 ENVIRONMENTS = (
-    Row("SpringTop-v0", "top", "SpringTop", 500, 400.0, "first steps"),
-    Row("SpringGyroscope-v0", "gyroscope", "SpringGyroscope", 400, 300.0, "standard"),
-    Row("SpringPendulum-v0", "pendulum", "SpringPendulum", 250, 150.0, "standard"),
-    Row("SpringDetumble-v0", "detumble", "SpringDetumble", 400, 260.0, "first steps"),
-    Row("SpringRope-v0", "rope", "SpringRope", 200, 105.0, "first steps"),
-    Row("SpringTumble-v0", "tumble", "SpringTumble", 250, 185.0, "standard"),
-    Row("SpringFreeTop-v0", "free_top", "SpringFreeTop", 500, 450.0, "standard"),
-    Row("SpringBalance-v0", "balance", "SpringBalance", 500, 425.0, "standard"),
-    Row("SpringShove-v0", "shove", "SpringShove", 250, 150.0, "standard"),
-    Row("SpringStack-v0", "stack", "SpringStack", 300, 0.8, "standard", "episode"),
-    Row("SpringJuggle-v0", "juggle", "SpringJuggle", 500, 400.0, "standard"),
-    Row("SpringLabyrinth-v0", "labyrinth", "SpringLabyrinth", 600, 240.0, "standard"),
-    Row("SpringTower-v0", "tower", "SpringTower", 500, 250.0, "hard"),
-    Row("SpringBilliards-v0", "billiards", "SpringBilliards", 1, 0.7, "standard", "episode"),
-    Row("SpringDuel-v0", "duel", "SpringDuel", 500, 0.7, "standard", "episode"),
+    Row("SpringTop-v0", "top", "SpringTop", 500, 400.0, "easy"),
+    Row("SpringGyroscope-v0", "gyroscope", "SpringGyroscope", 400, 300.0, "medium"),
+    Row("SpringPendulum-v0", "pendulum", "SpringPendulum", 250, 150.0, "medium"),
+    Row("SpringDetumble-v0", "detumble", "SpringDetumble", 400, 260.0, "easy"),
+    Row("SpringRope-v0", "rope", "SpringRope", 200, 105.0, "easy"),
+    Row("SpringTumble-v0", "tumble", "SpringTumble", 250, 185.0, "medium"),
+    Row("SpringFreeTop-v0", "free_top", "SpringFreeTop", 500, 450.0, "medium"),
+    Row("SpringBalance-v0", "balance", "SpringBalance", 500, 425.0, "medium"),
+    Row("SpringShove-v0", "shove", "SpringShove", 250, 150.0, "medium"),
+    Row("SpringStack-v0", "stack", "SpringStack", 300, 0.8, "medium", "episode"),
+    Row("SpringJuggle-v0", "juggle", "SpringJuggle", 500, 400.0, "medium"),
+    Row("SpringLabyrinth-v0", "labyrinth", "SpringLabyrinth", 600, 240.0, "medium"),
+    Row("SpringTower-v0", "tower", "SpringTower", 500, 250.0, "very hard"),
+    Row("SpringBilliards-v0", "billiards", "SpringBilliards", 1, 0.7, "medium", "episode"),
+    Row("SpringDuel-v0", "duel", "SpringDuel", 500, 0.7, "medium", "episode"),
 )
 
 REASONS = {
@@ -92,26 +92,26 @@ REASONS = {
 """The reasons for the tiers of variants."""
 
 _CHANGED: tuple[tuple[str, str, dict[str, Any], Tier], ...] = (
-    ("SpringGyroscope", "Hard", {"hard": True}, "hard"),
+    ("SpringGyroscope", "Hard", {"hard": True}, "very hard"),
     ("SpringTop", "Sparse", {"sparse": True}, "sparse"),
     ("SpringGyroscope", "Sparse", {"sparse": True}, "sparse"),
     ("SpringPendulum", "Sparse", {"sparse": True}, "sparse"),
     ("SpringDetumble", "Sparse", {"sparse": True}, "sparse"),
     ("SpringRope", "Sparse", {"sparse": True}, "sparse"),
-    ("SpringDetumble", "Particles", {"momentum": False}, "harder"),
-    ("SpringPendulum", "Weak", {"randomize": {"actuator": (0.5, 0.5)}}, "harder"),
-    ("SpringTop", "Hard", {"hard": True}, "harder"),
-    ("SpringTop", "ImpulseHard", {"action": "impulse", "hard": True}, "harder"),
-    ("SpringDetumble", "Flat", {"start": "flat"}, "standard"),
-    ("SpringTumble", "Hard", {"hard": True}, "standard"),
+    ("SpringDetumble", "Particles", {"momentum": False}, "hard"),
+    ("SpringPendulum", "Weak", {"randomize": {"actuator": (0.5, 0.5)}}, "hard"),
+    ("SpringTop", "Hard", {"hard": True}, "hard"),
+    ("SpringTop", "ImpulseHard", {"action": "impulse", "hard": True}, "hard"),
+    ("SpringDetumble", "Flat", {"start": "flat"}, "medium"),
+    ("SpringTumble", "Hard", {"hard": True}, "medium"),
     ("SpringTumble", "Sparse", {"sparse": True}, "sparse"),
-    ("SpringFreeTop", "Rough", {"friction": 0.1}, "hard"),
-    ("SpringJuggle", "Two", {"balls": 2}, "standard"),
+    ("SpringFreeTop", "Rough", {"friction": 0.1}, "very hard"),
+    ("SpringJuggle", "Two", {"balls": 2}, "medium"),
     ("SpringFreeTop", "Sparse", {"sparse": True}, "sparse"),
-    ("SpringShove", "Hard", {"hard": True}, "hard"),
+    ("SpringShove", "Hard", {"hard": True}, "very hard"),
     ("SpringShove", "Sparse", {"sparse": True}, "sparse"),
-    ("SpringLabyrinth", "Hard", {"hard": True}, "harder"),
-    ("SpringDuel", "Strong", {"opponent": "strong"}, "hard"),
+    ("SpringLabyrinth", "Hard", {"hard": True}, "hard"),
+    ("SpringDuel", "Strong", {"opponent": "strong"}, "very hard"),
 )
 
 VARIANTS = tuple(

@@ -22,7 +22,7 @@ from springgym.scenes.plan import LEAST, Plan
 from springgym.scenes.reading import document, load
 from springgym.scenes.reading import names as scene_names
 from springgym.scenes.recording import Progress, Recording, record
-from springgym.simulator import PAPER_METHOD
+from springgym.simulator import PAPER_SETTINGS
 
 ENERGIES = (
     *("kinetic", "gravity", "elastic", "contact"),
@@ -42,10 +42,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--integrator", choices=METHODS, help="integrator, instead of the scene's")
     parser.add_argument("--step", type=float, metavar="S", help="time step in seconds")
     parser.add_argument(
-        "--method",
+        "--preset",
         choices=("default", "paper"),
         default="default",
-        help="paper: the paper's method, rk4 at 5e-4 s, with its clamp and capped friction",
+        help="paper: the paper's settings, rk4 at 5e-4 s, with its clamp and capped friction",
     )
     parser.add_argument("--trace", type=Path, metavar="FILE", help="write all states (.npz or .csv)")
     parser.add_argument("--plot", type=Path, metavar="FILE", help="write a figure (.png, .svg or .pdf)")
@@ -106,12 +106,14 @@ def _changed(plan: Plan, args: argparse.Namespace) -> Plan:
     for option in ("duration", "step"):
         if (seconds := getattr(args, option)) is not None and not LEAST[option] <= seconds < np.inf:
             raise ValueError(f"--{option} {seconds:g}: it must be at least {LEAST[option]:g} s, and finite")
-    if args.integrator is not None and args.method == "paper":
-        raise ValueError(f"--integrator {args.integrator}: the paper's method is rk4; leave one of them out")
+    if args.integrator is not None and args.preset == "paper":
+        raise ValueError(
+            f"--integrator {args.integrator}: the paper's settings have rk4; leave one of them out"
+        )
     if args.integrator is not None:
         plan = replace(plan, integrator=args.integrator, step=None)
-    if args.method == "paper":
-        plan = replace(plan, scene=plan.scene.with_(contact=plan.paper), **PAPER_METHOD)
+    if args.preset == "paper":
+        plan = replace(plan, scene=plan.scene.with_(contact=plan.paper), **PAPER_SETTINGS)
     if args.duration is not None:
         plan = replace(plan, duration=args.duration)
     return plan if args.step is None else replace(plan, step=args.step)
@@ -137,7 +139,7 @@ def _summary(recording: Recording) -> str:
 def _between(recording: Recording) -> Iterator[str]:
     """Yield a line for each pair of bodies that touched, or one line for all if they are many."""
     scene, pairs = recording.plan.scene, recording.pairs
-    told = pairs.impulse[-1] + pairs.misses[-1] + pairs.too_fast[-1] + pairs.overflow[-1]
+    told = pairs.impulse[-1] + pairs.late_contacts[-1] + pairs.too_fast[-1] + pairs.overflow[-1]
     met = np.flatnonzero(told > 0).tolist()
     if len(met) > MOST_LISTED:
         yield f"{len(met)} pairs of bodies: {_of_pairs(pairs, met)}"
@@ -150,7 +152,7 @@ def _between(recording: Recording) -> Iterator[str]:
 def _of_pairs(pairs: PairReadings, which: list[int]) -> str:
     """Return a text with the final impulse, losses and counts of some pairs together."""
     sums = PairReadings(*(of[-1, which].sum() for of in pairs))
-    wrong = {"found too late": sums.misses, "too fast": sums.too_fast, "left out": sums.overflow}
+    wrong = {"found too late": sums.late_contacts, "too fast": sums.too_fast, "left out": sums.overflow}
     counts = "".join(f", {count:.0f} {what}" for what, count in wrong.items() if count)
     lost = sums.contact_loss + sums.friction_loss
     return f"impulse {sums.impulse:.4g} N·s, lost {lost:.3g} J{counts}"

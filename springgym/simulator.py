@@ -87,7 +87,7 @@ GOES_FORWARD = ("integrator", "step", "damping_every", "tolerance")
 PAPER_STEP = 5e-4
 """Step of the paper [s]."""
 
-PAPER_METHOD: dict[str, Any] = {"integrator": "rk4", "step": PAPER_STEP}
+PAPER_SETTINGS: dict[str, Any] = {"integrator": "rk4", "step": PAPER_STEP}
 """The paper's method for scenes without surfaces; `PaperContact` is its contact with surfaces."""
 
 MOST_PARTICLES, MOST_THREADS = 10**8, 1024
@@ -203,7 +203,7 @@ class Simulator:
         particles = len(scene.positions)
         self.damping_every = self._checked_cycle(damping_every)
         """number of steps in a cycle of dampers and wrench"""
-        self.copies = checks.whole("copies", copies, 1, MOST_PARTICLES // particles)
+        self.copies = checks.whole("copies", copies, 1, most_copies(scene))
         self.threads = checks.whole("threads", threads, 1, MOST_THREADS)
         self.dtype = _checked_dtype(dtype)
         ledger = checks.flag("ledger", ledger)
@@ -263,7 +263,7 @@ class Simulator:
 
     @classmethod
     def paper(cls, scene: Scene, **options: Any) -> Self:
-        """Make a simulator with the paper's method: RK4 with h = 5e-4 s and, on surfaces, the paper's
+        """Make a simulator with the paper's settings: RK4 with h = 5e-4 s and, on surfaces, the paper's
         contact.
 
         Parameters
@@ -282,11 +282,11 @@ class Simulator:
         if scene.surfaces and isinstance(contact, Contact):
             if contact.restitution < 1:
                 raise ValueError(
-                    f"restitution is {contact.restitution}; the paper's method has a damping: give the scene "
-                    "a PaperContact"
+                    f"restitution is {contact.restitution}; the paper's settings have a damping: give the "
+                    "scene a PaperContact"
                 )
             contact = PaperContact(contact.friction, 0.0, contact.strength, contact.reach)
-        return cls(scene.with_(contact=contact), **(PAPER_METHOD | options))
+        return cls(scene.with_(contact=contact), **(PAPER_SETTINGS | options))
 
     def _kernel(self) -> SameTypes:
         read = measures.read if len(self.scene.bodies) == 1 else measures.read_bodies
@@ -832,7 +832,7 @@ class Simulator:
         own, reach = self._totals
         read = PairReadings(*(of[copy] for of in totals.read_pairs(own, self.copies)))
         resolved, met, bodies = RESOLVED / self.step * reach, self.scene.meetings, self.scene.bodies
-        n = int(np.argmax((read.fastest > resolved) | (read.misses > 0) | (read.overflow > 0)))
+        n = int(np.argmax((read.fastest > resolved) | (read.late_contacts > 0) | (read.overflow > 0)))
         if n < len(met):
             who = f"bodies {bodies[met.first[n]].name!r} and {bodies[met.second[n]].name!r}"
         else:
@@ -841,7 +841,7 @@ class Simulator:
         deep, soft = "so deep that they (almost) overlapped", "more strength or stiffer springs"
         cases = (
             (finer < self.step, f"at {read.fastest[n]:.4g} m/s", f"a step of less than {finer:.2g} s"),
-            (read.misses[n] > 0, deep, f"a larger reach, such as {2 * reach[n]:g} m, {soft}"),
+            (read.late_contacts[n] > 0, deep, f"a larger reach, such as {2 * reach[n]:g} m, {soft}"),
             (read.overflow[n] > 0, "at too many points, or too fast to find", "a shorter step"),
         )
         how = " and ".join(met for wrong, met, _ in cases if wrong)
@@ -1186,6 +1186,11 @@ class Simulator:
             reason = "rigid bodies have no dampers" if self._kind.rigid else one
             raise ValueError(f"damping_every is {every}; it must be 1: {reason}")
         return every
+
+
+def most_copies(scene: Scene) -> int:
+    """Return the largest number of copies of a scene."""
+    return MOST_PARTICLES // len(scene.positions)
 
 
 def _warn(what: str) -> None:

@@ -118,7 +118,7 @@ def test_scripts_are_commands(tmp_path):
         "from gymnasium.envs.classic_control import PendulumEnv\n"
         "gym.register('Own-v0', entry_point=PendulumEnv, max_episode_steps=3)\n"
     )
-    words = ["evaluate", "zero", "--env", "own:Own-v0", "--episodes", "2"]
+    words = ["evaluate", "noop", "--env", "own:Own-v0", "--episodes", "2"]
     code = f"import sys; from springgym.cli import main; sys.exit(main({words!r}))"
     command = [sys.executable, "-P", "-W", "ignore", "-c", code]  # -P: the current folder is not searched yet
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
@@ -157,9 +157,9 @@ def test_the_words_of_a_script_are_its_own(capsys):
         assert ended.value.code == 0
         assert says in capsys.readouterr().out
     with pytest.raises(SystemExit):
-        main(["evaluate", "zero", "--episods", "3"])
+        main(["evaluate", "noop", "--episods", "3"])
     assert "springgym evaluate: error: unrecognized arguments: --episods 3" in capsys.readouterr().err
-    assert main(["evaluate", "zero", "--env", "Absent-v0"]) == 2
+    assert main(["evaluate", "noop", "--env", "Absent-v0"]) == 2
     assert capsys.readouterr().err.startswith("springgym evaluate: error: ")
 
 

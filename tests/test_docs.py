@@ -96,7 +96,7 @@ def test_every_environment_has_a_row_of_the_planner() -> None:
     writer = page_writer("baselines")  # it puts agents/ on the path
     planner = importlib.import_module("plan")
     rows = {row["task"]: row for row in writer.planned()}
-    tasks = {own["task"]: own for own in writer.read(writer.ROWS) if own["algorithm"] == "zero"}
+    tasks = {own["task"]: own for own in writer.read(writer.ROWS) if own["algorithm"] == "noop"}
     for env_id in (row.id for row in writer.ENVIRONMENTS):
         row, own = rows[env_id], tasks[env_id]
         assert row["episodes"] >= 5
@@ -144,7 +144,7 @@ def test_rows_of_an_earlier_protocol_or_task_are_old_and_marked() -> None:
         ({name: value for name, value in now.items() if name != "protocol"}, True),
     ):
         assert writer.is_old(own) == old
-        assert any("`SpringDuel-v0` †" in line for line in writer.table_of("standard", [own])) == old
+        assert any("`SpringDuel-v0` †" in line for line in writer.table_of("medium", [own])) == old
 
 
 def outdated_rows() -> set[str]:

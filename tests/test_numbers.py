@@ -106,7 +106,7 @@ def test_baselines_are_told_alike() -> None:
     found = 0
     for own in REPORT["variants"]["rows"]:
         if task := tasks.get((own["environment"], own["arguments"])):
-            for name in ("zero", "random", "classical"):
+            for name in ("noop", "random", "classical"):
                 there = rows[task, name]
                 assert own[name][0] == pytest.approx(there["success_rate"]), (task, name)
                 assert own[name][1] == pytest.approx(there["mean_return"], abs=1e-3), (task, name)

@@ -66,11 +66,11 @@ from springgym.envs import parallel
 from springgym.envs.top import SpringTopEnv, SpringTopVectorEnv
 
 env = SpringTopEnv(action="impulse", render_mode="rgb_array", step=1e-4, body={"height": 1.0})
-envs = SpringTopVectorEnv(4, autoreset_mode="SameStep", observation="frame", max_episode_steps=10)
+envs = SpringTopVectorEnv(4, autoreset_mode="SameStep", observation="features", max_episode_steps=10)
 box: spaces.Box = env.action_space
 boxes: tuple[spaces.Box, spaces.Box] = envs.single_action_space, envs.observation_space
 print(env.action_space.low, envs.action_space.high, springgym.get_state(env))
-duel = parallel("SpringDuel-v0", observation="frame")
+duel = parallel("SpringDuel-v0", observation="features")
 print(duel.action_space("first").low)
 SpringTopEnv(observation="wrong")  # type: ignore[arg-type]
 SpringTopEnv(hard="yes")  # type: ignore[arg-type]
@@ -79,7 +79,7 @@ parallel("SpringDuel-v0", opponent="script")  # type: ignore[call-arg]
 springgym.nonsense  # type: ignore[attr-defined]
 scene = springgym.Scene("top")  # type: ignore[arg-type]
 one = springgym.make_scene_env(scene, print, actuators={"force": 1.0})  # type: ignore[arg-type]
-more = springgym.make_scene_env(scene, lambda m, s: s.action[:, 0], actuators={}, num_envs=3, hold=2)
+more = springgym.make_scene_env(scene, lambda m, s: s.action[:, 0], actuators={}, num_envs=3, hold_steps=2)
 print(more.num_envs, more.single_action_space.low)
 springgym.make_scene_env(scene, lambda m, s: s.v, actuators={}, odd=1)  # type: ignore[call-overload]
 """

@@ -59,7 +59,7 @@ FURTHER: dict[str, tuple[dict[str, Any], ...]] = {
     "SpringShove-v0": ({"friction": 0.3},),
     "SpringStack-v0": ({"step": 6.25e-4},),
     "SpringJuggle-v0": ({"hard": True}, {"restitution": 0.85}),
-    "SpringLabyrinth-v0": ({"observation": "frame"},),
+    "SpringLabyrinth-v0": ({"observation": "features"},),
     "SpringTower-v0": ({"blocks": 2},),
     "SpringBilliards-v0": ({},),
     "SpringDuel-v0": ({"opponent": "still"},),
@@ -331,7 +331,7 @@ class Player:
         if simulator.scene.meetings:
             pairs = simulator.pairs()
             slow = pairs.too_fast.sum(axis=-1) == 0
-            check(not (slow & (pairs.misses.sum(axis=-1) > 0)).any(), "bodies missed each other")
+            check(not (slow & (pairs.late_contacts.sum(axis=-1) > 0)).any(), "bodies missed each other")
             check(not pairs.overflow.any(), "more contacts than are listed")
 
     def follow(self, action: np.ndarray, result: Any, fresh: bool) -> None:

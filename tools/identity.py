@@ -42,7 +42,7 @@ CALLS = (13, 47)
 OPTIONS: dict[str, dict[str, Any]] = {
     "float64": {},
     "float32": {"dtype": "float32"},
-    "frame": {"observation": "frame"},
+    "features": {"observation": "features"},
     "rigid": {"dynamics": "rigid"},
     "randomised": {"randomize": {"masses": (0.95, 1.05), "gravity": (0.95, 1.05), "actuator": (0.9, 1.0)}},
 }

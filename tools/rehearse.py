@@ -202,7 +202,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     at.install("user: extras", user, "-c", pins, f"{wheel}[agents,scenes,plot,render]")
     at.run("user: a first step of every environment", user, "-c", EVERY)
     command("user: first agent", "train SpringTop-v0 --timesteps 20000 --episodes 10")
-    command("user: evaluate", "evaluate SpringTop-v0 zero --episodes 10")
+    command("user: evaluate", "evaluate SpringTop-v0 noop --episodes 10")
     command("user: first film", "watch SpringTop-v0 --out agent.mp4")
     command("user: first scene", "simulate top --plot top.png --video top.mp4 --check")
 

@@ -160,14 +160,14 @@ def table(findings: Sequence[Finding], env_id: str) -> str:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line."""
     parser = command_line(__doc__)
-    parser.add_argument("agent", help="a run folder, an environment id, or zero, random, classical")
+    parser.add_argument("agent", help="a run folder, an environment id, or noop, random, classical")
     parser.add_argument("--env", help="environment id, unless the agent is a run folder")
     parser.add_argument("--episodes", type=whole(2, MOST_EPISODES), default=100)
     parser.add_argument(
         "--seed", type=whole(0, LAST_SEED), default=HELD_OUT_SEED, help="seed of the first episode"
     )
     add_overrides(parser)
-    parser.add_argument("--json", type=new_file(), help="write the findings to this file")
+    parser.add_argument("--json", type=new_file(), metavar="FILE", help="write the findings to this file")
     options = parser.parse_args(arguments)
     return guarded("audit.py", lambda: _audit(options), MENDABLE)
 

@@ -1,7 +1,7 @@
 """Record episodes of agents as Minari data sets, for offline learning.
 
     python agents/studies/dataset.py SpringTop-v0 random classical SpringTop-v0
-    python agents/studies/dataset.py SpringTop-v0 planner --episodes 10 --set observation=frame
+    python agents/studies/dataset.py SpringTop-v0 planner --episodes 10 --set observation=features
     python agents/studies/dataset.py SpringTop-v0 runs/medium --noise 0.3
 
 An agent is what ``agents/evaluate.py`` takes, or ``planner``, which is ``agents/plan.py``. Each becomes a
@@ -13,7 +13,7 @@ actions lead to, and the data set is called AGENT-noisy-v0. From data without su
 to imitate.
 
 For data of medium quality, record an agent that was trained for a part of the steps, as by
-``springgym train SpringTop-v0 --timesteps 150000 --run runs/medium``.
+``springgym train SpringTop-v0 --timesteps 150000 --out runs/medium``.
 """
 
 from __future__ import annotations
@@ -170,7 +170,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("env_id", help="environment id")
     parser.add_argument(
-        "agents", nargs="+", help="run folders; the environment's id; zero, random, classical, planner"
+        "agents", nargs="+", help="run folders; the environment's id; noop, random, classical, planner"
     )
     parser.add_argument("--episodes", type=whole(1, 100_000), default=100, help="of each (default: 100)")
     parser.add_argument("--seed", type=whole(0, 2**31), default=DATASET_SEED, help="of the first episode")

@@ -127,7 +127,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--config", type=Path, default=CONFIG_FOLDER / "ppo.yaml", help="hyperparameters")
     parser.add_argument("--seed", type=whole(0, HELD_OUT_SEED - 1), default=0)
     parser.add_argument(
-        "--json", type=new_file(), help="write the rows to this file, replacing those of the same runs"
+        "--json",
+        type=new_file(),
+        metavar="FILE",
+        help="write the rows to this file, replacing those of the same runs",
     )
     options = parser.parse_args(arguments)
     torch.set_num_threads(1)

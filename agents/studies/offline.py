@@ -264,7 +264,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--steps", type=whole(1, 10**12), help="updates: same as --set total_timesteps=...")
     parser.add_argument("--config", type=Path, help="file of hyperparameters (default: configs/iql.yaml)")
     add_overrides(parser, "change hyperparameters")
-    parser.add_argument("--run", type=Path, help="run folder (default: in runs/offline, named after the run)")
+    parser.add_argument("--out", type=Path, help="run folder (default: in runs/offline, named after the run)")
     parser.add_argument("--rows", type=new_file(), help="file to which the row of this run is added")
     options = parser.parse_args(arguments)
 
@@ -284,11 +284,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         assert isinstance(config, IQLConfig)
         if (config.data, config.env_kwargs) != (options.data, data.env_kwargs):
             raise ConfigError("--set: data and env_kwargs are those of --data, and cannot be changed")
-        folder = options.run or Path("runs/offline") / folder_name(
+        folder = options.out or Path("runs/offline") / folder_name(
             options.env_id, "iql", options.data, options.seed
         )
         if (folder / "config.yaml").exists():
-            raise ConfigError(f"{folder} holds a run already: name another folder with --run")
+            raise ConfigError(f"{folder} holds a run already: name another folder with --out")
         one = Run(folder, "iql", options.env_id, options.seed, config)
         folder.mkdir(parents=True, exist_ok=True)
         with locked(folder):

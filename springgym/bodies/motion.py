@@ -37,7 +37,7 @@ def start(
     azimuth: float = 0.0,
     roll: float = 0.0,
     hanging: bool = False,
-    turn: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
+    rotation: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
     spin: float = 0.0,
     precession: float = 0.0,
     omega: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
@@ -50,7 +50,7 @@ def start(
     """Place a body and set it in rigid motion.
 
     With a tilt, the triad of the body (`Body.markers`) becomes Rz(azimuth) Ry(tilt) Rz(roll). Then the body
-    is turned by ``turn``. Its angular velocity is
+    is turned by ``rotation``. Its angular velocity is
 
     ω = omega + spin e₃ + precession (ẑ − (ẑ·e₃) e₃),
 
@@ -66,7 +66,7 @@ def start(
     hanging
         Whether the body hangs from its first pin, instead of having a tilt. It is turned as little as
         possible, so that its centre of mass lies straight below the pin.
-    turn : (3,)
+    rotation : (3,)
         A further rotation, as a vector along its axis [rad], in world axes.
     spin, precession
         [rad/s]
@@ -94,7 +94,7 @@ def start(
     azimuth, roll = number("azimuth", azimuth), number("roll", roll)
     spin, precession = number("spin", spin), number("precession", precession)
     hanging, stretched = flag("hanging", hanging), flag("stretched", stretched)
-    turn, omega = array("turn", turn, (3,)), array("omega", omega, (3,))
+    rotation, omega = array("rotation", rotation, (3,)), array("omega", omega, (3,))
     position, velocity = array("position", position, (3,)), array("velocity", velocity, (3,))
     gravity = None if gravity is None else array("gravity", gravity, (3,))
     pinned = tuple(indices("pinned", pinned, len(body.masses)).tolist())
@@ -116,7 +116,7 @@ def start(
         place = rotating((0, 0, azimuth)) @ rotating((0, tilt, 0)) @ rotating((0, 0, roll)) @ own.T
     else:
         place = np.eye(3)
-    place = rotating(turn) @ place
+    place = rotating(rotation) @ place
     third = place @ own[:, 2]
     rate = omega + spin * third + precession * (np.array([0.0, 0.0, 1.0]) - third[2] * third)
     shape = body.positions

@@ -35,7 +35,7 @@ class PairReadings(NamedTuple):
     """whether the bodies pushed each other at the last node"""
     impulse: np.ndarray
     """the sum of all impulses along normals [N·s]"""
-    least_gap: np.ndarray
+    min_gap: np.ndarray
     """the least gap of any contact [m]; infinite if none was near"""
     energy: np.ndarray
     """energy in the barriers between them [J]"""
@@ -43,7 +43,7 @@ class PairReadings(NamedTuple):
     """energy lost to restitution [J]"""
     friction_loss: np.ndarray
     """energy lost to friction [J]"""
-    misses: np.ndarray
+    late_contacts: np.ndarray
     """number of contacts that were found late, in a step or a read state whose bodies (almost) overlapped"""
     too_fast: np.ndarray
     """number of contacts that moved by more than a fifth of Δ in a step, so that their impact is coarse"""
@@ -140,10 +140,10 @@ def read_pairs(totals: np.ndarray | None, copies: int, pairs: int | None = None)
         return PairReadings(*np.zeros((ENTRIES, copies, 0)))
     values = to_copies(totals, copies).reshape(copies, -1, ENTRIES)[:, :pairs].astype(float)
     entries = dict(zip(PairReadings._fields, np.moveaxis(values, -1, 0), strict=True))
-    least = entries["least_gap"]
+    least = entries["min_gap"]
     return PairReadings(
         **entries
-        | {"touching": entries["touching"] > 0, "least_gap": np.where(least < 0.5 * FAR, least, np.inf)}
+        | {"touching": entries["touching"] > 0, "min_gap": np.where(least < 0.5 * FAR, least, np.inf)}
     )
 
 

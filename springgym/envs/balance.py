@@ -47,12 +47,12 @@ FAR = 0.25  # where the ball starts, at most, from the axis [m]
 TOUCHING = 0.02  # a ball higher above the plate has left it [m]
 HIGH = 0.3  # where an episode ends [m]
 TIPPED = 0.7  # tilt of the plate [rad]
-WAY_UNIT, SPEED_UNIT = 0.2, 0.5  # units of the compact observation: distances [m], speeds [m/s]
+WAY_UNIT, SPEED_UNIT = 0.2, 0.5  # units of the features: distances [m], speeds [m/s]
 TILT_UNIT, TURNING_UNIT = 0.2, 1.0  # of the axis [1], of the plate's angular velocity [rad/s]
 
 
 @compiled
-def gap_of(m: Measures, x: np.ndarray, c: int) -> float:
+def clearance_of(m: Measures, x: np.ndarray, c: int) -> float:
     """Return the height of the ball above the plate's plane [m]."""
     return height_above(x[c, CROWN], m.centre[c, BALL], m.axis[c, PLATE]) - BALL_RADIUS
 
@@ -60,20 +60,20 @@ def gap_of(m: Measures, x: np.ndarray, c: int) -> float:
 @kernel
 def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     for c in range(out.shape[0]):
-        error = math.hypot(m.centre[c, BALL, 0] - s.goal[c, 0], m.centre[c, BALL, 1] - s.goal[c, 1])
-        gap, tilt = gap_of(m, s.x, c), angle_of(m.axis[c, PLATE, 2])
-        on = thrift(s.action, c) if abs(gap) < TOUCHING else 0.0
-        out["reward_near"][c] = 0.5 * on * long_tail(error, 0.3, 0.02)
-        out["reward_placed"][c] = 0.5 * on * gaussian(error, 0.15, 0.02)
-        out["error"][c] = error
+        distance = math.hypot(m.centre[c, BALL, 0] - s.goal[c, 0], m.centre[c, BALL, 1] - s.goal[c, 1])
+        clearance, tilt = clearance_of(m, s.x, c), angle_of(m.axis[c, PLATE, 2])
+        on = thrift(s.action, c) if abs(clearance) < TOUCHING else 0.0
+        out["reward_near"][c] = 0.5 * on * long_tail(distance, 0.3, 0.02)
+        out["reward_placed"][c] = 0.5 * on * gaussian(distance, 0.15, 0.02)
+        out["distance"][c] = distance
         out["tilt"][c] = tilt
-        out["gap"][c] = gap
-        out["met"][c] = error < 0.05 and abs(gap) < TOUCHING
-        out["failed"][c] = tilt > TIPPED or gap < -TOUCHING or gap > HIGH
+        out["clearance"][c] = clearance
+        out["success"][c] = distance < 0.05 and abs(clearance) < TOUCHING
+        out["terminated"][c] = tilt > TIPPED or clearance < -TOUCHING or clearance > HIGH
 
 
 @kernel
-def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
+def observe_features(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
         for axis in range(2):
             observation[c, axis] = (m.centre[c, BALL, axis] - s.goal[c, axis]) / WAY_UNIT
@@ -96,12 +96,12 @@ def move(m: Measures, s: Situation, goal: np.ndarray) -> None:
             goal[c, n + 1] = sine * x + cosine * y
 
 
-class SpringBalance(Task, kernels=(evaluate, compact, move)):
+class SpringBalance(Task, kernels=(evaluate, observe_features, move)):
     """Define the MDP of `SpringBalanceEnv`, which describes it."""
 
     actions: ClassVar = {"torque": 2}
     terms = ("near", "placed")
-    metrics = ("error", "tilt", "gap")
+    metrics = ("distance", "tilt", "clearance")
     entries = (
         Entry("offset", 2, WAY_UNIT),
         Entry("velocity", 2, SPEED_UNIT),
@@ -149,12 +149,12 @@ class SpringBalance(Task, kernels=(evaluate, compact, move)):
         high = (0.05, math.pi, 1.0, math.pi, ORBIT[1], math.pi, self.rate[1], 1.0)
         tilt, azimuth, share, bearing, radius, phase, rate, sense = uniform(rng, low, high)
         tilt = number(options, "tilt", tilt, 0.0, TIPPED)
-        away = number(options, "away", FAR * math.sqrt(share), 0.0, 0.4)
+        offset = number(options, "offset", FAR * math.sqrt(share), 0.0, 0.4)
         radius = number(options, "radius", radius, 0.0, 0.4)
         rate = number(options, "rate", math.copysign(rate, sense), -3.0, 3.0)
         lean = (-math.sin(azimuth), math.cos(azimuth), 0.0)
         height = factors["scale"] * self.plate.positions[CROWN, 2] + BALL_RADIUS + self._height(factors)
-        resting = (away * math.cos(bearing), away * math.sin(bearing), height)
+        resting = (offset * math.cos(bearing), offset * math.sin(bearing), height)
         place = (radius * math.cos(phase), radius * math.sin(phase), HEIGHT + BALL_RADIUS)
         goal = (*place, -rate * place[1], rate * place[0], rate)
         return factors["scale"], tilt, *lean, *resting, *goal
@@ -178,14 +178,14 @@ class SpringBalance(Task, kernels=(evaluate, compact, move)):
         return Scenery(floor=-0.3)
 
     def marks(self, m: Measures, s: Situation) -> Marks:
-        error = math.hypot(m.centre[BALL, 0] - s.goal[0], m.centre[BALL, 1] - s.goal[1])
+        distance = math.hypot(m.centre[BALL, 0] - s.goal[0], m.centre[BALL, 1] - s.goal[1])
         torque = across(np.append(s.action, 0.0), m.axis[PLATE])
         return Marks(
             balls=[(s.goal[:3], 0.05)],
             lines=[((0.0, 0.0, -0.3), (0.0, 0.0, 0.0))],
             arrows=[torque_arrow(m.centre[PLATE], torque, 0.6 * RADIUS)],
             key=((GREEN, "target of the ball"), (RED, "torque on the plate")),
-            text=(f"off target {100 * error:4.1f} cm",),
+            text=(f"off target {100 * distance:4.1f} cm",),
         )
 
 
@@ -219,7 +219,7 @@ class SpringBalanceEnv(SpringEnv, gym.Env, task=SpringBalance):
     | | 30–59 | their velocities | 0.5 m/s |
     | | 60, 61 | velocity x, y of the target | 1 m/s |
     | | 62 | angular velocity of the target on its circle | 1 rad/s |
-    | `"frame"` | 0, 1 | ball x, y, from the target | 0.2 m |
+    | `"features"` | 0, 1 | ball x, y, from the target | 0.2 m |
     | | 2, 3 | its velocity x, y | 0.5 m/s |
     | | 4, 5 | axis of the plate x, y | 0.2 |
     | | 6, 7 | its angular velocity x, y | 1 rad/s |
@@ -234,7 +234,7 @@ class SpringBalanceEnv(SpringEnv, gym.Env, task=SpringBalance):
     ## Starting State
     The ball lies at rest within 0.25 m of the axis of the plate, which is tilted by U(0, 0.05) rad. The
     target starts anywhere on a circle of radius U(0.05, 0.2) m, and moves in either direction at U(0.4, 1.2)
-    rad/s. `reset(options={"tilt": …, "away": …, "radius": …, "rate": …})` sets them.
+    rad/s. `reset(options={"tilt": …, "offset": …, "radius": …, "rate": …})` sets them.
 
     ## Episode End
     Termination: the ball is 2 cm below the plate's plane or 0.3 m above it, or the plate is tilted by 0.7
@@ -242,7 +242,7 @@ class SpringBalanceEnv(SpringEnv, gym.Env, task=SpringBalance):
     last 50 steps.
 
     ## Information
-    `error` e [m], `tilt` of the plate [rad], `gap` between ball and plate's plane [m], `pairs_…`.
+    `distance` e [m], `tilt` of the plate [rad], `clearance` between ball and plate's plane [m], `pairs_…`.
 
     ## Arguments
     - `restitution=0.8`: a ball that bounces more than the default one (0.3).

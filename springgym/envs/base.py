@@ -294,7 +294,7 @@ class SpringEnv(SingleEnv, gym.Env[np.ndarray, np.ndarray]):
         Whether observations hold the goal as separate entries, like Gymnasium-Robotics' ``GoalEnv``: a dict
         of ``observation``, the particles without the goal, ``achieved_goal`` and ``desired_goal``. The
         environment then has ``compute_reward(achieved_goal, desired_goal, info)``, see
-        `springgym.envs.goals.Goals`. Needs ``sparse=True``, and a task with `Task.aims`.
+        `springgym.envs.goals.Goals`. Needs ``sparse=True``, and a task with `Task.goal_tolerances`.
     max_episode_steps
         Time limit. The default is none, because `gymnasium.make` adds the registered one with a wrapper.
     options
@@ -448,7 +448,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         infos: dict[str, Any] = {}
         if mode is AutoresetMode.DISABLED and self._ended.any():
             raise gym.error.ResetNeeded(
-                f"the episode of copy {int(np.argmax(self._ended))} has ended: "
+                f"the episode of environment {int(np.argmax(self._ended))} has ended: "
                 "reset it with options={'reset_mask': …}"
             )
         result, seen = episodes.step(checked)
@@ -490,7 +490,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
             first = _seed("seed", seed)
             return [None if first is None else first + n for n in range(self.num_envs)]
         if len(seed) != self.num_envs:
-            raise ValueError(f"{len(seed)} seeds were given for {self.num_envs} copies")
+            raise ValueError(f"{len(seed)} seeds were given for {self.num_envs} environments")
         return [_seed(f"seed[{n}]", given) for n, given in enumerate(seed)]
 
     def _mask(self, options: Mapping[str, Any] | None) -> tuple[np.ndarray, Mapping[str, Any] | None]:
@@ -503,7 +503,9 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         if not mask.any():
             raise ValueError("reset_mask must select at least one environment")
         if self.episodes.unready and not mask.all():
-            raise ValueError(f"reset_mask leaves out copies, and {self.episodes.unready}: reset all copies")
+            raise ValueError(
+                f"reset_mask leaves out some, and {self.episodes.unready}: reset all environments"
+            )
         return mask.copy(), {name: value for name, value in options.items() if name != "reset_mask"}
 
     @guarded
@@ -527,7 +529,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         given = list(generators) if isinstance(generators, Sequence) else [generators]
         if len({id(rng) for rng in given if isinstance(rng, np.random.Generator)}) != self.num_envs:
             raise ValueError(
-                f"np_random must be {self.num_envs} different random generators, one for each copy; "
+                f"np_random must be {self.num_envs} different random generators, one for each environment; "
                 f"rng.spawn({self.num_envs}) makes them of one"
             )
         self._generators, self._seeds = given, [-1] * self.num_envs

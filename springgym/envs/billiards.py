@@ -62,13 +62,13 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
         potted, effort = nearest < POCKET, thrift(s.action, c)
         out["reward_near"][c] = 0.0 if potted else 0.2 * effort * gaussian(nearest, 0.5, POCKET)
         out["reward_potted"][c] = effort if potted else 0.0
-        out["away"][c] = nearest
-        out["met"][c] = potted
-        out["failed"][c] = True  # the episode ends
+        out["min_distance"][c] = nearest
+        out["success"][c] = potted
+        out["terminated"][c] = True  # the episode ends
 
 
 @kernel
-def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
+def observe_features(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
         for axis in range(2):
             place = m.centre[c, OBJECT, axis]
@@ -76,19 +76,19 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
             observation[c, 2 + axis] = (s.goal[c, axis] - place) / WAY_UNIT
 
 
-class SpringBilliards(Task, kernels=(evaluate, compact, remember)):
+class SpringBilliards(Task, kernels=(evaluate, observe_features, remember)):
     """Define the MDP of `SpringBilliardsEnv`, which describes it."""
 
-    observations = ("frame",)
+    observations = ("features",)
     actions: ClassVar = {"stroke": 2}
     terms = ("near", "potted")
-    metrics = ("away",)
+    metrics = ("min_distance",)
     entries = (Entry("to_ball", 2, WAY_UNIT), Entry("to_pocket", 2, WAY_UNIT))
     goal_size = 2
     memory = (math.inf,)  # the least distance of the second ball from the pocket so far [m]
     period = PERIOD
     periods = PERIODS
-    hold = 1
+    hold_steps = 1
     wins = True
     finest = PERIOD / 40
     checks_starts = False
@@ -199,7 +199,7 @@ class SpringBilliardsEnv(SpringEnv, gym.Env, task=SpringBilliards):
     ## Observation Space
     | `observation` | entries | meaning | scale |
     |---|---|---|---|
-    | `"frame"` | 0, 1 | second ball x, y, from the first | 0.5 m |
+    | `"features"` | 0, 1 | second ball x, y, from the first | 0.5 m |
     | | 2, 3 | the pocket x, y, from the second ball | 0.5 m |
 
     ## Rewards
@@ -219,7 +219,7 @@ class SpringBilliardsEnv(SpringEnv, gym.Env, task=SpringBilliards):
     of a control period. The render mode `"rgb_array_list"` returns one picture per period.
 
     ## Information
-    `away` e [m], `pairs_…`.
+    `min_distance` e [m], `pairs_…`.
 
     ## Arguments
     None beyond the [shared ones](../environments.md#shared-definitions).

@@ -25,7 +25,7 @@ from springgym.scene import Scene, ThrustActuator, WrenchActuator
 
 TORQUE = 0.35  # [N·m]
 IMPULSE = 0.012  # of a thruster in a control period [N·s]
-TURNING_UNIT = 4.0  # unit of angular velocities in the compact observation [rad/s]
+TURNING_UNIT = 4.0  # unit of angular velocities among the features [rad/s]
 SIDES = (1.0, 0.7, 0.4)  # [m]
 MASSES = (0.2, 0.1, 0.1, 0.15, 0.1, 0.1, 0.15, 0.1)  # [kg]
 THRUSTERS = ((1, (0, 0, 1)), (2, (0, 0, 1)), (4, (0, 1, 0)), (6, (0, 1, 0)))
@@ -44,13 +44,13 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
         slow = gaussian(speed, 2.0, 0.05) / 4 * thrift(s.action, c)
         out["reward_slow"][c] = slow
         out["reward_still"][c] = 3 * slow * gaussian(speed, 0.2, 0.05)
-        out["speed"][c] = speed
-        out["met"][c] = speed < 0.15
-        out["failed"][c] = False
+        out["angular_speed"][c] = speed
+        out["success"][c] = speed < 0.15
+        out["terminated"][c] = False
 
 
 @kernel
-def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
+def observe_features(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
         for axis in range(3):
             turning = along(m.angular_velocity[c], m.side[c], m.axis[c], axis)
@@ -58,12 +58,12 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
             observation[c, 3 + axis] = along(m.angular_momentum[c], m.side[c], m.axis[c], axis)
 
 
-class SpringDetumble(Task, kernels=(evaluate, compact)):
+class SpringDetumble(Task, kernels=(evaluate, observe_features)):
     """Define the MDP of `SpringDetumbleEnv`, which describes it."""
 
     actions: ClassVar = {"torque": 3, "thrusters": len(THRUSTERS)}
     terms = ("slow", "still")
-    metrics = ("speed",)
+    metrics = ("angular_speed",)
     entries = (Entry("angular_velocity", 3, TURNING_UNIT), Entry("angular_momentum", 3))
 
     def __init__(
@@ -115,7 +115,7 @@ class SpringDetumble(Task, kernels=(evaluate, compact)):
             axis = self._principal[:, 2] + near
         else:
             axis = self._principal[:, 1] + near if upset else anyhow
-        speed = number(options, "speed", speed, 0.0, FASTEST)
+        speed = number(options, "angular_speed", speed, 0.0, FASTEST)
         omega = turn @ (speed / np.linalg.norm(axis) * axis)
         return *turn.ravel().tolist(), *omega.tolist(), factors["scale"]
 
@@ -182,7 +182,7 @@ class SpringDetumbleEnv(SpringEnv, gym.Env, task=SpringDetumble):
     | `"particles"` | 0–23 | positions of the corners, from the centre of mass | distance from it |
     | | 24–47 | their velocities, relative to the centre of mass | 4 rad/s × distance |
     | | 48–50 | angular momentum in the body's axes | 0.3 kg·m²/s |
-    | `"frame"` | 0–2 | angular velocity in the body's axes | 4 rad/s |
+    | `"features"` | 0–2 | angular velocity in the body's axes | 4 rad/s |
     | | 3–5 | angular momentum in the body's axes | 1 kg·m²/s |
 
     Angular momentum is a product of positions and velocities, which small networks learn poorly.
@@ -194,14 +194,14 @@ class SpringDetumbleEnv(SpringEnv, gym.Env, task=SpringDetumble):
     ## Starting State
     The box has a random orientation and rotates at |ω| = U(2, 6) rad/s: in half of the episodes about a
     random axis, in the others within about 0.1 rad of the middle principal axis.
-    `reset(options={"speed": …})` sets |ω|.
+    `reset(options={"angular_speed": …})` sets |ω|.
 
     ## Episode End
     Termination: only by divergence. Truncation: 400 steps, 8 s. `info["is_success"]`: |ω| < 0.15 rad/s for
     the last 50 steps. The fastest flat spin takes 6.4 s of full torque to stop.
 
     ## Information
-    `speed` |ω| [rad/s].
+    `angular_speed` |ω| [rad/s].
 
     ## Arguments
     - `start="flat"`: rotation within about 0.1 rad of the axis of the largest moment, the flat spin that

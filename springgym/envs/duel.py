@@ -43,16 +43,16 @@ FORCE = 40.0  # on the crown [N]
 GRIP, REBOUND = 0.02, 0.2  # friction and restitution between both
 REACH, STRENGTH = 0.02, 0.08  # of all contacts: Δ [m], c [N·m²]
 WAY_UNIT, TILT_UNIT, SPIN_UNIT, MOMENTUM_UNIT = 0.5, 0.2, 25.0, 6.0
-"""Units of the compact observation: distances [m], axis [1], spins [rad/s], momenta [kg·m²/s]."""
+"""Units of the features: distances [m], axis [1], spins [rad/s], momenta [kg·m²/s]."""
 SEEN = 11  # number of observed values of each top
 SHAPED = 2e-3  # largest reward of a step that does not decide the duel
 
 Opponent = Callable[[np.ndarray], np.ndarray]
-"""Maps compact observations (n, D) of the second top to its actions (n, 2)."""
+"""Maps features (n, D) of the second top to its actions (n, 2)."""
 
 
 @compiled
-def away_of(m: Measures, c: int, body: int) -> float:
+def distance_of(m: Measures, c: int, body: int) -> float:
     """Return the distance of a top's centre of mass from the middle [m]."""
     return math.hypot(m.centre[c, body, 0], m.centre[c, body, 1])
 
@@ -62,22 +62,23 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     own = int(s.parameters[0])
     other = 1 - own
     for c in range(out.shape[0]):
-        tilt, away, others = angle_of(m.axis[c, own, 2]), away_of(m, c, own), away_of(m, c, other)
-        lost = tilt > FALLEN or away > RIM
+        tilt, distance = angle_of(m.axis[c, own, 2]), distance_of(m, c, own)
+        others = distance_of(m, c, other)
+        lost = tilt > FALLEN or distance > RIM
         down = angle_of(m.axis[c, other, 2]) > FALLEN or others > RIM
         won = down and not lost
-        safe = gaussian(tilt, 0.6, 0.1) * gaussian(away, 0.8, 0.3) * thrift(s.action, c)
+        safe = gaussian(tilt, 0.6, 0.1) * gaussian(distance, 0.8, 0.3) * thrift(s.action, c)
         out["reward_won"][c] = 1.0 - SHAPED if won else 0.0
         out["reward_driven"][c] = SHAPED * safe * min(others / RIM, 1.0)
         out["tilt"][c] = tilt
-        out["away"][c] = away
-        out["other_away"][c] = others
-        out["met"][c] = won
-        out["failed"][c] = lost or down
+        out["distance"][c] = distance
+        out["other_distance"][c] = others
+        out["success"][c] = won
+        out["terminated"][c] = lost or down
 
 
 @kernel
-def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
+def observe_features(m: Measures, s: Situation, observation: np.ndarray) -> None:
     """Write observations; axes are rotated by 180° for the second player, who sees the same duel."""
     own = int(s.parameters[0])
     sign = 1.0 - 2.0 * own
@@ -111,7 +112,7 @@ ENTRIES = tuple(
         ("momentum", 2, MOMENTUM_UNIT),
     )
 )
-"""Entries of the compact observation; the opponent's centre and velocity are relative to the own top."""
+"""Entries of the features; the opponent's centre and velocity are relative to the own top."""
 
 
 @dataclass(frozen=True)
@@ -168,16 +169,16 @@ OPPONENTS: dict[str, Opponent] = {
 """Scripted opponents."""
 
 
-class SpringDuel(Task, kernels=(evaluate, compact)):
+class SpringDuel(Task, kernels=(evaluate, observe_features)):
     """Define the MDP of `SpringDuelEnv`, which describes it."""
 
     actions: ClassVar = {"push": 2}
     terms = ("won", "driven")
-    metrics = ("tilt", "away", "other_away")
+    metrics = ("tilt", "distance", "other_distance")
     entries = ENTRIES
     finest = 1e-3
     damping_every = 2
-    hold = 1
+    hold_steps = 1
     wins = True
     checks_starts = False
     parameters = np.array([float(FIRST)])
@@ -253,9 +254,9 @@ class SpringDuel(Task, kernels=(evaluate, compact)):
         return {"first.thrust": FORCE * level(action)[:, None]}
 
     def seen_by_second(self, m: Measures, s: Situation) -> np.ndarray:
-        """Return the second player's compact observations (n, D)."""
+        """Return the second player's features (n, D)."""
         seen = np.empty((len(s.x), sum(entry.size for entry in ENTRIES)), np.float32)
-        compact(m, s._replace(parameters=self.others), seen)
+        observe_features(m, s._replace(parameters=self.others), seen)
         return np.clip(np.nan_to_num(seen), -BOUND, BOUND)
 
     def particles_of_second(self, rows: np.ndarray, s: Situation) -> np.ndarray:
@@ -345,7 +346,7 @@ class SpringDuelEnv(SpringEnv, gym.Env, task=SpringDuel):
     |---|---|---|---|
     | `"particles"` | 0–83 | positions of ring particles 0–11, crown and tip, own top first | 0.7 m |
     | | 84–167 | their velocities | 30 rad/s × its distance from the axis + 1 m/s |
-    | `"frame"` | 0, 1 | centre of mass x, y of the own top, from the middle | 0.5 m |
+    | `"features"` | 0, 1 | centre of mass x, y of the own top, from the middle | 0.5 m |
     | | 2, 3 | its velocity x, y | 1 m/s |
     | | 4, 5 | its axis x, y | 0.2 |
     | | 6, 7 | its angular velocity across the axis, x, y | 1 rad/s |
@@ -375,7 +376,7 @@ class SpringDuelEnv(SpringEnv, gym.Env, task=SpringDuel):
     `info["is_success"]`: the opponent's top is down, and the own top is not.
 
     ## Information
-    `tilt` θ [rad], `away` a [m], `other_away` b [m], `pairs_…`.
+    `tilt` θ [rad], `distance` a [m], `other_distance` b [m], `pairs_…`.
 
     ## Arguments
     - `opponent="still"`: does nothing, while the default `"script"` attacks with 20 N and returns to the
@@ -383,9 +384,9 @@ class SpringDuelEnv(SpringEnv, gym.Env, task=SpringDuel):
     - `opponent="guard"`: returns to the middle, and keeps itself upright.
     - `opponent="strong"`: attacks at full force, on the side on which its top rolls off the other one, keeps
       itself upright and stays near the middle, like the classical controller.
-    - `opponent` can also be a function of observations as `"frame"` (n, 22) that returns actions (n, 2). Its
-      axes are rotated by 180°, so that both players see the same duel. Agents trained with
-      `observation="frame"` are such functions, see `springgym.envs.agent`.
+    - `opponent` can also be a function of observations as `"features"` (n, 22) that returns actions (n, 2).
+      Its axes are rotated by 180°, so that both players see the same duel. Agents trained with
+      `observation="features"` are such functions, see `springgym.envs.agent`.
 
     `springgym.envs.parallel("SpringDuel-v0")`, or `pettingzoo.make("parallel", "SpringDuel-v0")` where
     `pettingzoo` has a registry, is the same duel for two agents, as a PettingZoo `ParallelEnv`. Import

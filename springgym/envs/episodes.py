@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -25,12 +26,12 @@ from springgym.envs.goals import bound as bound_goals
 from springgym.envs.observation import Situation
 from springgym.envs.options import Settings, mapping
 from springgym.envs.randomisation import NOMINAL, RANDOMIZABLE
-from springgym.envs.task import FAILED, MET, Task
+from springgym.envs.task import SUCCESS, TERMINATED, Task
 from springgym.identity import check_same, check_sealed, sealed
 from springgym.measures import Measures
 from springgym.rendering import Marks
 from springgym.scene import Scene, squared_lengths
-from springgym.simulator import STRAIN_LIMIT, Simulator, copies_in
+from springgym.simulator import STRAIN_LIMIT, Simulator, copies_in, most_copies
 from springgym.stability import steps_in
 
 SPARSE = -1
@@ -84,7 +85,7 @@ class Part(NamedTuple):
 STATE = ("goal", "memory", "time", "factors", "elapsed", "held", "balance", "action", "out", "diverged")
 """Arrays of `Episodes` that change; the strength of the actuators follows from the factors."""
 
-OF_PAIRS = ("pairs_touching", "pairs_impulse", "pairs_least_gap", "pairs_missed", "too_fast")
+OF_PAIRS = ("pairs_touching", "pairs_impulse", "pairs_min_gap", "pairs_late_contacts", "too_fast")
 """Names in ``info`` of the fields of `springgym.contacts.PairSums`, in their order."""
 
 CLEARED = ("elapsed", "time", "held", "action", "out", "diverged")
@@ -116,7 +117,7 @@ class Episodes:
         error_bound: float | None = None,
     ) -> None:
         self.task = task
-        self.copies = copies
+        self.copies = checks.whole("num_envs", copies, 1, most_copies(task.scene))
         self.parameters = task.parameters
         self.unready = NOT_BEGUN
         """the reason why copies must be reset before a step; empty if they need not"""
@@ -126,7 +127,7 @@ class Episodes:
         sparse = checks.flag("sparse", settings.sparse)
         if sparse and not task.has_aim:
             raise ValueError(
-                "sparse is True, and there is no aim to meet; give succeeded, or achieved and aims"
+                "sparse is True, and there is no aim to meet; give success, or achieved and goal_tolerances"
             )
         self.goals = _goals_of(task, sparse) if checks.flag("goals", settings.goals) else None
         """the goals, if observations have them as separate entries; else None"""
@@ -318,9 +319,10 @@ class Episodes:
         try:
             self._vary(copies, drawn)
             self.simulator.place(positions, velocities, copies, check=check, read=True)
-        except (TypeError, ValueError):  # an option is refused
+        except (TypeError, ValueError) as error:  # an option is refused
             self._vary(copies, before)
             self.unready = was
+            error.args = (re.sub(r"\bcopy (?=\d)", "environment ", str(error)),)
             raise
         if self.error is not None:
             self.error.last[copies] = 0.0
@@ -435,7 +437,7 @@ class Episodes:
             seen = None if seen is None else seen[share]
         self._evaluate(*own[:2], own.outcome)
         if self.goals is not None:
-            reach(*self._achieved(own), self.goals.ends, self.goals.within, own.out[:, MET])
+            reach(*self._achieved(own), self.goals.ends, self.goals.within, own.out[:, SUCCESS])
         terms, wins, limit = self.rewarded, self.task.wins, self.max_episode_steps
         ends = (own.held, own.elapsed, limit, own.diverged, own.unresolved)
         self._finish(own.rows, own.out, terms, wins, *ends, result)
@@ -467,7 +469,7 @@ class Episodes:
 
     def info_arrays(self) -> dict[str, Any]:
         """Return ``info`` as arrays (n,) by name, views that the next step overwrites."""
-        np.greater_equal(self.held, self.task.hold, out=self._succeeded)
+        np.greater_equal(self.held, self.task.hold_steps, out=self._succeeded)
         np.subtract(self.measures.balance, self.balance, out=self._drift)
         if self.task.scene.meetings:
             self._info.update(zip(OF_PAIRS, self.simulator.pair_sums(), strict=True))
@@ -490,7 +492,7 @@ class Episodes:
             views |= dict.fromkeys(OF_PAIRS)
         if self.ranges:
             views["randomization"] = dict(zip(self.ranges, self.factors.T, strict=True))
-        return views | dict(zip(self.task.reported, self.out.T[:MET], strict=True))
+        return views | dict(zip(self.task.reported, self.out.T[:SUCCESS], strict=True))
 
     @property
     def observation_space(self) -> spaces.Box | spaces.Dict:
@@ -659,8 +661,8 @@ class Episodes:
         self._info = self._info_views()
         self._parts: dict[tuple[int, int], Part] = {}
         self._whole = self._part(0, self.copies)
-        compact = self.task.observation != "particles"
-        observe = self.task.compact if compact else observation.observe_particles
+        features = self.task.observation != "particles"
+        observe = self.task.observe_features if features else observation.observe_particles
         self._sees_parts = self._trusts and is_jitted(observe)
         width = self.simulator.width
         self._judges_parts = self._sees_parts and self.copies % width != 1  # see `_seen_alone`
@@ -674,7 +676,7 @@ class Episodes:
             None if self.goals is None or self.task.achieve is None else SameTypes(self.task.achieve)
         )
         self._remember = None if self.task.remember is None else SameTypes(self.task.remember)
-        self._bound = SameTypes(observation.bound) if compact else None
+        self._bound = SameTypes(observation.bound) if features else None
 
     def __getstate__(self) -> dict[str, Any]:
         return {
@@ -747,7 +749,7 @@ def _fastest(scene: Scene, kind: Dynamics) -> str:
 def _goals_of(task: Task, sparse: bool) -> Goals:
     """Return the goals of a task, after checking that observations can have them as separate entries."""
     name = type(task).__name__
-    if not task.aims:
+    if not task.goal_tolerances:
         raise ValueError(f"goals is True; it must be False: {name} has no goal that observations tell apart")
     if not sparse:
         raise ValueError(
@@ -759,7 +761,7 @@ def _goals_of(task: Task, sparse: bool) -> Goals:
             f"goals is True, and observation {task.observation!r}; it must be 'particles', from which "
             "the goal can be left out"
         )
-    return Goals(task.aims)
+    return Goals(task.goal_tolerances)
 
 
 def _checked_limit(steps: int | None) -> int:
@@ -812,7 +814,7 @@ def finish_step(
     The terms of the reward are the first ``terms`` columns; if `SPARSE`, the reward is whether the aim is
     met. After a failure it is not, unless the episode ``wins`` by its end.
     """
-    met, failed = out.shape[1] + MET, out.shape[1] + FAILED
+    success, terminated = out.shape[1] + SUCCESS, out.shape[1] + TERMINATED
     for c in range(out.shape[0]):
         total = 0.0
         for n in range(rows.shape[1]):
@@ -821,15 +823,15 @@ def finish_step(
         diverged[c] = unresolved[c] or not sound
         if diverged[c]:
             out[c, :] = 0.0
-            out[c, failed] = 1.0
-        if out[c, failed] > 0 and not wins:
-            out[c, met] = 0.0
+            out[c, terminated] = 1.0
+        if out[c, terminated] > 0 and not wins:
+            out[c, success] = 0.0
         result.reward[c] = 0.0
         for n in range(terms):
             result.reward[c] += out[c, n]
-        if terms == SPARSE and out[c, met] > 0:
+        if terms == SPARSE and out[c, success] > 0:
             result.reward[c] = 1.0
-        held[c] = held[c] + 1 if out[c, met] > 0 else 0
+        held[c] = held[c] + 1 if out[c, success] > 0 else 0
         elapsed[c] += 1
-        result.terminated[c] = out[c, failed] > 0
+        result.terminated[c] = out[c, terminated] > 0
         result.truncated[c] = 0 <= limit <= elapsed[c]

@@ -32,7 +32,7 @@ BAND = 4.5  # largest deviation of the spin [rad/s]
 FORCE = 40.0  # on the crown [N]
 RING_ACCELERATION = 8.0  # angular acceleration of the ring about the axis [rad/s²]
 FALLEN = 0.7  # tilt [rad]
-SPIN_UNIT = 4.0  # unit of the compact observation, from `WANTED` [rad/s]
+SPIN_UNIT = 4.0  # unit of the features, from `WANTED` [rad/s]
 WAY_UNIT = 0.5  # the same for distances [m] and speeds [m/s]
 ARENA = 1.0  # largest distance from the middle [m]
 INSIDE = 0.15  # radius of the circle to stay in [m]
@@ -43,22 +43,22 @@ BOWL = 4.0  # radius of the bowl [m]
 def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     for c in range(out.shape[0]):
         tilt = tilt_of(m, c)
-        error = math.hypot(m.centre[c, 0], m.centre[c, 1])
+        distance = math.hypot(m.centre[c, 0], m.centre[c, 1])
         spin, _ = spinning(m, c)
         upright = gaussian(tilt, 0.3, 0.03) * thrift(s.action, c)
-        inside = gaussian(error, 0.4, 0.05)
+        inside = gaussian(distance, 0.4, 0.05)
         out["reward_upright"][c] = 0.15 * upright
         out["reward_inside"][c] = 0.35 * upright * inside
         out["reward_spin"][c] = upright * (0.15 + 0.35 * inside) * gaussian(spin - WANTED, 3.0, 0.25)
         out["tilt"][c] = tilt
-        out["error"][c] = error
+        out["distance"][c] = distance
         out["spin"][c] = spin
-        out["met"][c] = tilt < 0.1 and error < INSIDE and abs(spin - WANTED) < 1
-        out["failed"][c] = tilt > FALLEN or error > ARENA or abs(spin - WANTED) > BAND
+        out["success"][c] = tilt < 0.1 and distance < INSIDE and abs(spin - WANTED) < 1
+        out["terminated"][c] = tilt > FALLEN or distance > ARENA or abs(spin - WANTED) > BAND
 
 
 @kernel
-def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
+def observe_features(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
         spin = put_axis(m, c, 1.0, observation[c])
         observation[c, 6] = (spin - WANTED) / SPIN_UNIT
@@ -67,12 +67,12 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
             observation[c, 9 + axis] = m.centre_velocity[c, axis] / WAY_UNIT
 
 
-class SpringFreeTop(Task, kernels=(evaluate, compact)):
+class SpringFreeTop(Task, kernels=(evaluate, observe_features)):
     """Define the MDP of `SpringFreeTopEnv`, which describes it."""
 
     actions: ClassVar = {"push": 3}
     terms = ("upright", "inside", "spin")
-    metrics = ("tilt", "error", "spin")
+    metrics = ("tilt", "distance", "spin")
     entries = (
         Entry("axis", 3),
         Entry("across", 3),
@@ -81,7 +81,7 @@ class SpringFreeTop(Task, kernels=(evaluate, compact)):
         Entry("centre_velocity", 2, WAY_UNIT),
     )
     damping_every = 2
-    hold = 100
+    hold_steps = 100
 
     def __init__(
         self,
@@ -133,9 +133,9 @@ class SpringFreeTop(Task, kernels=(evaluate, compact)):
         tilt, azimuth, spin, share, bearing = uniform(rng, low, high)
         tilt = number(options, "tilt", tilt, 0.0, FALLEN)
         spin = number(options, "spin", spin, WANTED - BAND, WANTED + BAND)
-        away = number(options, "error", self.farthest * math.sqrt(share), 0.0, ARENA)
+        distance = number(options, "distance", self.farthest * math.sqrt(share), 0.0, ARENA)
         height = self._height(factors)
-        return azimuth, tilt, spin, *varied_top(factors), *self._foot(away, bearing, height), height
+        return azimuth, tilt, spin, *varied_top(factors), *self._foot(distance, bearing, height), height
 
     def starts(self, drawn: np.ndarray) -> Start:
         arms, velocities = standing(self._shape, self._tip, drawn[:, :5])
@@ -216,7 +216,7 @@ class SpringFreeTopEnv(SpringEnv, gym.Env, task=SpringFreeTop):
     |---|---|---|---|
     | `"particles"` | 0–41 | positions of ring particles 0–11, crown and tip, from the middle | 0.5 m |
     | | 42–83 | their velocities | 8 rad/s × its distance from the axis + 0.5 m/s |
-    | `"frame"` | 0–2 | axis n of the top, a unit vector | 1 |
+    | `"features"` | 0–2 | axis n of the top, a unit vector | 1 |
     | | 3–5 | angular velocity across the axis, ω⊥ | 1 rad/s |
     | | 6 | spin ω₃ − 8 rad/s | 4 rad/s |
     | | 7, 8 | centre of mass x, y, from the middle | 0.5 m |
@@ -231,7 +231,7 @@ class SpringFreeTopEnv(SpringEnv, gym.Env, task=SpringFreeTop):
     ## Starting State
     The top stands on its tip, anywhere within 0.4 m of the middle, with a tilt of U(0.02, 0.12) rad and a
     spin of U(5, 9) rad/s. Below 10 rad/s, an upright top is unstable.
-    `reset(options={"tilt": …, "spin": …, "error": …})` sets them.
+    `reset(options={"tilt": …, "spin": …, "distance": …})` sets them.
 
     ## Episode End
     Termination: θ > 0.7 rad, e > 1 m, or |ω₃ − 8| > 4.5 rad/s (a faster top would stay up on its own).
@@ -239,7 +239,7 @@ class SpringFreeTopEnv(SpringEnv, gym.Env, task=SpringFreeTop):
     last 100 steps.
 
     ## Information
-    `tilt` θ [rad], `error` e [m], `spin` ω₃ [rad/s].
+    `tilt` θ [rad], `distance` e [m], `spin` ω₃ [rad/s].
 
     ## Arguments
     - `surface="bowl"`: a spherical bowl of 4 m radius instead of a floor.

@@ -20,7 +20,7 @@ BOUND = 100.0
 """Bound to which goals are clipped, in SI units. An achieved goal at or beyond it reaches no goal."""
 
 
-class Aim(NamedTuple):
+class GoalTolerance(NamedTuple):
     """Some of the numbers of a goal, with a common tolerance."""
 
     name: str
@@ -31,12 +31,12 @@ class Aim(NamedTuple):
 
 
 class Goals:
-    """The goals of a task: the K numbers of all its aims, one after another. Instances are immutable."""
+    """The goals of a task: the K numbers of all tolerances, one after another. Instances are immutable."""
 
-    def __init__(self, aims: Sequence[Aim]) -> None:
-        self.size = sum(aim.size for aim in aims)
-        self.ends = np.cumsum([aim.size for aim in aims])
-        self.within = np.array([aim.within for aim in aims])
+    def __init__(self, tolerances: Sequence[GoalTolerance]) -> None:
+        self.size = sum(own.size for own in tolerances)
+        self.ends = np.cumsum([own.size for own in tolerances])
+        self.within = np.array([own.within for own in tolerances])
 
     def space(self, observation: spaces.Box) -> spaces.Dict:
         """Return the space of observations with goals, given that of the other observations."""
@@ -80,7 +80,7 @@ class Goals:
 def reach(
     achieved: np.ndarray, desired: np.ndarray, ends: np.ndarray, within: np.ndarray, met: np.ndarray
 ) -> None:
-    """Set ``met`` (n,) to 1 where goals (n, K) are reached in all aims, and to 0 elsewhere."""
+    """Set ``met`` (n,) to 1 where goals (n, K) are within all tolerances, and to 0 elsewhere."""
     for c in range(achieved.shape[0]):
         met[c] = 1.0
         first = 0

@@ -15,7 +15,7 @@ from springgym.checks import flag
 from springgym.core.compiling import kernel
 from springgym.envs.arrows import across, torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.goals import Aim
+from springgym.envs.goals import GoalTolerance
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import BodyOptions, EnvOptions, Modes, made, number
 from springgym.envs.rewards import angle_between, angle_of, gaussian, long_tail, put_axis, spinning, thrift
@@ -46,12 +46,12 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
         out["angle"][c] = angle
         out["spin"][c] = spin
         out["precession"][c] = across
-        out["met"][c] = angle < CLOSE and across < CALM
-        out["failed"][c] = False
+        out["success"][c] = angle < CLOSE and across < CALM
+        out["terminated"][c] = False
 
 
 @kernel
-def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
+def observe_features(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
         observation[c, 6] = (put_axis(m, c, 1.0, observation[c]) - s.parameters[0]) / s.parameters[1]
         for axis in range(3):
@@ -66,7 +66,7 @@ def achieve(m: Measures, s: Situation, achieved: np.ndarray, desired: np.ndarray
             desired[c, axis], desired[c, 3 + axis] = s.goal[c, axis], 0.0
 
 
-class SpringGyroscope(Task, kernels=(evaluate, compact, achieve)):
+class SpringGyroscope(Task, kernels=(evaluate, observe_features, achieve)):
     """Define the MDP of `SpringGyroscopeEnv`, which describes it."""
 
     actions: ClassVar = {"torque": 3, "impulse": 3}
@@ -74,7 +74,7 @@ class SpringGyroscope(Task, kernels=(evaluate, compact, achieve)):
     metrics = ("angle", "spin", "precession")
     entries: tuple[Entry, ...] = (Entry("axis", 3), Entry("across", 3), SPIN, Entry("target", 3))
     goal_size = 3
-    aims = (Aim("axis", 3, 2 * math.sin(CLOSE / 2)), Aim("across", 3, CALM))
+    goal_tolerances = (GoalTolerance("axis", 3, 2 * math.sin(CLOSE / 2)), GoalTolerance("across", 3, CALM))
 
     def __init__(self, hard: bool = False, body: BodyOptions = None, **modes: Unpack[Modes]) -> None:
         super().__init__(**modes)
@@ -191,7 +191,7 @@ class SpringGyroscopeEnv(SpringEnv, gym.Env, task=SpringGyroscope):
     | `"particles"` | 0–41 | positions x, y, z of ring particles 0–11, head, foot | distance from the centre |
     | | 42–83 | their velocities | 35 rad/s × distance from the axle + 2 rad/s × distance |
     | | 84–86 | target direction, a unit vector | 1 |
-    | `"frame"` | 0–2 | axle n, a unit vector from foot to head | 1 |
+    | `"features"` | 0–2 | axle n, a unit vector from foot to head | 1 |
     | | 3–5 | angular velocity across the axle, ω⊥ | 1 rad/s |
     | | 6 | spin ω₃ − 35 rad/s; ω₃ if `hard` | 20 rad/s; 35 rad/s |
     | | 7–9 | target direction | 1 |

@@ -46,7 +46,7 @@ HOME = 0.25  # largest distance of the paddle from home, vertical and horizontal
 TIPPED = 0.8  # and its tilt [rad]
 COLUMN = 0.12  # distance of the verticals of two balls from home [m]
 ASIDE = 0.5  # largest distance of a ball from its vertical [m]
-WAY_UNIT, SPEED_UNIT = 0.1, 1.0  # units of the compact observation: paddle [m], [m/s]
+WAY_UNIT, SPEED_UNIT = 0.1, 1.0  # units of the features: paddle [m], [m/s]
 BALL_WAY_UNIT, BALL_SPEED_UNIT, SPIN_UNIT = 0.25, 2.0, 10.0  # of the ball [m], [m/s], [rad/s]
 TILT_UNIT, TURNING_UNIT = 0.2, 3.0  # of the axis [1], of the paddle's angular velocity [rad/s]
 
@@ -72,32 +72,32 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     balls = m.centre.shape[1] - 1
     for c in range(out.shape[0]):
         paddle, n = m.centre[c, PADDLE], m.axis[c, PADDLE]
-        high, true, worst, farthest, met, dropped = 0.0, 0.0, 0.0, 0.0, True, False
+        high, straight, worst, farthest, met, dropped = 0.0, 0.0, 0.0, 0.0, True, False
         for k in range(BALL, BALL + balls):
             ball = m.centre[c, k]
-            error = apex_of(ball[2], m.centre_velocity[c, k, 2]) - s.goal[c, 0]
+            offset = apex_of(ball[2], m.centre_velocity[c, k, 2]) - s.goal[c, 0]
             aside = math.hypot(ball[0] - column_of(balls, k), ball[1])
             above = height_above(s.x[c, CROWN], ball, n)
-            high += long_tail(error, 0.3, 0.03)
-            true += gaussian(error, 0.15, 0.03) * gaussian(aside, 0.3, 0.05)
-            worst = error if abs(error) > abs(worst) else worst
+            high += long_tail(offset, 0.3, 0.03)
+            straight += gaussian(offset, 0.15, 0.03) * gaussian(aside, 0.3, 0.05)
+            worst = offset if abs(offset) > abs(worst) else worst
             farthest = max(farthest, aside)
             struck = above - BALL_RADIUS < STRUCK
-            met = met and (abs(error) < 0.08 or struck) and aside < 0.1
+            met = met and (abs(offset) < 0.08 or struck) and aside < 0.1
             dropped = dropped or above < 0.0
         strayed = max(math.hypot(paddle[0], paddle[1]), abs(s.x[c, CROWN, 2]))
         effort = thrift(s.action, c)
         out["reward_high"][c] = 0.5 * effort * high / balls
-        out["reward_true"][c] = 0.5 * effort * true / balls
-        out["error"][c] = worst
-        out["aside"][c] = farthest
+        out["reward_straight"][c] = 0.5 * effort * straight / balls
+        out["height_offset"][c] = worst
+        out["lateral_offset"][c] = farthest
         out["tilt"][c] = angle_of(n[2])
-        out["met"][c] = met
-        out["failed"][c] = dropped or strayed > HOME or farthest > ASIDE or n[2] < math.cos(TIPPED)
+        out["success"][c] = met
+        out["terminated"][c] = dropped or strayed > HOME or farthest > ASIDE or n[2] < math.cos(TIPPED)
 
 
 @kernel
-def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
+def observe_features(m: Measures, s: Situation, observation: np.ndarray) -> None:
     balls = m.centre.shape[1] - 1
     for c in range(observation.shape[0]):
         for axis in range(3):
@@ -123,28 +123,28 @@ def ball_entries(which: str) -> tuple[Entry, ...]:
         Entry(f"{which}ball", 3, BALL_WAY_UNIT),
         Entry(f"{which}ball_velocity", 3, BALL_SPEED_UNIT),
         Entry(f"{which}spin", 3, SPIN_UNIT),
-        Entry(f"{which}error", 1, WAY_UNIT),
+        Entry(f"{which}height_offset", 1, WAY_UNIT),
     )
 
 
-class SpringJuggle(Task, kernels=(evaluate, compact)):
+class SpringJuggle(Task, kernels=(evaluate, observe_features)):
     """Define the MDP of `SpringJuggleEnv`, which describes it."""
 
     actions: ClassVar = {"wrench": 5}
-    terms = ("high", "true")
-    metrics = ("error", "aside", "tilt")
+    terms = ("high", "straight")
+    metrics = ("height_offset", "lateral_offset", "tilt")
     entries = (
         Entry("paddle", 3, WAY_UNIT),
         Entry("paddle_velocity", 3, SPEED_UNIT),
         Entry("axis", 2, TILT_UNIT),
         Entry("turning", 2, TURNING_UNIT),
-        Entry("wanted", 1, BALL_WAY_UNIT),
+        Entry("wanted_height", 1, BALL_WAY_UNIT),
         *ball_entries(""),
     )
     goal_size = 1
     finest = 0.02 / 64
     damping_every = 2
-    hold = 100
+    hold_steps = 100
     checks_starts = False
     limits = np.array([FORCE] * 3 + [TORQUE] * 2)
 
@@ -185,11 +185,15 @@ class SpringJuggle(Task, kernels=(evaluate, compact)):
     def draw(self, rng: np.random.Generator, options: ResetOptions, factors: Factors) -> Drawn:
         low = (self.wanted[0], DROPPED[0], 0.0, -math.pi, -0.1, -0.1)
         high = (self.wanted[1], DROPPED[1], 0.1, math.pi, 0.1, 0.1)
-        wanted, height, away, bearing, east, north = uniform(rng, low, high)
-        wanted = number(options, "wanted", wanted, 0.4, 1.0)
+        wanted, height, aside, bearing, east, north = uniform(rng, low, high)
+        wanted = number(options, "wanted_height", wanted, 0.4, 1.0)
         height = number(options, "height", height, 0.1, 1.0)
-        away = number(options, "away", away, 0.0, 0.2)
-        dropped = (self.columns[0] + away * math.cos(bearing), away * math.sin(bearing), height + BALL_RADIUS)
+        aside = number(options, "lateral_offset", aside, 0.0, 0.2)
+        dropped = (
+            self.columns[0] + aside * math.cos(bearing),
+            aside * math.sin(bearing),
+            height + BALL_RADIUS,
+        )
         states = [*dropped, east, north, 0.0]
         if self.balls == 2:  # the other has just left the paddle, and rises to the wanted height
             speed = math.sqrt(2.0 * FALL * max(wanted - BALL_RADIUS, 0.0))
@@ -270,7 +274,7 @@ class SpringJuggleEnv(SpringEnv, gym.Env, task=SpringJuggle):
     | | 21–32 | velocities of the paddle's particles | 1 m/s |
     | | 33–41 | velocities of the ball's particles | 2 m/s |
     | | 42 | target height | 1 m |
-    | `"frame"` | 0–2 | the paddle's centre of mass, from the home position of its upper side | 0.1 m |
+    | `"features"` | 0–2 | the paddle's centre of mass, from the home position of its upper side | 0.1 m |
     | | 3–5 | its velocity | 1 m/s |
     | | 6, 7 | axis of the paddle x, y | 0.2 |
     | | 8, 9 | its angular velocity x, y | 3 rad/s |
@@ -287,12 +291,12 @@ class SpringJuggleEnv(SpringEnv, gym.Env, task=SpringJuggle):
     of the paddle's upper side. With the difference e between this height and the target height, and the
     ball's distance r from the vertical through home, the reward is E [L(e; 0.03, 0.3) + G(e; 0.03, 0.15) G(r;
     0.05, 0.3)]/2 ([G, L, E](../environments.md#shared-definitions)). `reward_high` is the half with L,
-    `reward_true` the other. With two balls the reward is the mean.
+    `reward_straight` the other. With two balls the reward is the mean.
 
     ## Starting State
     The paddle rests at home, level. The ball is U(0.3, 0.7) m above it, up to 0.1 m off-centre, with U(−0.1,
     0.1) m/s along x and y. The target height is U(0.4, 0.7) m.
-    `reset(options={"wanted": …, "height": …, "away": …})` sets them.
+    `reset(options={"wanted_height": …, "height": …, "lateral_offset": …})` sets them.
 
     ## Episode End
     Termination: the ball is below the paddle's plane or 0.5 m off the vertical through home, or the paddle is
@@ -300,12 +304,13 @@ class SpringJuggleEnv(SpringEnv, gym.Env, task=SpringJuggle):
     `info["is_success"]`: r < 0.1 m and, except during hits, |e| < 0.08 m for the last 100 steps.
 
     ## Information
-    `error` e [m], `aside` r [m], `tilt` of the paddle [rad], `pairs_…`.
+    `height_offset` e [m], `lateral_offset` r [m], `tilt` of the paddle [rad], `pairs_…`.
 
     ## Arguments
     - `restitution=0.85`: a ball that loses more energy in each bounce than the default one (0.95).
     - `balls=2`: two balls in turn, each on a vertical 0.12 m left or right of home. The second one starts on
-      its way up to the target height. `error` and `aside` are the larger of the two balls' values.
+      its way up to the target height. `height_offset` and `lateral_offset` are the larger of the two
+      balls' values.
     - `hard=True`: target heights of U(0.4, 1) m.
     - `randomize`: the factor `scale` does not change the ball.
     """

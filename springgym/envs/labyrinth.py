@@ -44,7 +44,7 @@ HOLES = 18
 CLOSE = 0.05  # distance at which a point of the path counts as passed [m]
 SEEN, NEAR = 4, 4  # numbers of observed points, from the last one passed, and of nearest holes
 WAY_UNIT, SPEED_UNIT, TURNING_UNIT, TILT_UNIT, HOLE_UNIT, LEFT_UNIT = 0.2, 0.3, 12.0, 0.1, 0.1, 1.0
-"""Units of the compact observation: distance [m], speed [m/s], angular velocity [rad/s], tilt [rad], distance
+"""Units of the features: distance [m], speed [m/s], angular velocity [rad/s], tilt [rad], distance
 of holes [m], remaining path length [m]."""
 
 FIRST_HOLE = 2 * (LEGS + 1)
@@ -101,27 +101,27 @@ def move(m: Measures, s: Situation, goal: np.ndarray) -> None:
 @kernel
 def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     for c in range(out.shape[0]):
-        whole, gap = 0.0, math.inf
+        whole, clearance = 0.0, math.inf
         for n in range(LEGS):
             whole += leg(s, c, n)
         for n in range(HOLES):
-            gap = min(gap, way_to(m, s, c, FIRST_HOLE + 2 * n) - s.parameters[1])
+            clearance = min(clearance, way_to(m, s, c, FIRST_HOLE + 2 * n) - s.parameters[1])
         left = way_left(m, s, c)
         progress = min(max(1.0 - left / whole, 0.0), 1.0)
         last = s.goal[c, PASSED] == LEGS - 1
-        error = way_to(m, s, c, 2 * LEGS)
+        distance = way_to(m, s, c, 2 * LEGS)
         effort = thrift(s.action, c)
-        out["reward_way"][c] = 0.5 * effort * progress
-        out["reward_end"][c] = 0.5 * effort * gaussian(error, 0.2, 0.02) if last else 0.0
-        out["left"][c] = left
-        out["gap"][c] = gap
+        out["reward_progress"][c] = 0.5 * effort * progress
+        out["reward_end"][c] = 0.5 * effort * gaussian(distance, 0.2, 0.02) if last else 0.0
+        out["remaining_length"][c] = left
+        out["clearance"][c] = clearance
         out["tilt"][c] = math.acos(math.cos(s.goal[c, LEANING]) * math.cos(s.goal[c, LEANING + 1]))
-        out["met"][c] = last and error < CLOSE
-        out["failed"][c] = gap < 0.0 or max(abs(m.centre[c, 0]), abs(m.centre[c, 1])) > HALF
+        out["success"][c] = last and distance < CLOSE
+        out["terminated"][c] = clearance < 0.0 or max(abs(m.centre[c, 0]), abs(m.centre[c, 1])) > HALF
 
 
 @kernel
-def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
+def observe_features(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
         done, holes = int(s.goal[c, PASSED]), 8 + 2 * SEEN + 1
         for axis in range(2):
@@ -210,23 +210,23 @@ def board_axes(angles: np.ndarray) -> np.ndarray:
     return np.array([[a, 0.0, p], [-p * q, b, a * q], [-p * b, -q, a * b]])
 
 
-class SpringLabyrinth(Task, kernels=(evaluate, compact, move)):
+class SpringLabyrinth(Task, kernels=(evaluate, observe_features, move)):
     """Define the MDP of `SpringLabyrinthEnv`, which describes it."""
 
     actions: ClassVar = {"tilt": 2}
-    terms = ("way", "end")
-    metrics = ("left", "gap", "tilt")
+    terms = ("progress", "end")
+    metrics = ("remaining_length", "clearance", "tilt")
     entries = (
         Entry("place", 2, WAY_UNIT),
         Entry("velocity", 2, SPEED_UNIT),
         Entry("turning", 2, TURNING_UNIT),
         Entry("tilt", 2, TILT_UNIT),
         Entry("way", 2 * SEEN, WAY_UNIT),
-        Entry("left", 1, LEFT_UNIT),
+        Entry("remaining_length", 1, LEFT_UNIT),
         Entry("holes", 2 * NEAR, HOLE_UNIT),
     )
     goal_size = PASSED + 1
-    hold = 25
+    hold_steps = 25
     checks_starts = False
 
     def __init__(self, hard: bool = False, **modes: Unpack[Modes]) -> None:
@@ -385,7 +385,7 @@ class SpringLabyrinthEnv(SpringEnv, gym.Env, task=SpringLabyrinth):
     | | 50–85 | centres x, y of the holes | 1 m |
     | | 86, 87 | tilt of the board towards x, y | 1 rad |
     | | 88 | number of completed segments | 1 |
-    | `"frame"` | 0, 1 | position x, y of the ball | 0.2 m |
+    | `"features"` | 0, 1 | position x, y of the ball | 0.2 m |
     | | 2, 3 | its velocity x, y | 0.3 m/s |
     | | 4, 5 | its angular velocity x, y | 12 rad/s |
     | | 6, 7 | tilt of the board towards x, y | 0.1 rad |
@@ -398,7 +398,8 @@ class SpringLabyrinthEnv(SpringEnv, gym.Env, task=SpringLabyrinth):
     it. The remaining length is the distance to the next point plus all later segments; the progress p is the
     share of the path that is completed. With the distance e of the ball from the end, and K = 1 on the last
     segment, else 0, the reward is E [p + K G(e; 0.02, 0.2)]/2 ([G, L,
-    E](../environments.md#shared-definitions)). `reward_way` is the half with p, `reward_end` that with G.
+    E](../environments.md#shared-definitions)). `reward_progress` is the half with p, `reward_end` that
+    with G.
 
     ## Starting State
     The ball rests at the first point of the path, and the board is level. The path takes twelve steps between
@@ -413,8 +414,8 @@ class SpringLabyrinthEnv(SpringEnv, gym.Env, task=SpringLabyrinth):
     and e < 0.05 m, for the last 25 steps.
 
     ## Information
-    `left`, the remaining length of the path [m], `gap` between the ball's centre and the nearest hole's rim
-    [m], `tilt` of the board [rad].
+    `remaining_length` of the path [m], `clearance` between the ball's centre and the nearest hole's rim [m],
+    `tilt` of the board [rad].
 
     ## Arguments
     - `hard=True`: a board that tilts at up to 0.24 rad/s, and holes of 6 cm.

@@ -1,7 +1,7 @@
 """Observations: positions and velocities of particles, or a few named quantities with units.
 
-Both are scaled to order one. `ObservedParticles` describes the first one. The second, compact one comes from
-the task's own function ``compact``, and `Entry` describes its numbers.
+Both are scaled to order one. `ObservedParticles` describes "particles". "features" come from the task's own
+function ``observe_features``, and `Entry` describes its numbers.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Situation(NamedTuple):
 
 
 class Entry(NamedTuple):
-    """Some numbers of the compact observation: (value − ``about``) / ``unit``."""
+    """Some numbers of the features: (value − ``about``) / ``unit``."""
 
     name: str
     size: int
@@ -60,7 +60,7 @@ class Entry(NamedTuple):
 
 
 def values(entries: Sequence[Entry], observations: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the values that compact observations (n, D) encode, by entry, (n, size) in SI units."""
+    """Return the values that features (n, D) encode, by entry, (n, size) in SI units."""
     unit, about, slices = _scales(tuple(entries))
     told = about + unit * np.asarray(observations, np.float64)[:, : len(unit)]
     return {name: told[:, own] for name, own in slices.items()}

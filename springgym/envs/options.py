@@ -15,7 +15,7 @@ from numpy.typing import DTypeLike
 from springgym import checks
 from springgym.bodies import Body
 
-Observation = Literal["particles", "frame"]
+Observation = Literal["particles", "features"]
 Autoreset = AutoresetMode | Literal["NextStep", "SameStep", "Disabled"]
 
 

@@ -26,7 +26,7 @@ from springgym.scene import Scene, ThrustActuator, WrenchActuator
 
 TORQUE = 4.25  # [N·m], half of the weight's largest moment
 IMPULSE = 0.1  # largest component a control period [N·s]: 4.3 N·m at the arm of the far corner
-TURNING_UNIT = 4.0  # unit of angular velocities in the compact observation [rad/s]
+TURNING_UNIT = 4.0  # unit of angular velocities among the features [rad/s]
 FAR = 6  # the corner opposite to the pin
 TOO_FAST = 8.0  # angular velocity that ends an episode [rad/s]
 
@@ -41,28 +41,28 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
         out["reward_raised"][c] = raised
         out["reward_held"][c] = 3 * raised * gaussian(tilt, 0.2, 0.05) * gaussian(speed, 0.8, 0.2)
         out["tilt"][c] = tilt
-        out["speed"][c] = speed
+        out["angular_speed"][c] = speed
         out["spin"][c] = spin
-        out["met"][c] = tilt < 0.15 and speed < 0.5
-        out["failed"][c] = speed > TOO_FAST
+        out["success"][c] = tilt < 0.15 and speed < 0.5
+        out["terminated"][c] = speed > TOO_FAST
 
 
 @kernel
-def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
+def observe_features(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
         spin = put_axis(m, c, TURNING_UNIT, observation[c])
         observation[c, 6] = spin / TURNING_UNIT
 
 
-class SpringPendulum(Task, kernels=(evaluate, compact)):
+class SpringPendulum(Task, kernels=(evaluate, observe_features)):
     """Define the MDP of `SpringPendulumEnv`, which describes it."""
 
     actions: ClassVar = {"torque": 3, "impulse": 3}
     terms = ("raised", "held")
-    metrics = ("tilt", "speed", "spin")
+    metrics = ("tilt", "angular_speed", "spin")
     entries = (Entry("axis", 3), Entry("across", 3, TURNING_UNIT), Entry("spin", 1, TURNING_UNIT))
     period = 0.04
-    hold = 25
+    hold_steps = 25
 
     def __init__(
         self, start: Literal["hanging", "mixed"] = "hanging", body: BodyOptions = None, **modes: Unpack[Modes]
@@ -166,7 +166,7 @@ class SpringPendulumEnv(SpringEnv, gym.Env, task=SpringPendulum):
     |---|---|---|---|
     | `"particles"` | 0–20 | positions x, y, z of corners 1–7 | distance from the pin |
     | | 21–41 | their velocities | 4 rad/s × distance from the pin |
-    | `"frame"` | 0–2 | diagonal n from the pin, a unit vector | 1 |
+    | `"features"` | 0–2 | diagonal n from the pin, a unit vector | 1 |
     | | 3–5 | angular velocity across it, ω⊥ | 4 rad/s |
     | | 6 | angular velocity along it, ω₃ | 4 rad/s |
 
@@ -183,7 +183,7 @@ class SpringPendulumEnv(SpringEnv, gym.Env, task=SpringPendulum):
     10 s. `info["is_success"]`: θ < 0.15 rad and |ω| < 0.5 rad/s for the last 25 steps.
 
     ## Information
-    `tilt` θ [rad], `speed` |ω| and `spin` ω₃ [rad/s].
+    `tilt` θ [rad], `angular_speed` |ω| and `spin` ω₃ [rad/s].
 
     ## Arguments
     - `start="mixed"`: half of the episodes start at any tilt U(0, π), the others near hanging; this is easier

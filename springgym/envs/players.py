@@ -11,7 +11,7 @@ from springgym.checks import chosen, suggestion, whole
 from springgym.envs.base import SingleEnv, SpringEnv, _plain, frame_rate
 from springgym.envs.duel import FIRST, SECOND, SpringDuel
 from springgym.envs.options import Observation, SimulationOptions, mapping
-from springgym.envs.task import MET
+from springgym.envs.task import SUCCESS
 from springgym.extras import missing
 from springgym.guard import guarded
 from springgym.registration import register
@@ -192,8 +192,8 @@ class ParallelDuel(SingleEnv, ParallelEnv):
         always = _plain(self.episodes.info_arrays())
         return {
             name: always
-            | {"is_success": bool(out[n, MET] > 0)}
-            | dict(zip(self.task.reported, out[n, :MET].tolist(), strict=True))
+            | {"is_success": bool(out[n, SUCCESS] > 0)}
+            | dict(zip(self.task.reported, out[n, :SUCCESS].tolist(), strict=True))
             for n, name in enumerate(AGENTS)
         }
 

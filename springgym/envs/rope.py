@@ -13,7 +13,7 @@ from springgym.bodies.rotations import cross
 from springgym.checks import flag, shown
 from springgym.core.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.goals import Aim
+from springgym.envs.goals import GoalTolerance
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import BodyOptions, EnvOptions, Modes, made, number
 from springgym.envs.randomisation import weight_of
@@ -30,26 +30,26 @@ LOAD_RADIUS = 0.34  # as it is drawn [m]
 SPEED = 3.0  # of the trolley [m/s]
 LOST = 10.0  # horizontal distance of the load from its target at which an episode ends [m]
 CLOSE, SLOW = 0.1, 0.1  # of the load, for success [m], [m/s]
-WAY_UNIT, SPEED_UNIT = 2.0, 2.0  # units of the compact observation [m], [m/s]
+WAY_UNIT, SPEED_UNIT = 2.0, 2.0  # units of the features [m], [m/s]
 
 
 @kernel
 def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     load = s.x.shape[1] - 1
     for c in range(out.shape[0]):
-        error = math.hypot(s.x[c, load, 0] - s.goal[c, 0], s.x[c, load, 1] - s.goal[c, 1])
+        distance = math.hypot(s.x[c, load, 0] - s.goal[c, 0], s.x[c, load, 1] - s.goal[c, 1])
         speed = math.hypot(s.v[c, load, 0], s.v[c, load, 1])
-        near = (long_tail(error, 1.0, 0.05) + gaussian(error, 3.0, 0.05)) / 8 * thrift(s.action, c)
+        near = (long_tail(distance, 1.0, 0.05) + gaussian(distance, 3.0, 0.05)) / 8 * thrift(s.action, c)
         out["reward_near"][c] = near
-        out["reward_still"][c] = 3 * near * gaussian(error, 0.15, 0.03) * gaussian(speed, 0.15, 0.03)
-        out["error"][c] = error
+        out["reward_still"][c] = 3 * near * gaussian(distance, 0.15, 0.03) * gaussian(speed, 0.15, 0.03)
+        out["distance"][c] = distance
         out["speed"][c] = speed
-        out["met"][c] = error < CLOSE and speed < SLOW
-        out["failed"][c] = error > LOST
+        out["success"][c] = distance < CLOSE and speed < SLOW
+        out["terminated"][c] = distance > LOST
 
 
 @kernel
-def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
+def observe_features(m: Measures, s: Situation, observation: np.ndarray) -> None:
     load = s.x.shape[1] - 1
     for c in range(observation.shape[0]):
         for axis in range(2):
@@ -68,12 +68,12 @@ def achieve(m: Measures, s: Situation, achieved: np.ndarray, desired: np.ndarray
             achieved[c, 2 + axis], desired[c, 2 + axis] = s.v[c, load, axis], 0.0
 
 
-class SpringRope(Task, kernels=(evaluate, compact, achieve)):
+class SpringRope(Task, kernels=(evaluate, observe_features, achieve)):
     """Define the MDP of `SpringRopeEnv`, which describes it."""
 
     actions: ClassVar = {"trolley": 2}
     terms = ("near", "still")
-    metrics = ("error", "speed")
+    metrics = ("distance", "speed")
     entries = (
         Entry("to_target", 2, WAY_UNIT),
         Entry("to_trolley", 2),
@@ -82,8 +82,8 @@ class SpringRope(Task, kernels=(evaluate, compact, achieve)):
     )
     goal_size = 3
     period = 0.05
-    hold = 20
-    aims = (Aim("place", 2, CLOSE), Aim("velocity", 2, SLOW))
+    hold_steps = 20
+    goal_tolerances = (GoalTolerance("place", 2, CLOSE), GoalTolerance("velocity", 2, SLOW))
     limits = np.full(2, ACCELERATION)
 
     def __init__(
@@ -164,7 +164,7 @@ class SpringRope(Task, kernels=(evaluate, compact, achieve)):
     def marks(self, m: Measures, s: Situation) -> Marks:
         x, y = s.goal[:2].tolist()
         length, trolley, side = float(self.body.lengths.sum()), s.x[0], 1.2 * self.farthest
-        error = math.hypot(s.x[-1, 0] - x, s.x[-1, 1] - y)
+        distance = math.hypot(s.x[-1, 0] - x, s.x[-1, 1] - y)
         feet = [(i * side, j * side, -1.2 * length) for i in (-1, 1) for j in (-1, 1)]
         crane = [
             ((-side, trolley[1], 0.0), (side, trolley[1], 0.0)),
@@ -176,7 +176,7 @@ class SpringRope(Task, kernels=(evaluate, compact, achieve)):
             balls=[((x, y, -length), LOAD_RADIUS)],
             lines=[((x, y, -1.2 * length), (x, y, -length - LOAD_RADIUS)), *crane],
             arrows=[Arrow(trolley, 1.2 * np.append(s.action, 0.0))],
-            text=(f"off target {error:4.2f} m",),
+            text=(f"off target {distance:4.2f} m",),
             key=((GREEN, "target of the load"), (RED, "acceleration of the trolley")),
         )
 
@@ -207,7 +207,7 @@ class SpringRopeEnv(SpringEnv, gym.Env, task=SpringRope):
     |---|---|---|---|
     | `"particles"` | 0–25 | positions of trolley (x, y), beads and load (x, y, z), from the target | 2 m |
     | | 26–51 | their velocities | 2 m/s |
-    | `"frame"` | 0–1 | horizontal vector from the load to the target | 2 m |
+    | `"features"` | 0–1 | horizontal vector from the load to the target | 2 m |
     | | 2–3 | horizontal vector from the load to the trolley | 1 m |
     | | 4–5 | horizontal velocity of the load | 2 m/s |
     | | 6–7 | velocity of the trolley | 2 m/s |
@@ -227,7 +227,7 @@ class SpringRopeEnv(SpringEnv, gym.Env, task=SpringRope):
     for the last 20 steps.
 
     ## Information
-    `error` e [m], `speed` s [m/s].
+    `distance` e [m], `speed` s [m/s].
 
     ## Arguments
     - `hard=True`: rope tilted by U(0, 0.6) rad and swinging at U(−0.8, 0.8) rad/s, target U(1.5, 6) m away.

@@ -27,7 +27,7 @@ except ImportError as error:
     raise ImportError(missing("springgym.envs.sb3", "Stable-Baselines3", "agents")) from error
 
 from springgym.envs.base import SpringVectorEnv, Stateful, _check_keys, _own, get_state, set_state
-from springgym.envs.starts import spawned
+from springgym.envs.starts import spawn_seeds
 from springgym.identity import check_sealed, sealed
 
 __all__ = ["Monitor", "SB3VecEnv", "StaggeredMonitor", "make_sb3"]
@@ -81,10 +81,10 @@ class SB3VecEnv(Stateful, VecEnv):
         Parameters
         ----------
         seed
-            From one number, `springgym.envs.starts.spawned` makes a seed for every copy. Copies seeded from
-            different numbers never share a seed. (In Stable-Baselines3's own environments, copy i gets the
-            number plus i, so runs of neighbouring numbers share starts.) A sequence holds the seed of each
-            copy. None draws the number.
+            From one number, `springgym.envs.starts.spawn_seeds` makes a seed for every copy. Copies seeded
+            from different numbers never share a seed. (In Stable-Baselines3's own environments, copy i gets
+            the number plus i, so runs of neighbouring numbers share starts.) A sequence holds the seed of
+            each copy. None draws the number.
 
         Raises
         ------
@@ -93,10 +93,10 @@ class SB3VecEnv(Stateful, VecEnv):
         """
         if isinstance(seed, Sequence):
             if len(seed) != self.num_envs:
-                raise ValueError(f"{len(seed)} seeds were given for {self.num_envs} copies")
+                raise ValueError(f"{len(seed)} seeds were given for {self.num_envs} environments")
             self._seeds = list(seed)
         else:
-            self._seeds = [*spawned(super().seed(seed)[0], self.num_envs)]  # type: ignore[arg-type]
+            self._seeds = [*spawn_seeds(super().seed(seed)[0], self.num_envs)]  # type: ignore[arg-type]
         return self._seeds
 
     def reset(self) -> VecEnvObs:
@@ -105,7 +105,7 @@ class SB3VecEnv(Stateful, VecEnv):
         seeds = None if all(seed is None for seed in self._seeds) else list(self._seeds)
         options = self._options[0]
         if any(other != options for other in self._options):
-            raise ValueError("SB3VecEnv resets all copies with the same options; give a single dict")
+            raise ValueError("SB3VecEnv resets all environments with the same options; give a single dict")
         # VectorEnv.reset is annotated with one seed, but every vector environment takes a list.
         observations, infos = self.vector_env.reset(seed=seeds, options=options or None)  # type: ignore[arg-type]
         self.reset_infos = [_info_of(infos, i) for i in range(self.num_envs)]
@@ -164,8 +164,8 @@ class SB3VecEnv(Stateful, VecEnv):
         """
         if sorted(self._get_indices(indices)) != list(range(self.num_envs)):
             raise ValueError(
-                f"cannot set {attr_name!r} for copies {indices} only: all {self.num_envs} copies "
-                "share one environment; leave out indices"
+                f"cannot set {attr_name!r} for environments {indices} only: all {self.num_envs} share one "
+                "object; leave out indices"
             )
         setattr(self.vector_env, attr_name, value)
 
@@ -303,7 +303,7 @@ def make_sb3(
     else:
         name = env_id.id if isinstance(env_id, EnvSpec) else env_id
         warnings.warn(
-            f"{name} was registered without a vector_entry_point that takes autoreset_mode: its copies run "
+            f"{name} was registered without a vector_entry_point that takes autoreset_mode: environments run "
             "one after another, and not in one compiled call",
             stacklevel=2,
         )

@@ -21,7 +21,7 @@ from springgym.checks import TINY, chosen, instance, suggestion
 from springgym.envs.arrows import torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.episodes import OF_PAIRS
-from springgym.envs.goals import Aim, Goals, reach
+from springgym.envs.goals import Goals, GoalTolerance, reach
 from springgym.envs.observation import BOUND, Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, RewardedOptions, mapping
 from springgym.envs.task import Factors, ResetOptions, Start, Task
@@ -40,10 +40,19 @@ MetricsFunction = Callable[[MeasuresOfBodies, Situation], Mapping[str, np.ndarra
 """A function that returns arrays (n,) by name, with a number for each of n copies."""
 StartFunction = Callable[..., Start | tuple[np.ndarray, ...]]
 MarksFunction = Callable[[MeasuresOfBodies, Situation], Marks]
-Most = float | Sequence[float]
+ActuatorLimit = float | Sequence[float]
 """The force, torque or acceleration of an actuator at action 1: one number for all axes, or one for each."""
 
-OF_ALL = ("is_success", "diverged", "energy", "energy_drift", "strain", "randomization", "met", "failed")
+OF_ALL = (
+    "is_success",
+    "diverged",
+    "energy",
+    "energy_drift",
+    "strain",
+    "randomization",
+    "success",
+    "terminated",
+)
 RESERVED = (*OF_ALL, "error_bound", *OF_PAIRS)
 """Names that ``info`` and outcomes use already, besides names that begin as below."""
 RESERVED_BEGINNINGS = ("reward_", "pairs_", "step_error", "_")
@@ -62,11 +71,11 @@ class SceneOptions(RewardedOptions, total=False):
     """The options of `make_scene_env` besides its own arguments."""
 
     goals: bool
-    failed: ArrayFunction | None
-    succeeded: ArrayFunction | None
+    terminated: ArrayFunction | None
+    success: ArrayFunction | None
     achieved: ArrayFunction | None
-    aims: Sequence[Aim]
-    hold: int
+    goal_tolerances: Sequence[GoalTolerance]
+    hold_steps: int
     wins: bool
     observe: ArrayFunction | None
     metrics: MetricsFunction | None
@@ -88,7 +97,7 @@ def make_scene_env(
     scene: Scene | str | Path,
     reward: ArrayFunction | MetricsFunction,
     *,
-    actuators: Mapping[str, Most],
+    actuators: Mapping[str, ActuatorLimit],
     num_envs: None = None,
     max_episode_steps: int | None = 500,
     **options: Unpack[SceneOptions],
@@ -100,7 +109,7 @@ def make_scene_env(
     scene: Scene | str | Path,
     reward: ArrayFunction | MetricsFunction,
     *,
-    actuators: Mapping[str, Most],
+    actuators: Mapping[str, ActuatorLimit],
     num_envs: int,
     max_episode_steps: int | None = 500,
     autoreset_mode: Autoreset = ...,
@@ -112,7 +121,7 @@ def make_scene_env(
     scene: Scene | str | Path,
     reward: ArrayFunction | MetricsFunction,
     *,
-    actuators: Mapping[str, Most],
+    actuators: Mapping[str, ActuatorLimit],
     num_envs: int | None = None,
     max_episode_steps: int | None = 500,
     **options: Any,
@@ -121,7 +130,7 @@ def make_scene_env(
 
     `gymnasium.make` and `gymnasium.make_vec` make the environment again from its ``spec``. It can be pickled
     if your functions belong to a module, but it cannot be written as JSON. This call calls ``start``,
-    ``reward``, ``observe``, ``metrics``, ``succeeded``, ``failed`` and ``achieved`` once, to find out which
+    ``reward``, ``observe``, ``metrics``, ``success``, ``terminated`` and ``achieved`` once, to find out which
     names and how many numbers they return.
 
     Parameters
@@ -163,7 +172,9 @@ def make_scene_env(
             raise TypeError(f"make_scene_env has no option {name!r}{suggestion(name, sorted(known))}")
     if options.get("goals") is True:
         if options.get("achieved") is None:
-            raise ValueError("goals is True; give achieved and aims, too: they define when a goal is reached")
+            raise ValueError(
+                "goals is True; give achieved and goal_tolerances, too: they define when a goal is reached"
+            )
         if options.get("observe") is not None:
             raise ValueError(
                 "goals is True and observe is given; leave observe out: the goal must not be among what is "
@@ -199,20 +210,21 @@ class SceneTask(Task):
     ----------
     scene, reward, actuators
         See `make_scene_env`.
-    failed, succeeded
+    terminated, success
         Functions of (m, s), as the reward. They return bools (n,): whether the episode ends by failure, and
         whether the aim is met now.
-    achieved, aims
-        Alternative to ``succeeded``, where the aim is to reach the goal. ``achieved`` is a function of (m, s)
-        that returns which goals (n, G) would be reached now, in SI units. Each `springgym.envs.goals.Aim`
-        names some of the G numbers, in their order: they are reached together, if their distance from those
-        of ``s.goal`` is smaller than its limit. The aim is met if all are reached. They allow ``goals=True``,
-        which makes goals separate entries of observations, see `springgym.envs.base.SpringEnv`.
-    hold
+    achieved, goal_tolerances
+        Alternative to ``success``, where the aim is to reach the goal. ``achieved`` is a function of (m, s)
+        that returns which goals (n, G) would be reached now, in SI units. Each
+        `springgym.envs.goals.GoalTolerance` names some of the G numbers, in their order: they are reached
+        together, if their distance from those of ``s.goal`` is smaller than its limit. The aim is met if all
+        are reached. They allow ``goals=True``, which makes goals separate entries of observations, see
+        `springgym.envs.base.SpringEnv`.
+    hold_steps
         Number of consecutive steps in which the aim must be met for ``info["is_success"]``. Without an aim,
         ``info`` does not have this entry.
     wins
-        Whether an episode can end by success. If so, a step in which ``failed`` and ``succeeded`` are both
+        Whether an episode can end by success. If so, a step in which ``terminated`` and ``success`` are both
         true is a success. Otherwise it is a failure, however long the aim was met before.
     observe
         A function of (m, s) that returns observations (n, D), scaled to order one: they are clipped to ±10.
@@ -256,12 +268,12 @@ class SceneTask(Task):
         self,
         scene: Scene | str | Path,
         reward: ArrayFunction | MetricsFunction,
-        actuators: Mapping[str, Most],
-        failed: ArrayFunction | None = None,
-        succeeded: ArrayFunction | None = None,
+        actuators: Mapping[str, ActuatorLimit],
+        terminated: ArrayFunction | None = None,
+        success: ArrayFunction | None = None,
         achieved: ArrayFunction | None = None,
-        aims: Sequence[Aim] = (),
-        hold: int = 1,
+        goal_tolerances: Sequence[GoalTolerance] = (),
+        hold_steps: int = 1,
         wins: bool = False,
         observe: ArrayFunction | None = None,
         metrics: MetricsFunction | None = None,
@@ -280,14 +292,14 @@ class SceneTask(Task):
         super().__init__(observation="particles" if observe is None else "own")
         scene = _loaded(scene) if isinstance(scene, (str, Path)) else instance("scene", scene, Scene)
         given: dict[str, Any] = {"reward": reward, "observe": observe, "metrics": metrics}
-        given |= {"succeeded": succeeded, "failed": failed, "achieved": achieved}
+        given |= {"success": success, "terminated": terminated, "achieved": achieved}
         given |= {"move": move, "remember": remember, "marks": marks}
         self._functions = {
             name: _function(name, function, "m", "s")
             for name, function in given.items()
             if name == "reward" or function is not None
         }
-        self.hold = checks.whole("hold", hold, 1)  # type: ignore[misc]
+        self.hold_steps = checks.whole("hold_steps", hold_steps, 1)  # type: ignore[misc]
         self.wins = checks.flag("wins", wins)  # type: ignore[misc]
         self.period = checks.number("period", period, TINY)  # type: ignore[misc]
         self._actuators = {
@@ -311,18 +323,19 @@ class SceneTask(Task):
         self._reset_options = () if start is None else _defaulted(start)
         self._goal = np.zeros(0) if start is None else self._start_state(np.random.default_rng(0), {})[2]
         self.goal_size = len(self._goal)  # type: ignore[misc]
-        self.aims = _checked_aims(aims, self.goal_size)  # type: ignore[misc]
-        if (achieved is None) != (not self.aims):
+        self.goal_tolerances = _checked_tolerances(goal_tolerances, self.goal_size)  # type: ignore[misc]
+        if (achieved is None) != (not self.goal_tolerances):
             raise ValueError(
-                f"achieved is {checks.shown(achieved)} and aims is {checks.shown(aims)}; give both or neither"
+                f"achieved is {checks.shown(achieved)} and goal_tolerances is "
+                f"{checks.shown(goal_tolerances)}; give both or neither"
             )
         if achieved is not None:
-            if succeeded is not None:
-                raise ValueError("pass either achieved or succeeded, not both")
+            if success is not None:
+                raise ValueError("pass either achieved or success, not both")
             self.achieve = self._reached  # type: ignore[misc]
-            self._goals = Goals(self.aims)
+            self._goals = Goals(self.goal_tolerances)
         self.memory = checks.array("memory", memory, (None,)).tolist()  # type: ignore[misc]
-        self.has_aim = achieved is not None or succeeded is not None  # type: ignore[misc]
+        self.has_aim = achieved is not None or success is not None  # type: ignore[misc]
         if move is not None:
             if not self.goal_size:
                 raise ValueError("move is given, but there is no goal to move; start must return one")
@@ -406,7 +419,7 @@ class SceneTask(Task):
         with _warning_unless_diverged(m):
             self.terms = tuple(self._rewards(m, s))  # type: ignore[misc]
             self.metrics = tuple(self._metrics_now(m, s))  # type: ignore[misc]
-            self._met_and_failed(m, s)
+            self._success_and_end(m, s)
             if "observe" in self._functions:
                 self.entries = (Entry("own", self._numbers("observe", m, s, (copies, None)).shape[1]),)
 
@@ -414,7 +427,7 @@ class SceneTask(Task):
         with _warning_unless_diverged(m):
             for name, numbers in self._rewards(m, s).items():
                 out[f"reward_{name}"] = numbers
-            for name, values in (self._metrics_now(m, s) | self._met_and_failed(m, s)).items():
+            for name, values in (self._metrics_now(m, s) | self._success_and_end(m, s)).items():
                 out[name] = values
 
     def _rewards(self, m: Measures, s: Situation) -> dict[str, np.ndarray]:
@@ -434,19 +447,19 @@ class SceneTask(Task):
                 )
         return _by_name("metrics", given, m, self.metrics)
 
-    def _met_and_failed(self, m: Measures, s: Situation) -> dict[str, np.ndarray]:
-        """Return whether each copy meets the aim, and whether it fails."""
+    def _success_and_end(self, m: Measures, s: Situation) -> dict[str, np.ndarray]:
+        """Return whether each copy meets the aim, and whether its episode ends by failure."""
         copies = len(s.x)
-        found = dict.fromkeys(("met", "failed"), np.zeros(copies, bool))
-        for field, name in (("met", "succeeded"), ("failed", "failed")):
+        found = dict.fromkeys(("success", "terminated"), np.zeros(copies, bool))
+        for name in found:
             if judge := self._functions.get(name):
-                found[field] = _of_shape(name, judge(self._named(m), s), (copies,), "b", "bools")
-        if self.aims:
+                found[name] = _of_shape(name, judge(self._named(m), s), (copies,), "b", "bools")
+        if self.goal_tolerances:
             achieved, desired = np.empty((2, copies, self.goal_size))
             met = np.zeros(copies)
             self._reached(m, s, achieved, desired)
             reach(achieved, desired, self._goals.ends, self._goals.within, met)
-            found["met"] = met > 0
+            found["success"] = met > 0
         return found
 
     def _reached(self, m: Measures, s: Situation, achieved: np.ndarray, desired: np.ndarray) -> None:
@@ -461,7 +474,7 @@ class SceneTask(Task):
         given = self._numbers("remember", m, s, memory.shape)
         memory[:] = np.where(_not_diverged(m)[:, None], given, memory)
 
-    def compact(self, m: Measures, s: Situation, observation: np.ndarray) -> None:
+    def observe_features(self, m: Measures, s: Situation, observation: np.ndarray) -> None:
         observation[:] = np.clip(self._numbers("observe", m, s, observation.shape), -BOUND, BOUND)
 
     def _named(self, m: Measures) -> MeasuresOfBodies:
@@ -549,24 +562,32 @@ def _defaulted(function: Callable[..., Any]) -> tuple[str, ...]:
     return tuple(own.name for own in others if own.kind in kinds)
 
 
-def _checked_aims(given: object, goal_size: int) -> tuple[Aim, ...]:
-    """Return aims, which may be lists, after checking that their sizes sum to the size of the goal."""
+def _checked_tolerances(given: object, goal_size: int) -> tuple[GoalTolerance, ...]:
+    """Return tolerances, which may be lists, after checking that their sizes sum to the size of the goal."""
     if not isinstance(given, Sequence) or isinstance(given, str):
-        raise TypeError(f"aims is {checks.shown(given)}; it must be a sequence of Aim(name, size, within)")
-    aims = []
+        raise TypeError(
+            f"goal_tolerances is {checks.shown(given)}; it must be a sequence of "
+            "GoalTolerance(name, size, within)"
+        )
+    tolerances = []
     for n, each in enumerate(given):
         if not isinstance(each, (tuple, list)) or len(each) != 3:
-            raise TypeError(f"aims[{n}] is {checks.shown(each)}; it must be an Aim(name, size, within)")
+            raise TypeError(
+                f"goal_tolerances[{n}] is {checks.shown(each)}; it must be a "
+                "GoalTolerance(name, size, within)"
+            )
         name, size, within = each
-        size = checks.whole(f"aims[{n}].size", size, 1)
-        within = checks.number(f"aims[{n}].within", within, TINY)
-        aims.append(Aim(instance(f"aims[{n}].name", name, str), size, within))
-    if aims and (total := sum(aim.size for aim in aims)) != goal_size:
-        raise ValueError(f"aims have {total} numbers, and the goal that start gave has {goal_size}")
-    return tuple(aims)
+        size = checks.whole(f"goal_tolerances[{n}].size", size, 1)
+        within = checks.number(f"goal_tolerances[{n}].within", within, TINY)
+        tolerances.append(GoalTolerance(instance(f"goal_tolerances[{n}].name", name, str), size, within))
+    if tolerances and (total := sum(own.size for own in tolerances)) != goal_size:
+        raise ValueError(
+            f"goal_tolerances have {total} numbers, and the goal that start gave has {goal_size}"
+        )
+    return tuple(tolerances)
 
 
-def _most(name: str, given: Most) -> np.ndarray:
+def _most(name: str, given: ActuatorLimit) -> np.ndarray:
     """Return the strength of an actuator at action 1 on each axis, (3,)."""
     if not isinstance(given, (Sequence, np.ndarray)) or isinstance(given, str) or np.ndim(given) == 0:
         return np.full(3, checks.number(name, given, TINY))
@@ -617,7 +638,7 @@ def _numbers(name: str, given: object, shape: tuple[int | None, ...], m: Measure
         wrong &= _not_diverged(m)
         if wrong.any():
             n = int(np.argmax(wrong))
-            raise ValueError(f"{name} gave {checks.shown(values[n])} for copy {n}; it must be finite")
+            raise ValueError(f"{name} gave {checks.shown(values[n])} for environment {n}; it must be finite")
     return values
 
 
@@ -630,7 +651,8 @@ def _of_shape(name: str, given: object, shape: tuple[int | None, ...], kinds: st
         must = str(tuple("D" if n is None else n for n in shape)).replace("'", "")
         error = TypeError if values.dtype.kind not in kinds else ValueError
         raise error(
-            f"{name} gave {checks.shown(given)}; it must give {what} of shape {must}, a row for each copy"
+            f"{name} gave {checks.shown(given)}; it must give {what} of shape {must}, a row for each "
+            "environment"
         )
     return values
 

@@ -13,7 +13,7 @@ from springgym.bodies import Body, box, rolling_ball
 from springgym.checks import flag
 from springgym.core.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.goals import Aim
+from springgym.envs.goals import GoalTolerance
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import EnvOptions, Modes, number
 from springgym.envs.randomisation import NOMINAL, weight_of
@@ -46,7 +46,7 @@ CLOSE, ALIGNED, SLOW = 0.08, 0.2, 0.1
 TURNING_ARM = 0.2  # factor by which angular velocity counts as speed [m]
 ARENA = 1.8  # where an episode ends [m]
 WAY_UNIT, SPEED_UNIT, NEAR_UNIT, TURNING_UNIT = 0.5, 0.5, 0.3, 2.0
-"""Units of the compact observation: distances [m], speeds [m/s], distance to the box [m], turning [rad/s]."""
+"""Units of the features: distances [m], speeds [m/s], distance to the box [m], turning [rad/s]."""
 PUSHER_SPEED = 1.0  # the same of the pusher's velocity [m/s]
 
 Level: TypeAlias = Sequence[float] | np.ndarray
@@ -67,12 +67,14 @@ def speed_of(m: Measures, c: int) -> float:
 
 
 @compiled
-def nearness(m: Measures, c: int, effort: float, error: float, heading: float) -> tuple[float, float, float]:
-    """Return the reward's terms for the approach of the ball, and the distance ``error`` [m] and ``heading``
-    [rad] of the box from its place: at most ``effort`` in all."""
+def nearness(
+    m: Measures, c: int, effort: float, distance: float, heading: float
+) -> tuple[float, float, float]:
+    """Return the reward's terms for the approach of the ball, and for ``distance`` [m] and ``heading`` [rad]
+    of the box from its place: at most ``effort`` in all."""
     place = m.centre[c, BOX]
     apart = math.hypot(m.centre[c, PUSHER, 0] - place[0], m.centre[c, PUSHER, 1] - place[1])
-    near = effort * (long_tail(error, 0.3, 0.03) + gaussian(error, 0.5, 0.03)) / 2
+    near = effort * (long_tail(distance, 0.3, 0.03) + gaussian(distance, 0.5, 0.03)) / 2
     return (
         0.05 * effort * gaussian(apart, 0.5, 0.3),
         0.475 * near,
@@ -81,9 +83,9 @@ def nearness(m: Measures, c: int, effort: float, error: float, heading: float) -
 
 
 @compiled
-def rests(m: Measures, c: int, error: float, heading: float) -> bool:
-    """Return whether a box is at rest within the limits of ``error`` [m] and ``heading`` [rad]."""
-    return error < CLOSE and abs(heading) < ALIGNED and speed_of(m, c) < SLOW
+def rests(m: Measures, c: int, distance: float, heading: float) -> bool:
+    """Return whether a box is at rest within the limits of ``distance`` [m] and ``heading`` [rad]."""
+    return distance < CLOSE and abs(heading) < ALIGNED and speed_of(m, c) < SLOW
 
 
 @compiled
@@ -102,18 +104,18 @@ def see_pusher(m: Measures, c: int, observation: np.ndarray, first: int) -> None
 @kernel
 def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     for c in range(out.shape[0]):
-        error = math.hypot(m.centre[c, BOX, 0], m.centre[c, BOX, 1])
+        distance = math.hypot(m.centre[c, BOX, 0], m.centre[c, BOX, 1])
         heading = heading_of(m, c, BOX)
-        approach, near, turned = nearness(m, c, thrift(s.action, c), error, heading)
+        approach, near, turned = nearness(m, c, thrift(s.action, c), distance, heading)
         out["reward_approach"][c], out["reward_near"][c], out["reward_heading"][c] = approach, near, turned
-        out["error"][c], out["heading"][c], out["speed"][c] = error, heading, speed_of(m, c)
-        out["met"][c] = rests(m, c, error, heading)
-        gone = max(error, math.hypot(m.centre[c, PUSHER, 0], m.centre[c, PUSHER, 1])) > ARENA
-        out["failed"][c] = gone or m.axis[c, BOX, 2] < 0.7
+        out["distance"][c], out["heading"][c], out["speed"][c] = distance, heading, speed_of(m, c)
+        out["success"][c] = rests(m, c, distance, heading)
+        gone = max(distance, math.hypot(m.centre[c, PUSHER, 0], m.centre[c, PUSHER, 1])) > ARENA
+        out["terminated"][c] = gone or m.axis[c, BOX, 2] < 0.7
 
 
 @kernel
-def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
+def observe_features(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
         heading = heading_of(m, c, BOX)
         for axis in range(2):
@@ -137,12 +139,12 @@ def achieve(m: Measures, s: Situation, achieved: np.ndarray, desired: np.ndarray
             achieved[c, axis], desired[c, axis] = m.centre[c, BOX, axis], 0.0
 
 
-class SpringShove(Task, kernels=(evaluate, compact, achieve)):
+class SpringShove(Task, kernels=(evaluate, observe_features, achieve)):
     """Define the MDP of `SpringShoveEnv`, which describes it."""
 
     actions: ClassVar = {"push": 2}
     terms = ("approach", "near", "heading")
-    metrics = ("error", "heading", "speed")
+    metrics = ("distance", "heading", "speed")
     entries = (
         Entry("place", 2, WAY_UNIT),
         Entry("velocity", 2, SPEED_UNIT),
@@ -155,9 +157,13 @@ class SpringShove(Task, kernels=(evaluate, compact, achieve)):
     period = 0.04
     finest = 0.04 / 32
     damping_every = 2
-    hold = 12
+    hold_steps = 12
     checks_starts = False
-    aims = (Aim("place", 2, CLOSE), Aim("heading", 2, 2 * math.sin(ALIGNED / 2)), Aim("speed", 1, SLOW))
+    goal_tolerances = (
+        GoalTolerance("place", 2, CLOSE),
+        GoalTolerance("heading", 2, 2 * math.sin(ALIGNED / 2)),
+        GoalTolerance("speed", 1, SLOW),
+    )
     limits = np.full(2, FORCE)
 
     def __init__(self, friction: float = 0.4, hard: bool = False, **modes: Unpack[Modes]) -> None:
@@ -195,10 +201,10 @@ class SpringShove(Task, kernels=(evaluate, compact, achieve)):
     def draw(self, rng: np.random.Generator, options: ResetOptions, factors: Factors) -> Drawn:
         low = (0.3, -math.pi, -self.turned, 0.35, -math.pi)
         high = (self.farthest, math.pi, self.turned, 0.6, math.pi)
-        away, bearing, heading, apart, side = uniform(rng, low, high)
-        away = number(options, "error", away, 0.0, 1.2)
+        distance, bearing, heading, apart, side = uniform(rng, low, high)
+        distance = number(options, "distance", distance, 0.0, 1.2)
         heading = number(options, "heading", heading, -math.pi, math.pi)
-        x, y = away * math.cos(bearing), away * math.sin(bearing)
+        x, y = distance * math.cos(bearing), distance * math.sin(bearing)
         apart *= max(1.0, factors["scale"])
         pusher = x + apart * math.cos(side), y + apart * math.sin(side)
         return self._placed(pusher, (x, y), heading, factors)
@@ -222,7 +228,7 @@ class SpringShove(Task, kernels=(evaluate, compact, achieve)):
         return np.vstack([s.x, TARGET])
 
     def marks(self, m: Measures, s: Situation) -> Marks:
-        error = math.hypot(m.centre[BOX, 0], m.centre[BOX, 1])
+        distance = math.hypot(m.centre[BOX, 0], m.centre[BOX, 1])
         heading = math.atan2(m.side[BOX, 1], m.side[BOX, 0])
         top, ahead = m.centre[BOX] + 0.1 * m.axis[BOX], 0.15 * m.side[BOX]
         return Marks(
@@ -233,7 +239,7 @@ class SpringShove(Task, kernels=(evaluate, compact, achieve)):
                 Arrow((0.0, 0.0, 0.0), (0.15, 0.0, 0.0), GREEN),
             ],
             key=((GREEN, "target pose of the box"), (RED, "push on the ball")),
-            text=(f"off target {100 * error:3.0f} cm, {math.degrees(heading):4.0f}°",),
+            text=(f"off target {100 * distance:3.0f} cm, {math.degrees(heading):4.0f}°",),
         )
 
 
@@ -270,7 +276,7 @@ class SpringShoveEnv(SpringEnv, gym.Env, task=SpringShove):
     | | 9–16 | positions x, y of the box's upper corners 0–3 | 0.5 m |
     | | 17–25 | velocities of the ball's particles | 0.5 m/s |
     | | 26–33 | velocities x, y of the corners | 0.5 m/s |
-    | `"frame"` | 0, 1 | centre of the box x, y | 0.5 m |
+    | `"features"` | 0, 1 | centre of the box x, y | 0.5 m |
     | | 2, 3 | its velocity x, y | 0.5 m/s |
     | | 4, 5 | cosine and sine of its heading | 1 |
     | | 6 | its angular velocity | 2 rad/s |
@@ -287,7 +293,7 @@ class SpringShoveEnv(SpringEnv, gym.Env, task=SpringShove):
     ## Starting State
     Both lie on the floor at rest. The box is U(0.3, 0.8) m from the target in a random direction, rotated by
     U(−1, 1) rad. The ball is U(0.35, 0.6) m from the box on a random side.
-    `reset(options={"error": …, "heading": …})` sets them.
+    `reset(options={"distance": …, "heading": …})` sets them.
 
     ## Episode End
     Termination: ball or box is more than 1.8 m from the target, or the box tips over. Truncation: 250 steps,
@@ -295,7 +301,7 @@ class SpringShoveEnv(SpringEnv, gym.Env, task=SpringShove):
     angular speed, is below 0.1 m/s, for the last 12 steps.
 
     ## Information
-    `error` e [m], `heading` φ [rad], `speed` [m/s], `pairs_…`.
+    `distance` e [m], `heading` φ [rad], `speed` [m/s], `pairs_…`.
 
     ## Arguments
     - `friction=0.3`: a smoother floor than the default one (0.4).

@@ -64,7 +64,7 @@ def turned_of(m: Measures, c: int) -> float:
 
 
 @compiled
-def error_of(m: Measures, c: int) -> float:
+def distance_of(m: Measures, c: int) -> float:
     """Return the distance of the box from the block, seen from above [m]."""
     box, block = m.centre[c, BOX], m.centre[c, BLOCK]
     return math.hypot(box[0] - block[0], box[1] - block[1])
@@ -73,28 +73,30 @@ def error_of(m: Measures, c: int) -> float:
 @kernel
 def remember(m: Measures, s: Situation, memory: np.ndarray) -> None:
     for c in range(memory.shape[0]):
-        error, turned = error_of(m, c), turned_of(m, c)
-        memory[c, BEST] = max(memory[c, BEST], sum(nearness(m, c, 1.0, error, turned)))
-        memory[c, HELD] = memory[c, HELD] + 1.0 if rests(m, c, error, turned) else 0.0
+        distance, turned = distance_of(m, c), turned_of(m, c)
+        memory[c, BEST] = max(memory[c, BEST], sum(nearness(m, c, 1.0, distance, turned)))
+        memory[c, HELD] = memory[c, HELD] + 1.0 if rests(m, c, distance, turned) else 0.0
 
 
 @kernel
 def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     for c in range(out.shape[0]):
-        error, turned = error_of(m, c), turned_of(m, c)
+        distance, turned = distance_of(m, c), turned_of(m, c)
         lowest = min(m.centre[c, BOX, 2], m.centre[c, PUSHER, 2]) - m.centre[c, BLOCK, 2]
         fallen = lowest < SUNK or min(m.axis[c, BOX, 2], m.axis[c, BLOCK, 2]) < 0.7
-        met = rests(m, c, error, turned) and not fallen
+        met = rests(m, c, distance, turned) and not fallen
         stacked = met and s.memory[c, HELD] + 1.0 >= HOLD
-        out["reward_nearer"][c] = 0.2 * max(sum(nearness(m, c, 1.0, error, turned)) - s.memory[c, BEST], 0.0)
+        out["reward_nearer"][c] = 0.2 * max(
+            sum(nearness(m, c, 1.0, distance, turned)) - s.memory[c, BEST], 0.0
+        )
         out["reward_stacked"][c] = 0.8 if stacked else 0.0
-        out["error"][c], out["heading"][c], out["speed"][c] = error, turned, speed_of(m, c)
-        out["met"][c] = met
-        out["failed"][c] = stacked or fallen  # both end the episode
+        out["distance"][c], out["heading"][c], out["speed"][c] = distance, turned, speed_of(m, c)
+        out["success"][c] = met
+        out["terminated"][c] = stacked or fallen  # both end the episode
 
 
 @kernel
-def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
+def observe_features(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
         heading, turned = heading_of(m, c, BOX), turned_of(m, c)
         for axis in range(2):
@@ -110,12 +112,12 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
         see_pusher(m, c, observation, 9)
 
 
-class SpringStack(Task, kernels=(evaluate, compact, remember)):
+class SpringStack(Task, kernels=(evaluate, observe_features, remember)):
     """Define the MDP of `SpringStackEnv`, which describes it."""
 
     actions: ClassVar = {"push": 2}
     terms = ("nearer", "stacked")
-    metrics = ("error", "heading", "speed")
+    metrics = ("distance", "heading", "speed")
     entries = (
         Entry("way", 2, shove.WAY_UNIT),
         Entry("velocity", 2, shove.SPEED_UNIT),
@@ -129,7 +131,7 @@ class SpringStack(Task, kernels=(evaluate, compact, remember)):
     )
     period = 0.04
     finest = 0.04 / 32
-    hold = HOLD
+    hold_steps = HOLD
     wins = True
     memory = (0.0, 0.0)
     checks_starts = False
@@ -258,7 +260,7 @@ class SpringStackEnv(SpringEnv, gym.Env, task=SpringStack):
     | | 9–24 | positions x, y of the upper corners of box and block | 0.5 m |
     | | 25–33 | velocities of the ball's particles | 0.5 m/s |
     | | 34–49 | velocities x, y of the corners | 0.5 m/s |
-    | `"frame"` | 0, 1 | centre of the box x, y, from the centre of the block | 0.5 m |
+    | `"features"` | 0, 1 | centre of the box x, y, from the centre of the block | 0.5 m |
     | | 2, 3 | its velocity x, y | 0.5 m/s |
     | | 4, 5 | cosine and sine of its heading | 1 |
     | | 6, 7 | cosine and sine of the angle between box and block | 1 |
@@ -290,7 +292,7 @@ class SpringStackEnv(SpringEnv, gym.Env, task=SpringStack):
     rests on the block alone.
 
     ## Information
-    `error` e [m], `heading` φ [rad], `speed` [m/s], `pairs_…`.
+    `distance` e [m], `heading` φ [rad], `speed` [m/s], `pairs_…`.
 
     ## Arguments
     - `randomize`: the factor `scale` does not change the ball.

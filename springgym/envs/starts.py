@@ -23,7 +23,7 @@ EQUAL = 1e-9
 """Relative difference below which moments count as equal, and their axes are not determined."""
 
 
-def spawned(seed: int, copies: int) -> list[int]:
+def spawn_seeds(seed: int, copies: int) -> list[int]:
     """Return a seed of 64 bits for each copy; runs with different seeds share none.
 
     If copy i had the seed ``seed + i``, runs of neighbouring seeds would share their starts.

@@ -19,7 +19,7 @@ from gymnasium import spaces
 from numpy.random import Generator
 
 from springgym.checks import chosen
-from springgym.envs.goals import Aim
+from springgym.envs.goals import GoalTolerance
 from springgym.envs.observation import BOUND, Entry, ObservedParticles, Situation, values
 from springgym.envs.options import Modes
 from springgym.measures import Measures
@@ -29,7 +29,7 @@ from springgym.scenes import film
 
 KEYWORD = inspect.Parameter.KEYWORD_ONLY
 
-MET, FAILED = -2, -1
+SUCCESS, TERMINATED = -2, -1
 """Columns of an outcome beside its metrics: whether the aim is met now, and whether the episode failed."""
 
 
@@ -69,17 +69,17 @@ def at_rest(positions: np.ndarray, goal: Sequence[Any] | np.ndarray = ()) -> Sta
 class Task:
     """The MDP of an environment. Subclasses define it, and their instances are immutable.
 
-    A subclass gets these compiled functions by ``class Own(Task, kernels=(evaluate, compact))``. They act on
-    consecutive copies:
+    A subclass gets these compiled functions by ``class Own(Task, kernels=(evaluate, observe_features))``.
+    They act on consecutive copies:
 
     - ``evaluate(m, s, out)``: for every copy c, from `Measures` m and the `Situation` s, set ``out[name][c]``
       for each name in `outcome`: the reward's terms, the metrics, whether the aim is met now, and whether the
       episode has failed;
-    - ``compact(m, s, observation)``: the compact observation (n, D);
+    - ``observe_features(m, s, observation)``: the features (n, D);
     - ``move(m, s, goal)``, where there is one: sets the goals (n, G) of the next control period;
     - ``remember(m, s, memory)``, where there is one: sets the memory (n, K);
-    - ``achieve(m, s, achieved, desired)``, where there are `aims`: sets achieved and desired goals, (n, K)
-      each, in SI units, in the order of the aims.
+    - ``achieve(m, s, achieved, desired)``, where there are `goal_tolerances`: sets achieved and desired
+      goals, (n, K) each, in SI units, in the order of these.
 
     After a step, ``move`` comes first, then ``evaluate``, which sees the old ``s.memory``, then ``remember``,
     and the observation last. At the start of an episode, the memory is `memory`, and ``remember`` is called
@@ -89,7 +89,7 @@ class Task:
     For several bodies, m holds the measures of each: scalars (n, bodies), vectors (n, bodies, 3).
     """
 
-    observations: ClassVar[tuple[str, ...]] = ("particles", "frame")
+    observations: ClassVar[tuple[str, ...]] = ("particles", "features")
     actions: ClassVar[Mapping[str, int]]
     """names of the action modes, and their sizes"""
     terms: ClassVar[tuple[str, ...]]
@@ -97,11 +97,11 @@ class Task:
     metrics: ClassVar[tuple[str, ...]]
     """names of the quantities reported in ``info``"""
     entries: tuple[Entry, ...]
-    """meaning of the numbers in the compact observation, in order"""
+    """meaning of the numbers among the features, in order"""
     limits: np.ndarray
     """(A,) effect of each entry of an action at 1, in the units that the docstring states"""
     parameters: np.ndarray = np.zeros(0)
-    """parameters of the task for ``evaluate`` and ``compact``"""
+    """parameters of the task for ``evaluate`` and ``observe_features``"""
     goal_size: ClassVar[int] = 0
     memory: ClassVar[Sequence[float]] = ()
     """the K numbers of the memory before the first call of ``remember``"""
@@ -114,20 +114,20 @@ class Task:
     damping_every: ClassVar[int] = 1
     """number of steps in a cycle of dampers where there is contact and cycles are harmless, see
     `springgym.forces.cycle`: 1, or an even number"""
-    hold: ClassVar[int] = 50
+    hold_steps: ClassVar[int] = 50
     """number of consecutive steps in which the aim must be met to count as success"""
     wins: ClassVar[bool] = False
     """whether an episode can end by success, as a won duel does; otherwise a failure is never a success"""
     has_aim: ClassVar[bool] = True
-    """whether there is an aim: without one, "met" is always 0, and ``info`` has no ``is_success``"""
+    """whether there is an aim: without one, "success" is always 0, and ``info`` has no ``is_success``"""
     checks_starts: bool = True
     """whether every start is checked. If it is False, starts with reset options or randomisation still are;
     tests show that all others are possible"""
     evaluate: ClassVar[Callable[..., None]]
-    compact: ClassVar[Callable[..., None]]
+    observe_features: ClassVar[Callable[..., None]]
     move: ClassVar[Callable[..., None] | None] = None
     remember: ClassVar[Callable[..., None] | None] = None
-    aims: ClassVar[tuple[Aim, ...]] = ()
+    goal_tolerances: ClassVar[tuple[GoalTolerance, ...]] = ()
     """the parts of the goal that must be reached for the aim to be met, if that follows from K achieved and K
     desired numbers"""
     achieve: ClassVar[Callable[..., None] | None] = None
@@ -160,11 +160,11 @@ class Task:
 
     @cached_property
     def outcome(self) -> tuple[str, ...]:
-        """Return the names of all that ``evaluate`` sets: those in ``info``, "met" and "failed"."""
-        return (*self.reported, "met", "failed")
+        """Return the names of all that ``evaluate`` sets: those in ``info``, "success" and "terminated"."""
+        return (*self.reported, "success", "terminated")
 
     def seen(self, observations: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the values that compact observations (n, D) encode, by entry, (n, size) in SI units."""
+        """Return the values that features (n, D) encode, by entry, (n, size) in SI units."""
         return values(self.entries, observations)
 
     @cached_property

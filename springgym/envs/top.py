@@ -28,7 +28,7 @@ from springgym.scenes import film
 WANTED = 50.0  # spin [rad/s]
 TORQUE, WEAK_TORQUE = 15.0, 10.0  # largest component, and that of hard=True [N·m]
 IMPULSE = 0.3  # largest component a control period [N·s]
-ACROSS_UNIT, SPIN_UNIT = 2.0, 20.0  # units of angular velocities in the compact observation [rad/s]
+ACROSS_UNIT, SPIN_UNIT = 2.0, 20.0  # units of angular velocities among the features [rad/s]
 FALLEN = 1.2  # tilt [rad]
 PAPER_MOMENT = 9.0  # mass times height of the centre of mass of the paper's top, 1 m high [kg·m]
 SOLID = {"radius": 0.61, "height": 1.0}  # of a solid top that stands upright from the same spin on [m]
@@ -48,18 +48,18 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
         out["tilt"][c] = tilt
         out["spin"][c] = spin
         out["precession"][c] = across
-        out["met"][c] = tilt < 0.1 and across < 0.3 and (abs(spin - WANTED) < 3 or not spin_counts)
-        out["failed"][c] = tilt > FALLEN
+        out["success"][c] = tilt < 0.1 and across < 0.3 and (abs(spin - WANTED) < 3 or not spin_counts)
+        out["terminated"][c] = tilt > FALLEN
 
 
 @kernel
-def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
+def observe_features(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
         spin = put_axis(m, c, ACROSS_UNIT, observation[c])
         observation[c, 6] = (spin - WANTED) / SPIN_UNIT
 
 
-class SpringTop(Task, kernels=(evaluate, compact)):
+class SpringTop(Task, kernels=(evaluate, observe_features)):
     """Define the MDP of `SpringTopEnv`, which describes it."""
 
     actions: ClassVar = {"torque": 3, "impulse": 3}
@@ -181,7 +181,7 @@ class SpringTopEnv(SpringEnv, gym.Env, task=SpringTop):
     |---|---|---|---|
     | `"particles"` | 0–38 | positions x, y, z of ring particles 0–11 and crown | its distance from the tip |
     | | 39–77 | their velocities | 50 rad/s × its radius + 2 rad/s × its distance |
-    | `"frame"` | 0–2 | axis n of the top, a unit vector | 1 |
+    | `"features"` | 0–2 | axis n of the top, a unit vector | 1 |
     | | 3–5 | angular velocity across the axis, ω⊥ | 2 rad/s |
     | | 6 | spin ω₃ − 50 rad/s | 20 rad/s |
 

@@ -43,7 +43,7 @@ UPRIGHT = 0.8  # least cosine of the tilt of a block that has not fallen
 HELD = 0.25  # reward of a held block relative to that after it was let go
 CLOSE, CALM = 0.06, 0.1  # for success: horizontal distance from the block below [m], speed [m/s]
 WAY_UNIT, SPEED_UNIT, TILT_UNIT, TURNING_UNIT, TOWER_UNIT = 0.3, 0.5, 0.2, 2.0, 0.5
-"""Units of the compact observation: way [m], speed [m/s], tilt [1], turning [rad/s], tower's places [m]."""
+"""Units of the features: way [m], speed [m/s], tilt [1], turning [rad/s], tower's places [m]."""
 
 
 @compiled
@@ -80,7 +80,7 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     blocks = m.centre.shape[1]
     for c in range(out.shape[0]):
         held = int(s.goal[c, 0])
-        carried, built, error, speed, farthest = 0.0, 0.0, 0.0, 0.0, 0.0
+        carried, built, distance, speed, farthest = 0.0, 0.0, 0.0, 0.0, 0.0
         failed = False
         for k in range(blocks):
             place, velocity = m.centre[c, k], m.centre_velocity[c, k]
@@ -95,19 +95,19 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
                     carried = HELD * near * 2.0 ** (k - 1)
                 else:
                     built += near * 2.0 ** (k - 1)
-                    error = max(error, aside)
+                    distance = max(distance, aside)
         share = thrift(s.action, c) / (2.0 ** (blocks - 1) - 1.0)
         out["reward_carried"][c] = share * carried
         out["reward_built"][c] = share * built
-        out["held"][c] = held
-        out["error"][c] = error
+        out["held_block"][c] = held
+        out["distance"][c] = distance
         out["speed"][c] = speed
-        out["met"][c] = held == blocks and error < CLOSE and speed < CALM
-        out["failed"][c] = failed or farthest > ARENA
+        out["success"][c] = held == blocks and distance < CLOSE and speed < CALM
+        out["terminated"][c] = failed or farthest > ARENA
 
 
 @kernel
-def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
+def observe_features(m: Measures, s: Situation, observation: np.ndarray) -> None:
     blocks = m.centre.shape[1]
     for c in range(observation.shape[0]):
         held = min(int(s.goal[c, 0]), blocks - 1)
@@ -128,16 +128,16 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
                 observation[c, first + 3 + axis] = m.axis[c, k, axis] / TILT_UNIT
 
 
-class SpringTower(Task, kernels=(evaluate, compact, move)):
+class SpringTower(Task, kernels=(evaluate, observe_features, move)):
     """Define the MDP of `SpringTowerEnv`, which describes it."""
 
     actions: ClassVar = {"crane": 4}
     terms = ("carried", "built")
-    metrics = ("held", "error", "speed")
+    metrics = ("held_block", "distance", "speed")
     goal_size = 1
     period = 0.04
     finest = 0.04 / 16
-    hold = 25
+    hold_steps = 25
     checks_starts = False
     limits = np.array([FORCE, FORCE, FORCE, 1.0])
 
@@ -150,7 +150,7 @@ class SpringTower(Task, kernels=(evaluate, compact, move)):
             Entry("velocity", 3, SPEED_UNIT),
             Entry("axis", 2, TILT_UNIT),
             Entry("turning", 3, TURNING_UNIT),
-            Entry("held", 1, self.blocks),
+            Entry("held_block", 1, self.blocks),
             Entry("base", 2, TOWER_UNIT),
             Entry("base_axis", 2, TILT_UNIT),
             *(
@@ -280,7 +280,7 @@ class SpringTowerEnv(SpringEnv, gym.Env, task=SpringTower):
     | `"particles"` | 0–95 | positions of the corners of all blocks, from the lowest to the last | 0.5 m |
     | | 96–191 | their velocities | 0.5 m/s |
     | | 192 | the number of the block, 1 to 3; 4 when all have been released | 1 |
-    | `"frame"` | 0–2 | centre of the block, from its target | 0.3 m |
+    | `"features"` | 0–2 | centre of the block, from its target | 0.3 m |
     | | 3–5 | its velocity | 0.5 m/s |
     | | 6, 7 | its third axis x, y | 0.2 |
     | | 8–10 | its angular velocity | 2 rad/s |
@@ -294,7 +294,7 @@ class SpringTowerEnv(SpringEnv, gym.Env, task=SpringTower):
     | | 26–28 | centre of block 3, from its target | 0.5 m |
     | | 29, 30 | its third axis x, y | 0.2 |
 
-    Each further block adds 48 entries to `"particles"` and 5 to `"frame"`. A "4" in the table is the
+    Each further block adds 48 entries to `"particles"` and 5 to `"features"`. A "4" in the table is the
     number of blocks.
 
     ## Rewards
@@ -316,8 +316,8 @@ class SpringTowerEnv(SpringEnv, gym.Env, task=SpringTower):
     horizontally, and none moves faster than 0.1 m/s, for the last 25 steps.
 
     ## Information
-    `held`, the number of the held block; `error`, the largest horizontal distance of a tower block from the
-    one below [m]; `speed` of the fastest block [m/s]; `pairs_…`.
+    `held_block`, the number of the held block; `distance`, the largest horizontal distance of a tower block
+    from the one below [m]; `speed` of the fastest block [m/s]; `pairs_…`.
 
     ## Arguments
     - `blocks` (4): the number of blocks, from 2 to 5.

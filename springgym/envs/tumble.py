@@ -14,7 +14,7 @@ from springgym.checks import flag, whole
 from springgym.core.compiling import compiled, kernel
 from springgym.envs.arrows import torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.goals import Aim
+from springgym.envs.goals import GoalTolerance
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import EnvOptions, Modes, number
 from springgym.envs.rewards import angle_of, gaussian, long_tail, thrift
@@ -35,7 +35,7 @@ FORCE, WEAK_FORCE = 35.0, 28.0  # half of the weight, and with hard=True [N]
 TORQUE, WEAK_TORQUE = 9.0, 7.5  # [N·m]
 CLOSE, FLAT, SLOW = 0.1, 0.97, 0.15
 """For success: distance to the target [m], cosine of face and straight down, speed of a particle [m/s]."""
-TURNING_UNIT = 4.0  # unit of angular velocities in the compact observation [rad/s]
+TURNING_UNIT = 4.0  # unit of angular velocities among the features [rad/s]
 ARENA = 4.0  # where an episode ends [m]
 FACES = ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))
 """The face opposite to each corner; its corners in the order that points the normal outwards."""
@@ -82,23 +82,23 @@ def fastest(v: np.ndarray, c: int) -> float:
 def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     for c in range(out.shape[0]):
         dx, dy = m.centre[c, 0] - s.goal[c, 0], m.centre[c, 1] - s.goal[c, 1]
-        error, speed = math.hypot(dx, dy), fastest(s.v, c)
+        distance, speed = math.hypot(dx, dy), fastest(s.v, c)
         down = -facing(s.x, c, int(s.goal[c, 3]))[2]
         effort = thrift(s.action, c)
-        near = (long_tail(error, 0.5, 0.05) + gaussian(error, 1.2, 0.05)) / 4 * (1 + down) * effort
-        placed = 0.6 * near * gaussian(error, 0.3, 0.05) * gaussian(1 - down, 0.3, 0.02)
+        near = (long_tail(distance, 0.5, 0.05) + gaussian(distance, 1.2, 0.05)) / 4 * (1 + down) * effort
+        placed = 0.6 * near * gaussian(distance, 0.3, 0.05) * gaussian(1 - down, 0.3, 0.02)
         out["reward_near"][c] = 0.4 * near
         out["reward_placed"][c] = 0.3 * placed
         out["reward_still"][c] = 0.7 * placed * gaussian(speed, 1.0, 0.1)
-        out["error"][c] = error
+        out["distance"][c] = distance
         out["angle"][c] = angle_of(down)
         out["speed"][c] = speed
-        out["met"][c] = error < CLOSE and down > FLAT and speed < SLOW
-        out["failed"][c] = max(abs(m.centre[c, 0]), abs(m.centre[c, 1])) > ARENA
+        out["success"][c] = distance < CLOSE and down > FLAT and speed < SLOW
+        out["terminated"][c] = max(abs(m.centre[c, 0]), abs(m.centre[c, 1])) > ARENA
 
 
 @kernel
-def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
+def observe_features(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
         normal = facing(s.x, c, int(s.goal[c, 3]))
         for axis in range(3):
@@ -122,12 +122,12 @@ def achieve(m: Measures, s: Situation, achieved: np.ndarray, desired: np.ndarray
         achieved[c, 5], desired[c, 5] = fastest(s.v, c), 0.0
 
 
-class SpringTumble(Task, kernels=(evaluate, compact, achieve)):
+class SpringTumble(Task, kernels=(evaluate, observe_features, achieve)):
     """Define the MDP of `SpringTumbleEnv`, which describes it."""
 
     actions: ClassVar = {"wrench": 6, "impulses": 3 * len(CORNERS)}
     terms = ("near", "placed", "still")
-    metrics = ("error", "angle", "speed")
+    metrics = ("distance", "angle", "speed")
     entries = (
         Entry("offset", 3),
         Entry("velocity", 3),
@@ -138,9 +138,13 @@ class SpringTumble(Task, kernels=(evaluate, compact, achieve)):
     )
     goal_size = 4
     finest = 0.02 / 30
-    hold = 25
+    hold_steps = 25
     checks_starts = False
-    aims = (Aim("place", 2, CLOSE), Aim("down", 3, math.sqrt(2 - 2 * FLAT)), Aim("speed", 1, SLOW))
+    goal_tolerances = (
+        GoalTolerance("place", 2, CLOSE),
+        GoalTolerance("down", 3, math.sqrt(2 - 2 * FLAT)),
+        GoalTolerance("speed", 1, SLOW),
+    )
 
     def __init__(self, friction: float = 0.6, hard: bool = False, **modes: Unpack[Modes]) -> None:
         super().__init__(**modes)
@@ -205,7 +209,7 @@ class SpringTumble(Task, kernels=(evaluate, compact, achieve)):
 
     def marks(self, m: Measures, s: Situation) -> Marks:
         corner = int(s.goal[3])
-        error = math.hypot(m.centre[0] - s.goal[0], m.centre[1] - s.goal[1])
+        distance = math.hypot(m.centre[0] - s.goal[0], m.centre[1] - s.goal[1])
         place = (float(s.goal[0]), float(s.goal[1]), 0.0)
         if self.action == "impulses":
             arrows = [Arrow(s.x[n], 0.2 * push) for n, push in enumerate(s.action.reshape(-1, 3))]
@@ -215,7 +219,7 @@ class SpringTumble(Task, kernels=(evaluate, compact, achieve)):
             rings=[(place, 0.1), (place, 0.3)],
             balls=[(s.x[corner], 0.05)],
             arrows=arrows,
-            text=(f"off target {error:4.2f} m",),
+            text=(f"off target {distance:4.2f} m",),
             key=(
                 (GREEN, "target, and the corner that must point up"),
                 (RED, "force and torque" if self.action == "wrench" else "impulses"),
@@ -255,7 +259,7 @@ class SpringTumbleEnv(SpringEnv, gym.Env, task=SpringTumble):
     | `"particles"` | 0–14 | positions x, y, z of corners 0–3 and centre, from the target | 0.5 m |
     | | 15–29 | their velocities | 2 m/s |
     | | 30–32 | unit vector from the centre of mass to the corner that must point up | 1 |
-    | `"frame"` | 0–2 | centre of mass, from the target | 1 m |
+    | `"features"` | 0–2 | centre of mass, from the target | 1 m |
     | | 3–5 | its velocity | 1 m/s |
     | | 6–8 | outward normal of the face that must lie down | 1 |
     | | 9–11 | angular velocity | 4 rad/s |
@@ -280,7 +284,7 @@ class SpringTumbleEnv(SpringEnv, gym.Env, task=SpringTumble):
     `info["is_success"]`: e < 0.1 m, C > 0.97 and s < 0.15 m/s for the last 25 steps.
 
     ## Information
-    `error` e [m], `angle` between the face's normal and straight down [rad], `speed` s [m/s].
+    `distance` e [m], `angle` between the face's normal and straight down [rad], `speed` s [m/s].
 
     ## Arguments
     - `friction=0.3`: a floor half as rough as the usual one (0.6), on which the body slides.
@@ -288,7 +292,7 @@ class SpringTumbleEnv(SpringEnv, gym.Env, task=SpringTumble):
       m away.
     - `goals=True`, with `sparse=True`: [goal environment](../features.md#goals). The goal is x, y of the
       centre of mass [m], the direction that points down, in the body's axes (the third and the first are
-      those of `"frame"`), and the speed s [m/s].
+      those of `"features"`), and the speed s [m/s].
     """
 
     if TYPE_CHECKING:

@@ -45,7 +45,7 @@ class Plan:
     """description of the scene in one line"""
     scene: Scene
     paper: PaperContact
-    """the contact of the paper's method, if the file chooses that method"""
+    """the contact of the paper's settings, if --preset paper chooses them"""
     stretched: bool
     """whether it starts in the shape of a steady motion under its weight"""
     duration: float

@@ -376,7 +376,7 @@ def _surfaces(tree: Tree) -> tuple[Surface, ...]:
 
 
 def _met(file: Tree, paper_damping: float = 0.0) -> tuple[Contact, PaperContact]:
-    """Return the contact by default and by the paper's method, whose c_N is ``paper_damping`` [kg/s]."""
+    """Return the contact by default and by the paper's settings, whose c_N is ``paper_damping`` [kg/s]."""
     met: Contact = build(Contact, file, ("contact",), skip=("paper_damping",))
     return met, PaperContact(met.friction, paper_damping, met.strength, met.reach)
 
@@ -422,7 +422,7 @@ def _started(
     azimuth: float = 0.0,
     roll: float = 0.0,
     hanging: bool = False,
-    turn: Vector = (0.0, 0.0, 0.0),
+    rotation: Vector = (0.0, 0.0, 0.0),
     spin: float = 0.0,
     precession: float | Literal["slow", "fast"] = 0.0,
     omega: Vector = (0.0, 0.0, 0.0),
@@ -449,7 +449,7 @@ def _started(
         azimuth=azimuth,
         roll=roll,
         hanging=hanging,
-        turn=turn,
+        rotation=rotation,
         spin=spin,
         precession=precession,
         omega=omega,

@@ -39,13 +39,13 @@ PORT = 8080
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of the command."""
     parser.add_argument(
-        "what",
+        "scene",
         nargs="?",
         default="top",
         help="scene (springgym simulate --list), YAML file, or environment id",
     )
     parser.add_argument(
-        "--agent", help="run folder of springgym train, id of a published agent, zero or random"
+        "--agent", help="run folder of springgym train, id of a published agent, noop or random"
     )
     parser.add_argument("--seed", type=int, default=0, help="seed of the first episode")
     parser.add_argument(
@@ -106,11 +106,11 @@ def show(subject: Subject, port: int = PORT, browser: bool = True, address: str 
 
 def _subject(args: argparse.Namespace) -> Subject:
     """Return the subject that the arguments name."""
-    if args.agent is None and not _is_environment(args.what):
-        return scenes(args.what)
+    if args.agent is None and not _is_environment(args.scene):
+        return scenes(args.scene)
     from springgym.view.episodes import episodes, find_agent
 
-    return episodes(find_agent(args.agent, args.what), args.seed)
+    return episodes(find_agent(args.agent, args.scene), args.seed)
 
 
 def _is_environment(what: str) -> bool:

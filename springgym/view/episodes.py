@@ -1,4 +1,4 @@
-"""Episodes of environments as motions, with a trained agent, random actions or zero actions."""
+"""Episodes of environments as motions, with a trained agent, random actions or no actions."""
 
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ def find_agent(agent: str | None, env_id: str) -> Agent:
     ----------
     agent
         A run folder, or the id of a published agent's environment, which also determine the environment; or
-        "zero" or None, or "random".
+        "noop" or None, or "random".
     env_id
-        Id of the environment for "zero", None and "random".
+        Id of the environment for "noop", None and "random".
 
     Raises
     ------
@@ -52,9 +52,9 @@ def find_agent(agent: str | None, env_id: str) -> Agent:
         If there is no such agent.
     """
     springgym.registration.register()
-    if agent in (None, "zero", "random"):
+    if agent in (None, "noop", "random"):
         spec_of(env_id)
-    if agent in (None, "zero"):
+    if agent in (None, "noop"):
         return Agent("no action", env_id, {}, _zero)
     if agent == "random":
         return Agent("random actions", env_id, {}, _random)

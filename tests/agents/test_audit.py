@@ -30,7 +30,7 @@ def test_an_agent_that_needs_the_error_does_not(monkeypatch, capsys):
         return Evaluation(agent, seed, returns.tolist(), [500] * episodes, [cheats] * episodes, {})
 
     monkeypatch.setattr(audit, "evaluate", evaluate)
-    assert audit.main(["zero", "--env", "SpringTop-v0", "--episodes", "20"]) == 1
+    assert audit.main(["noop", "--env", "SpringTop-v0", "--episodes", "20"]) == 1
     said = capsys.readouterr().out
     assert "+11.13 ± 0.00 %  DOES NOT SURVIVE" in said
     assert said.count("DOES NOT SURVIVE") == 3
@@ -85,12 +85,12 @@ def test_too_few_episodes_are_told(monkeypatch, capsys):
         return Evaluation(agent, seed, returns.tolist(), [500] * episodes, None, {})
 
     monkeypatch.setattr(audit, "evaluate", evaluate)
-    assert audit.main(["zero", "--env", "SpringTop-v0", "--episodes", "20"]) == 1
+    assert audit.main(["noop", "--env", "SpringTop-v0", "--episodes", "20"]) == 1
     assert "undecided: it takes more episodes to tell" in capsys.readouterr().out
 
 
 @pytest.mark.slow
 def test_what_there_is_no_twin_of_is_told(capsys):
-    assert audit.main(["zero", "--env", "SpringRope-v0", "--episodes", "2"]) == 0
+    assert audit.main(["noop", "--env", "SpringRope-v0", "--episodes", "2"]) == 0
     assert "has no rigid twin" in capsys.readouterr().out
     assert "rebound otherwise" in dict(audit.simulations("SpringJuggle-v0", {}))["rigid twin"]

@@ -30,7 +30,7 @@ def configs(tmp_path_factory):
     return folder
 
 
-def command(folder, configs, *options, algorithms=("zero", "linear", "ppo")):
+def command(folder, configs, *options, algorithms=("noop", "linear", "ppo")):
     tasks = ["--tasks", TOY, "--algorithms", *algorithms]
     asked = ["--runs", str(folder), "--configs", str(configs), "--episodes", "20", "--seconds", "0"]
     return [*tasks, *asked, "--local", "--jobs", "2", *options]
@@ -57,20 +57,20 @@ def table(folder):
 
 def test_rows(done):
     found = table(done)
-    assert set(found) == {("zero", 0), ("linear", 0), ("ppo", 0)}
+    assert set(found) == {("noop", 0), ("linear", 0), ("ppo", 0)}
     assert all(list(row) == list(results.FORM) for row in found.values())
     assert all(
         isinstance(value, results.FORM[name]) for row in found.values() for name, value in row.items()
     )  # as JSON has them
-    zero, linear, ppo = (found[name, 0] for name in ("zero", "linear", "ppo"))
-    assert zero["steps"] == zero["seconds"] == 0
-    assert linear["success_rate"] > 0.8 > 0.3 > zero["success_rate"]
+    noop, linear, ppo = (found[name, 0] for name in ("noop", "linear", "ppo"))
+    assert noop["steps"] == noop["seconds"] == 0
+    assert linear["success_rate"] > 0.8 > 0.3 > noop["success_rate"]
     assert (ppo["steps"], ppo["success_rate"]) == (12288, 1.0)
     assert 0 < ppo["seconds"] < 60
-    assert ppo["mean_return"] > 0.9 > zero["mean_return"]
+    assert ppo["mean_return"] > 0.9 > noop["mean_return"]
     assert ppo["config"] != linear["config"]
     assert ppo["probe"] == linear["probe"]
-    assert zero["curve"] == []
+    assert noop["curve"] == []
     for row in (linear, ppo):
         assert len(row["returns"]) == len(row["successes"]) == 20
         assert row["curve"][-1][0] == row["steps"]
@@ -88,7 +88,7 @@ def test_what_has_a_row_is_left_alone(done, configs, capsys):
 @pytest.mark.slow
 def test_a_run_is_the_one_of_train(done, tmp_path):
     config = ["--config", str(HERE / "toy_ppo.yaml"), "--episodes", "0"]
-    assert train.main([TOY, "--run", str(tmp_path / "run"), *config]) == 0
+    assert train.main([TOY, "--out", str(tmp_path / "run"), *config]) == 0
     assert_same_run(done / "Toy-v0-ppo-0", tmp_path / "run")
 
 
@@ -98,7 +98,7 @@ def test_linear_control_goes_on_from_its_checkpoint(done, tmp_path, monkeypatch)
 
     config = ["--config", str(HERE / "toy_linear.yaml"), "--episodes", "0"]
     monkeypatch.setattr(toy_env, "interrupt_at", 100)
-    assert train.main([TOY, "--algo", "linear", "--run", str(tmp_path / "run"), *config]) == 130
+    assert train.main([TOY, "--algo", "linear", "--out", str(tmp_path / "run"), *config]) == 130
     monkeypatch.setattr(toy_env, "interrupt_at", None)
     assert 0 < len(rows(tmp_path / "run")) < len(rows(done / "Toy-v0-linear-0"))
     assert train.main(["--resume", str(tmp_path / "run"), "--episodes", "0"]) == 0
@@ -116,7 +116,7 @@ def test_a_run_of_seconds(tmp_path, monkeypatch):
     monkeypatch.setattr(Recorder, "clock", staticmethod(lambda: 0.1 * next(ticks)))  # of which learning calls
     monkeypatch.setattr(toy_env, "interrupt_at", 2000)
     config = ["--config", str(HERE / "toy_ppo.yaml"), "--set", "seconds=5", "anneal=true"]
-    assert train.main([TOY, "--run", str(folder), *config]) == 130
+    assert train.main([TOY, "--out", str(folder), *config]) == 130
     assert 1.5 < results.curve_of(folder)[-1][1] < 4.0
     monkeypatch.setattr(toy_env, "interrupt_at", None)
     assert train.main(["--resume", str(folder), "--episodes", "0"]) == 0
@@ -179,12 +179,12 @@ def test_killed_benchmark_goes_on(done, configs, tmp_path):
 @pytest.mark.slow
 def test_killed_run_does_not_end_the_others(done, configs, tmp_path):
     folder = tmp_path / "killed"
-    asked = command(folder, configs, "--seeds", "1", algorithms=["zero", "ppo"])
+    asked = command(folder, configs, "--seeds", "1", algorithms=["noop", "ppo"])
     process = start(asked, TOY_KILL_AT="300")
     said = process.communicate()[0].decode()
     assert process.returncode == 1, said
     assert f"{TOY} ppo 0 failed: its process ended with status {-signal.SIGKILL}" in said
-    assert set(table(folder)) == {("zero", 0)}
+    assert set(table(folder)) == {("noop", 0)}
     assert benchmark.main(asked) == 0
     assert_same_run(folder / "Toy-v0-ppo-0", done / "Toy-v0-ppo-0")
 
@@ -259,7 +259,7 @@ def test_a_cluster_that_loses_a_node(tmp_path):
 
     text = (HERE / "toy_ppo.yaml").read_text()
     (tmp_path / "ppo.yaml").write_text(f"{text}SpringTop-v0: *toy\n")
-    algorithms = ["ppo", "zero", "classical"]  # so the first two runs train at once
+    algorithms = ["ppo", "noop", "classical"]  # so the first two runs train at once
     asked = ["--tasks", TOY, "SpringTop-v0", "--algorithms", *algorithms, "--seeds", "2", "--episodes", "20"]
     asked += ["--seconds", "0", "--configs", str(tmp_path), "--set", "total_timesteps=65536"]
     local, shared = tmp_path / "local", tmp_path / "cluster"
@@ -303,8 +303,8 @@ def without_seconds(folder):
 
 @pytest.mark.parametrize("protocol", [2, None])
 def test_rows_of_an_older_protocol_are_made_again(protocol, done, configs, monkeypatch):
-    row = table(done)["zero", 0]
-    cell, plan = results.Cell(TOY, "zero", 0), benchmark.Plan(done, 20, (), configs)
+    row = table(done)["noop", 0]
+    cell, plan = results.Cell(TOY, "noop", 0), benchmark.Plan(done, 20, (), configs)
     assert benchmark.is_current(row, cell, plan)
     assert not benchmark.is_current(row | {"protocol": protocol}, cell, plan)
     assert not benchmark.is_current(row | {"probe": [0.5, 40.0]}, cell, plan)

@@ -20,9 +20,9 @@ COMMIT = "0123456789abcdef" * 2 + "01234567"
 
 
 @pytest.fixture(scope="module")
-def zero(tmp_path_factory):
-    plan = benchmark.Plan(tmp_path_factory.mktemp("zero"), results.EPISODES, (), None)
-    return benchmark.run_cell(results.Cell(TASK, "zero", 0), plan) | {"commit": COMMIT}
+def noop(tmp_path_factory):
+    plan = benchmark.Plan(tmp_path_factory.mktemp("noop"), results.EPISODES, (), None)
+    return benchmark.run_cell(results.Cell(TASK, "noop", 0), plan) | {"commit": COMMIT}
 
 
 @pytest.fixture(scope="module")
@@ -34,12 +34,12 @@ def agents(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def trained(zero):
+def trained(noop):
     """The row of that agent, with what its run folder would have told."""
     run = runs.open_run(PUBLISHED / TASK)
     found = evaluate.evaluate(str(run.folder), TASK, evaluate.task_kwargs(run.config))
     returns = [round(one, 5) for one in found.returns_per_step]
-    return zero | {
+    return noop | {
         "algorithm": "ppo",
         "seed": run.seed,
         "steps": 802816,
@@ -59,10 +59,10 @@ def check_rows(path, given, *options):
     return benchmark.main(["--check", str(path), *options])
 
 
-def test_true_rows_pass(zero, trained, agents, tmp_path, capsys):
+def test_true_rows_pass(noop, trained, agents, tmp_path, capsys):
     plan = benchmark.Plan(tmp_path, results.EPISODES, (), None)
     drawn = benchmark.run_cell(results.Cell(TASK, "random", 0), plan) | {"commit": COMMIT}
-    assert check_rows(tmp_path / "rows.json", [zero, drawn, trained], "--agents", str(agents)) == 0
+    assert check_rows(tmp_path / "rows.json", [noop, drawn, trained], "--agents", str(agents)) == 0
     assert "3 rows, 0 refused, 0 not played again" in capsys.readouterr().out
 
 
@@ -127,13 +127,13 @@ def test_what_is_wrong_is_refused(change, says, trained, agents, tmp_path, capsy
     assert says in capsys.readouterr().err
 
 
-def test_what_is_wrong_with_a_row_without_training_is_played(zero, tmp_path, capsys):
-    assert check_rows(tmp_path / "rows.json", [better(zero)]) == 1
+def test_what_is_wrong_with_a_row_without_training_is_played(noop, tmp_path, capsys):
+    assert check_rows(tmp_path / "rows.json", [better(noop)]) == 1
     assert "played again, its episodes return otherwise" in capsys.readouterr().err
 
 
-def test_a_row_that_is_there_twice(zero, tmp_path, capsys):
-    assert check_rows(tmp_path / "rows.json", [zero, zero]) == 1
+def test_a_row_that_is_there_twice(noop, tmp_path, capsys):
+    assert check_rows(tmp_path / "rows.json", [noop, noop]) == 1
     assert "several rows of this task, algorithm and seed" in capsys.readouterr().err
 
 

@@ -10,8 +10,8 @@ import pytest
 def test_zero_and_random():
     space = gym.spaces.Box(np.array([-1, 2], np.float32), np.array([1, 3], np.float32))
     observations = np.ones((500, 4), np.float32)
-    zero = controllers.make_controller("zero", "Any-v0", {}, space)(observations)
-    np.testing.assert_array_equal(zero, np.zeros((500, 2), np.float32))
+    noop = controllers.make_controller("noop", "Any-v0", {}, space)(observations)
+    np.testing.assert_array_equal(noop, np.zeros((500, 2), np.float32))
     policy = controllers.make_controller("random", "Any-v0", {}, space)
     first, second = policy(observations), policy(observations)
     for actions in (first, second):
@@ -30,6 +30,6 @@ def test_unknown_controller():
 
 
 def test_only_classical_control_asks_for_the_frame():
-    assert controllers.controller_env_kwargs("classical", "SpringTop-v0", {}) == {"observation": "frame"}
+    assert controllers.controller_env_kwargs("classical", "SpringTop-v0", {}) == {"observation": "features"}
     assert controllers.controller_env_kwargs("classical", "Another-v0", {"size": 2}) == {"size": 2}
-    assert controllers.controller_env_kwargs("zero", "SpringTop-v0", {"goals": True}) == {}
+    assert controllers.controller_env_kwargs("noop", "SpringTop-v0", {"goals": True}) == {}

@@ -20,7 +20,7 @@ def test_recorded_episodes_can_be_played_again(minari, monkeypatch, capsys):
     """By seed and actions, in the environment that the data set makes, to the bit; also of an agent that
     plans."""
     monkeypatch.setitem(plan.SETTINGS, TASK, {"samples": 4, "horizon": 0.2, "iterations": 1, "elites": 2})
-    agents = ["zero", "classical", "planner"]
+    agents = ["noop", "classical", "planner"]
     asked = [TASK, *agents, "--episodes", "2", "--set", "max_episode_steps=20", "hard=true"]
     for _ in range(2):  # the second ones take the place of the first
         assert dataset.main(asked) == 0
@@ -32,7 +32,7 @@ def test_recorded_episodes_can_be_played_again(minari, monkeypatch, capsys):
         assert data.total_episodes == 2
         assert data.storage.metadata["algorithm_name"] == agent
         env = data.recover_environment()
-        assert env.spec.kwargs.get("observation") == ("frame" if "classical" in agent else None)
+        assert env.spec.kwargs.get("observation") == ("features" if "classical" in agent else None)
         for n, episode in enumerate(data.iterate_episodes()):
             seen, _ = env.reset(seed=dataset.DATASET_SEED + n)
             for k, action in enumerate(episode.actions):
@@ -72,5 +72,5 @@ def test_only_the_first_episode_of_a_copy_is_recorded():
 
 def test_without_minari_it_says_how_to_get_it(monkeypatch, capsys):
     monkeypatch.setattr(dataset, "find_spec", lambda name: None)
-    assert dataset.main([TASK, "zero"]) == 2
+    assert dataset.main([TASK, "noop"]) == 2
     assert "dataset.py needs Minari: pip install" in capsys.readouterr().err

@@ -50,26 +50,26 @@ def test_one_episode_per_seed(act, ends_early, monkeypatch):
 
 def test_classical_beats_zero_and_random(classical):
     results = {
-        name: evaluate.evaluate(name, "Toy-v0", {}, episodes=50) for name in ("zero", "random", "classical")
+        name: evaluate.evaluate(name, "Toy-v0", {}, episodes=50) for name in ("noop", "random", "classical")
     }
     assert results["classical"].success_rate == 1.0
-    assert results["zero"].success_rate < 0.3
+    assert results["noop"].success_rate < 0.3
     assert results["random"].success_rate < 0.3
-    assert results["random"].return_per_step != results["zero"].return_per_step
+    assert results["random"].return_per_step != results["noop"].return_per_step
 
 
 def test_command_line(classical, tmp_path, capsys):
     path = tmp_path / "evaluation.json"
-    arguments = ["zero", "classical", "--env", "Toy-v0", "--episodes", "5", "--json", str(path)]
+    arguments = ["noop", "classical", "--env", "Toy-v0", "--episodes", "5", "--json", str(path)]
     assert evaluate.main([*arguments, "--set", "push=0.3"]) == 0
     out = capsys.readouterr().out
     assert f"Toy-v0: 5 episodes, seeds from {HELD_OUT_SEED}" in out
-    header, zero, classical_line = out.splitlines()[1:]
+    header, noop, classical_line = out.splitlines()[1:]
     assert header.split() == ["agent", "return/step", "±", "SD", "success", "steps", "distance"]
-    assert zero.startswith("zero")
+    assert noop.startswith("noop")
     assert classical_line.split()[4:6] == ["100", "%"]
     written = json.loads(path.read_text())
-    assert [e["agent"] for e in written] == ["zero", "classical"]
+    assert [e["agent"] for e in written] == ["noop", "classical"]
     assert len(written[0]["returns_per_step"]) == 5
 
 
@@ -87,7 +87,7 @@ def test_command_line(classical, tmp_path, capsys):
 )
 def test_a_table_is_in_what_its_task_is_scored_by(task, unit, score, successes, told):
     """A duel is won or lost in one step, so its score is of an episode; no success is a dash."""
-    found = evaluate.Evaluation("zero", 0, [0.002, 0.0], [500, 500], successes, {})
+    found = evaluate.Evaluation("noop", 0, [0.002, 0.0], [500, 500], successes, {})
     header, line = evaluate.table([found], task).splitlines()
     assert header.split() == ["agent", f"return/{unit}", "±", "SD", "success", "steps"]
-    assert line.split() == ["zero", *score.split(), *told.split(), "500"]
+    assert line.split() == ["noop", *score.split(), *told.split(), "500"]

@@ -13,13 +13,13 @@ from springgym import cli
 SAYS = "Unknown environment 'SpringTop'. Did you mean 'SpringTop-v0'?"
 
 SCRIPTS = {
-    "audit": (["SpringTop"], ["zero", "--env", "SpringTop"]),
-    "benchmark": (["--tasks", "SpringTop", "--algorithms", "zero", "--local"],),
-    "dataset": (["SpringTop", "zero"],),
+    "audit": (["SpringTop"], ["noop", "--env", "SpringTop"]),
+    "benchmark": (["--tasks", "SpringTop", "--algorithms", "noop", "--local"],),
+    "dataset": (["SpringTop", "noop"],),
     "evaluate": (
         ["SpringTop"],
-        ["zero", "SpringTop", "--env", "SpringTop-v0"],
-        ["zero", "--env", "SpringTop"],
+        ["noop", "SpringTop", "--env", "SpringTop-v0"],
+        ["noop", "--env", "SpringTop"],
     ),
     "generalize": (["SpringTop"],),
     "learning_time": (["SpringTop"],),
@@ -29,12 +29,12 @@ SCRIPTS = {
     "train": (["SpringTop"], ["SpringTop", "--algo", "linear"]),
     "transfer": (["SpringTop", "--local"],),
     "tune": (["SpringTop"],),
-    "watch": (["SpringTop", "--out", "top.gif"], ["zero", "--env", "SpringTop"]),
+    "watch": (["SpringTop", "--out", "top.gif"], ["noop", "--env", "SpringTop"]),
 }
 """Arguments of each script with a mistyped id."""
 COMMANDS = [
     ["view", "SpringTop"],
-    ["view", "SpringTop", "--agent", "zero"],
+    ["view", "SpringTop", "--agent", "noop"],
     ["view", "SpringTop-v0", "--agent", "SpringTop"],
     ["compile", "SpringTop"],
 ]

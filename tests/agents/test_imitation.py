@@ -8,13 +8,13 @@ from controllers import make_controller
 
 from springgym.envs.sb3 import make_sb3
 
-TASK, FRAME = "SpringTop-v0", "env_kwargs.observation=frame"
+TASK, FEATURES = "SpringTop-v0", "env_kwargs.observation=features"
 
 
 def trained(folder, *overrides, seed=0):
     """The deterministic policy of a short run that imitates for 16,384 steps."""
-    arguments = [TASK, "--seed", str(seed), "--run", str(folder), "--episodes", "0", "--set", FRAME]
-    arguments += ["imitate=16_384", "total_timesteps=20_480", *overrides]
+    arguments = [TASK, "--seed", str(seed), "--out", str(folder), "--episodes", "0", "--set", FEATURES]
+    arguments += ["bc_steps=16_384", "total_timesteps=20_480", *overrides]
     assert train.main(arguments) == 0
     run = runs.open_run(folder)
     env = make_sb3(TASK, 1, 7, **run.config.env_kwargs)
@@ -32,13 +32,13 @@ def test_it_does_what_classical_control_does(tmp_path, normalize):
     did, wanted, run = trained(tmp_path / "run", f"normalize={normalize}", "learning_rate=1e-5")
     rows = (run.folder / "metrics.csv").read_text().splitlines()
     assert rows[-1].startswith("20480,")  # what was imitated counts
-    plain, _, _ = trained(tmp_path / "plain", f"normalize={normalize}", "imitate=0")
+    plain, _, _ = trained(tmp_path / "plain", f"normalize={normalize}", "bc_steps=0")
     assert np.abs(did - wanted).mean() < 0.5 * np.abs(plain - wanted).mean()
 
 
 @pytest.mark.slow
 def test_same_seed_same_agent(tmp_path):
-    brief = ("imitate=2_048", "total_timesteps=6_144")
+    brief = ("bc_steps=2_048", "total_timesteps=6_144")
     one, other, third = (
         trained(tmp_path / name, *brief, seed=seed)[0] for name, seed in zip("abc", (1, 1, 2), strict=True)
     )

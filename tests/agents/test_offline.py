@@ -29,14 +29,14 @@ def data(tmp_path_factory):
         short = ["--episodes", "4", "--set", "max_episode_steps=20"]
         assert dataset.main([TASK, "random", "classical", *short]) == 0
         assert dataset.main([OTHER, "random", *short]) == 0
-        assert dataset.main([TASK, "zero", *short[:2], "--seed", str(runs.HELD_OUT_SEED + 7)]) == 0
+        assert dataset.main([TASK, "noop", *short[:2], "--seed", str(runs.HELD_OUT_SEED + 7)]) == 0
         yield
 
 
 def learned(folder, *options, name=RANDOM):
     """The run of 50 updates, and its row."""
     rows = folder.with_name("rows.json")
-    asked = [TASK, "--data", name, "--steps", "50", "--run", str(folder), "--rows", str(rows), *options]
+    asked = [TASK, "--data", name, "--steps", "50", "--out", str(folder), "--rows", str(rows), *options]
     assert offline.main(asked) == 0
     return runs.open_run(folder), json.loads(rows.read_text())
 
@@ -120,20 +120,20 @@ def test_it_prefers_what_was_rewarded():
         (["springgym/SpringTop/random-v0"], "its episodes are of SpringTop-v0, not of SpringRope-v0"),
         ([RANDOM, RANDOM], "names a data set twice"),
         ([RANDOM, "springgym/SpringRope/classical-v0"], "its environment has"),
-        (["springgym/SpringRope/zero-v0"], "belong to the evaluation"),
-        ([RANDOM, "--set", "env_kwargs.observation=frame"], "cannot be changed"),
+        (["springgym/SpringRope/noop-v0"], "belong to the evaluation"),
+        ([RANDOM, "--set", "env_kwargs.observation=features"], "cannot be changed"),
         ([RANDOM, "--set", "expectile=1.5"], "expectile: must lie between 0.0 and 1.0, got 1.5"),
         ([RANDOM, "--set", "updates=3"], "unknown key 'updates'"),
     ],
 )
 def test_what_is_wrong_is_told_before_anything_is_learned(data, asked, says, tmp_path, capsys):
-    assert offline.main([TASK, "--run", str(tmp_path / "run"), "--steps", "1", "--data", *asked]) == 2
+    assert offline.main([TASK, "--out", str(tmp_path / "run"), "--steps", "1", "--data", *asked]) == 2
     assert says in capsys.readouterr().err
     assert not (tmp_path / "run").exists()
 
 
 def test_a_folder_or_file_that_holds_something_else(data, tmp_path, capsys):
-    asked = [TASK, "--data", RANDOM, "--run", str(tmp_path)]
+    asked = [TASK, "--data", RANDOM, "--out", str(tmp_path)]
     (tmp_path / "rows.json").write_text("[{}]")
     assert offline.main([*asked, "--rows", str(tmp_path / "rows.json")]) == 2
     assert "does not hold rows of results" in capsys.readouterr().err

@@ -131,7 +131,7 @@ def test_one_without_a_batch_trains_one_after_the_other(algo, tmp_path):
     """It reports no success either."""
     settings = BRIEF if algo == "ppo" else ["population=4", "elites=2", "total_timesteps=512"]
     with pytest.warns(UserWarning, match="ToyAlone-v0 was registered without a vector_entry_point"):
-        assert train.main(["ToyAlone-v0", "--algo", algo, "--run", str(tmp_path), "--set", *settings]) == 0
+        assert train.main(["ToyAlone-v0", "--algo", algo, "--out", str(tmp_path), "--set", *settings]) == 0
     trained, *_ = json.loads((tmp_path / "evaluation.json").read_text())
     assert trained["successes"] is None
     assert 0 < trained["return_per_step"] <= 1

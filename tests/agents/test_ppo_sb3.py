@@ -54,7 +54,7 @@ def test_it_trains_evaluates_and_saves(tmp_path, monkeypatch, capsys):
     model = PPO.load(path, device="cpu")
     returns, successes = ppo_sb3.evaluate(model, "SpringTop-v0", 3)
     assert successes.shape == (3,)
-    env, total, over = gym.make("SpringTop-v0", observation="frame"), 0.0, False
+    env, total, over = gym.make("SpringTop-v0", observation="features"), 0.0, False
     observation, _ = env.reset(seed=1_000_001)
     while not over:
         action, _ = model.predict(observation, deterministic=True)

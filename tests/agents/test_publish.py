@@ -122,7 +122,9 @@ def test_the_folder_of_an_agent_may_be_incomplete(tmp_path):
     with pytest.raises(ValueError, match=r"has no agent\.npz yet"):
         agent.policy(agent.make())
     text = (tmp_path / "config.yaml").read_text()
-    (tmp_path / "config.yaml").write_text(text.replace("env_kwargs: {observation: frame}", "env_kwargs: 5"))
+    (tmp_path / "config.yaml").write_text(
+        text.replace("env_kwargs: {observation: features}", "env_kwargs: 5")
+    )
     with pytest.raises(ValueError, match="env_kwargs is 5; it must be a mapping"):
         springgym.load_agent(tmp_path)
 

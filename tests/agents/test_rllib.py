@@ -31,10 +31,10 @@ class Still:
 def test_evaluation_is_that_of_the_other_scripts():
     from evaluate import evaluate
 
-    zero = evaluate("zero", "SpringTop-v0", {}, 8)
+    noop = evaluate("noop", "SpringTop-v0", {}, 8)
     earned, success = rllib_ppo.evaluate(Still(), "SpringTop-v0", {}, 8)
-    assert earned == pytest.approx(np.mean(zero.returns_per_step), rel=1e-5)
-    assert success == zero.success_rate
+    assert earned == pytest.approx(np.mean(noop.returns_per_step), rel=1e-5)
+    assert success == noop.success_rate
 
 
 @pytest.mark.slow
@@ -43,7 +43,7 @@ def test_evaluation_is_that_of_the_other_scripts():
     reason="needs agents/rllib-constraints.txt",
 )
 def test_it_trains_on_two_runners_and_goes_on(tmp_path):
-    asked = ["SpringTop-v0", "--runners", "2", "--episodes", "4", "--run", str(tmp_path / "run")]
+    asked = ["SpringTop-v0", "--runners", "2", "--episodes", "4", "--out", str(tmp_path / "run")]
     assert rllib_ppo.main([*asked, "--timesteps", "4096"]) == 0
     assert rllib_ppo.main([*asked, "--timesteps", "8192", "--resume"]) == 0
     steps = [line.split(",")[0] for line in (tmp_path / "run" / "metrics.csv").read_text().splitlines()]

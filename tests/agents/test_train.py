@@ -32,7 +32,7 @@ PYTHONPATH = os.pathsep.join([str(HERE), str(AGENTS.parent)])
 
 def start(folder, *options, algo="ppo", env_id="toy_env:Toy-v0"):
     config = ["--config", str(HERE / f"toy_{algo}.yaml")]
-    return [env_id, "--algo", algo, "--run", str(folder), *config, *options]
+    return [env_id, "--algo", algo, "--out", str(folder), *config, *options]
 
 
 def rows(folder, name="metrics.csv"):
@@ -90,9 +90,9 @@ def test_a_run_learns_and_leaves_everything(finished):
     first, *_, last = rows(finished)
     assert float(first["reward_per_step"]) < 0.6 < 0.85 < float(last["reward_per_step"])
     assert int(last["timesteps"]) == 12288
-    trained, zero, random = json.loads((finished / "evaluation.json").read_text())
-    assert [e["agent"] for e in (trained, zero, random)] == [str(finished), "zero", "random"]
-    assert trained["success_rate"] > 0.9 > 0.5 > max(zero["success_rate"], random["success_rate"])
+    trained, noop, random = json.loads((finished / "evaluation.json").read_text())
+    assert [e["agent"] for e in (trained, noop, random)] == [str(finished), "noop", "random"]
+    assert trained["success_rate"] > 0.9 > 0.5 > max(noop["success_rate"], random["success_rate"])
     assert trained["return_per_step"] > 0.9
     assert (finished / "learning_curve.png").read_bytes().startswith(b"\x89PNG")
     assert (finished / "episode.gif").read_bytes().startswith(b"GIF8")
@@ -170,8 +170,8 @@ def test_resumed_run_with_hindsight(tmp_path, capsys):
     (settings := tmp_path / "her.yaml").write_text(HER)
     asked = ["SpringRopeSparse-v0", "--algo", "her", "--config", str(settings), "--episodes", "0"]
     one, two = tmp_path / "one", tmp_path / "two"
-    assert train.main([*asked, "--run", str(one), "--timesteps", "400"]) == 0
-    assert train.main([*asked, "--run", str(two)]) == 0
+    assert train.main([*asked, "--out", str(one), "--timesteps", "400"]) == 0
+    assert train.main([*asked, "--out", str(two)]) == 0
     halfway = dict(np.load(two / "agent.npz"))
     assert train.main(["--resume", str(two), "--timesteps", "400", "--episodes", "0"]) == 0
     agents = [dict(np.load(folder / "agent.npz")) for folder in (one, two)]
@@ -180,7 +180,7 @@ def test_resumed_run_with_hindsight(tmp_path, capsys):
     assert not np.array_equal(agents[0]["actor.mu.weight"], halfway["actor.mu.weight"])
     assert len(agents[0]["observations.mean"]) == 4 + 4 + 52
     assert len((two / "progress.csv").read_text().splitlines()) == 3  # it played after each part
-    assert train.main([*asked, "--run", str(tmp_path / "bad"), "--set", "env_kwargs.goals=false"]) == 2
+    assert train.main([*asked, "--out", str(tmp_path / "bad"), "--set", "env_kwargs.goals=false"]) == 2
     assert "hindsight needs observations that tell goals apart" in capsys.readouterr().err
     assert not (tmp_path / "bad").exists()
 

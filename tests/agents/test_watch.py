@@ -72,12 +72,12 @@ def test_window_is_drawn_once_a_step_until_it_is_closed(monkeypatch):
                 pygame.event.post(pygame.event.Event(pygame.QUIT))
 
     def counted(*arguments):
-        zero = controllers.make_controller(*arguments)
-        return lambda observations: acted.append(1) or zero(observations)
+        noop = controllers.make_controller(*arguments)
+        return lambda observations: acted.append(1) or noop(observations)
 
     monkeypatch.setattr(pygame.time, "Clock", Clock)
     monkeypatch.setattr(watch, "make_controller", counted)
-    assert watch.main(["zero", "--env", "SpringTop-v0"]) == 0
+    assert watch.main(["noop", "--env", "SpringTop-v0"]) == 0
     assert len(drawn) == 30 == len(acted) + 1
     assert not pygame.display.get_init()
 
@@ -86,7 +86,7 @@ def test_without_a_display_it_says_so(monkeypatch, capsys):
     """SDL draws to nowhere then, and would do so for ever."""
     pytest.importorskip("pygame")
     monkeypatch.setenv("SDL_VIDEODRIVER", "offscreen")
-    assert watch.main(["zero", "--env", "SpringTop-v0"]) == 2
+    assert watch.main(["noop", "--env", "SpringTop-v0"]) == 2
     assert "no display available; write a film with --out" in capsys.readouterr().err
 
 
@@ -109,7 +109,7 @@ def test_a_page_of_classical_control(tmp_path, capsys):
 def test_the_browser_shows_episodes_of_the_agent(right, monkeypatch, capsys):
     shown = []
     monkeypatch.setattr(watch.view, "show", shown.append)
-    arguments = ["zero", "--env", "SpringTop-v0", "--set", "max_episode_steps=5"]
+    arguments = ["noop", "--env", "SpringTop-v0", "--set", "max_episode_steps=5"]
     assert watch.main([*arguments, "--seed", "7", "--browser"]) == 0
     (subject,) = shown
     assert subject.names[0] == "seed 7"

@@ -10,13 +10,13 @@ from toy_env import ToyEnv
 gym.register("ToyEndless-v0", entry_point=ToyEnv)
 
 TOP, TOY = "SpringTop-v0", "toy_env:Toy-v0"
-FRAME = "env_kwargs.observation=frame"
+FEATURES = "env_kwargs.observation=features"
 TOY_PPO = ["--config", str(HERE / "toy_ppo.yaml"), "--set"]
 CELL = ["--local", "--runs", ".", "--algorithms", "ppo"]
 
 WRONG = [
-    ("audit", ["zero"], "name the environment with --env"),
-    ("audit", ["zero", "--env", "CartPole-v1"], "CartPole-v1 is not a springgym environment"),
+    ("audit", ["noop"], "name the environment with --env"),
+    ("audit", ["noop", "--env", "CartPole-v1"], "CartPole-v1 is not a springgym environment"),
     ("audit", ["nobody", "--env", TOP], "unknown controller 'nobody'"),
     ("benchmark", ["--address", "auto", "--jobs", "2"], "--jobs works on this machine only"),
     ("benchmark", ["--address", "auto", "--local"], "not allowed with argument"),
@@ -27,19 +27,19 @@ WRONG = [
     ("benchmark", [*CELL, "--set", "lr=1"], "unknown key 'lr'"),
     ("benchmark", [*CELL, "--configs", "absent"], "absent/ppo.yaml: cannot read it"),
     *(
-        ("dataset", [TOP, "zero", f"--noise={noise}"], f"'{noise}' must be a number from 0 to 1")
+        ("dataset", [TOP, "noop", f"--noise={noise}"], f"'{noise}' must be a number from 0 to 1")
         for noise in ("-0.1", "1.5", "nan", "much")
     ),
-    ("evaluate", ["zero"], "error: name the environment with --env, or give a run folder"),
-    ("evaluate", ["zero", "runs/absent"], "'runs/absent' is no run folder, environment id or baseline; name"),
-    ("evaluate", ["clasical", "--env", TOY], "'clasical': use zero, random, classical or module:function"),
+    ("evaluate", ["noop"], "error: name the environment with --env, or give a run folder"),
+    ("evaluate", ["noop", "runs/absent"], "'runs/absent' is no run folder, environment id or baseline; name"),
+    ("evaluate", ["clasical", "--env", TOY], "'clasical': use noop, random, classical or module:function"),
     ("evaluate", ["classical", "--env", TOY], "no classical controller for toy_env:Toy-v0 with action=None"),
-    ("evaluate", ["zero", "--env", TOY, "--set", "push"], "--set push: write it as key=value"),
+    ("evaluate", ["noop", "--env", TOY, "--set", "push"], "--set push: write it as key=value"),
     *(
-        ("evaluate", ["zero", "--env", TOP, "--set", f"{name}={value}"], name)
+        ("evaluate", ["noop", "--env", TOP, "--set", f"{name}={value}"], name)
         for name, value in (("stagger", "true"), ("seed", 5), ("num_envs", 3), ("env_id", "A-v0"))
     ),
-    ("evaluate", ["zero", "--env", "ToyEndless-v0"], "ToyEndless-v0 has no time limit: register it with max"),
+    ("evaluate", ["noop", "--env", "ToyEndless-v0"], "ToyEndless-v0 has no time limit: register it with max"),
     ("generalize", [TOP, "--episodes", "1"], "--episodes: '1' must be a whole number from 2"),
     ("generalize", [TOP, "--rows", "/absent/rows.json"], "there is no folder"),
     ("offline", [TOP], "the following arguments are required: --data"),
@@ -50,8 +50,8 @@ WRONG = [
         ("plan", ["--tasks", TOP, "--horizon", time], "must be a number from 0.001 to 1000")
         for time in ("0", "-1", "nan", "inf", "far", "1e9")
     ),
-    ("rllib_ppo", [TOP, "--run", ".", "--copies", "3"], "= 192 is not a multiple of 512"),
-    ("rllib_ppo", [TOP, "--run", ".", "--resume"], "has no checkpoint"),
+    ("rllib_ppo", [TOP, "--out", ".", "--copies", "3"], "= 192 is not a multiple of 512"),
+    ("rllib_ppo", [TOP, "--out", ".", "--resume"], "has no checkpoint"),
     ("train", [], "missing environment id (or --resume RUN)"),
     ("train", ["A-v0", "--resume", "x"], "missing environment id (or --resume RUN)"),
     ("train", ["--resume", "x", "--set", "a=1"], "configuration of the run: leave out --set"),
@@ -63,12 +63,12 @@ WRONG = [
     ("train", [TOP, "--timesteps", "0"], "total_timesteps: must lie between 1 and inf, got 0"),
     ("train", [TOP, "--set", "env_kwargs.obs=frame"], "SpringTop-v0: "),
     ("train", [TOP, "--set", "env_kwargs.observation=fram"], "observation is 'fram'"),
-    ("train", [TOP, "--set", "imitate=100", "env_kwargs={}"], "compact observation"),
-    ("train", [TOP, "--set", "imitate=-1", FRAME], "between 0"),
-    ("train", [TOP, "--set", "imitate=20_000_000", FRAME], "less than total_timesteps"),
-    ("train", [TOP, "--set", "imitate=63", FRAME], "at least n_envs, 64"),
-    ("train", [TOP, "--set", "imitate=0.5", FRAME], "whole number"),
-    ("train", [TOY, *TOY_PPO, "imitate=100", FRAME], "no classical controller"),
+    ("train", [TOP, "--set", "bc_steps=100", "env_kwargs={}"], "needs the features"),
+    ("train", [TOP, "--set", "bc_steps=-1", FEATURES], "between 0"),
+    ("train", [TOP, "--set", "bc_steps=20_000_000", FEATURES], "less than total_timesteps"),
+    ("train", [TOP, "--set", "bc_steps=63", FEATURES], "at least n_envs, 64"),
+    ("train", [TOP, "--set", "bc_steps=0.5", FEATURES], "whole number"),
+    ("train", [TOY, *TOY_PPO, "bc_steps=100", FEATURES], "no classical controller"),
     ("train", ["ToyEndless-v0"], "ToyEndless-v0 has no time limit: register it with max_ep"),
     # the file of an agent cannot hold discrete actions
     (
@@ -80,10 +80,10 @@ WRONG = [
     ("transfer", [TOP, "--local", "--set", "lr=1"], "unknown key 'lr'"),
     ("tune", [TOP, "--set", "lr=1"], "unknown key 'lr'"),
     ("watch", ["clasical", "--env", TOY, "--out", "toy.gif"], "unknown controller 'clasical'"),
-    ("watch", ["zero", "--out", "toy.gif"], "name the environment with --env"),
-    ("watch", ["zero", "--env", "CartPole-v1", "--out", "a.gif"], "CartPole-v1 has no continuous actions"),
-    ("watch", ["zero", "--env", TOY, "--out", "a.avi"], "--out: a.avi: the name must end in .gif or .mp4 or"),
-    ("watch", ["zero", "--env", TOP, "--browser", "--out", "a.gif"], "pass either --out or --browser"),
+    ("watch", ["noop", "--out", "toy.gif"], "name the environment with --env"),
+    ("watch", ["noop", "--env", "CartPole-v1", "--out", "a.gif"], "CartPole-v1 has no continuous actions"),
+    ("watch", ["noop", "--env", TOY, "--out", "a.avi"], "--out: a.avi: the name must end in .gif or .mp4 or"),
+    ("watch", ["noop", "--env", TOP, "--browser", "--out", "a.gif"], "pass either --out or --browser"),
 ]
 """Scripts, their arguments, and what is said of them; mistyped ids are in `test_ids.py`."""
 

@@ -33,7 +33,7 @@ class ForgetfulToyVectorEnv(VectorEnv):
         push: float = 0.2,
         observation: str = "particles",
     ) -> None:
-        assert observation in ("particles", "frame")
+        assert observation in ("particles", "features")
         self.metadata = {"autoreset_mode": autoreset_mode, "render_fps": 25}
         self.num_envs, self.limit, self.push = num_envs, max_episode_steps, push
         self.render_mode = render_mode

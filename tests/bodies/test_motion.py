@@ -104,7 +104,7 @@ def test_hanging_puts_the_centre_below_the_pin(body, pin):
     assert centre[:2] == pytest.approx([0, 0], abs=1e-12)
     assert centre[2] == pytest.approx(5 - np.linalg.norm(body.centre - body.positions[pin]))
     turned, _ = start(
-        body, pinned=(pin,), position=(0, 0, 5), hanging=True, turn=(0, 0.3, 0), stretched=False
+        body, pinned=(pin,), position=(0, 0, 5), hanging=True, rotation=(0, 0.3, 0), stretched=False
     )
     assert turned - [0, 0, 5] == pytest.approx((x - [0, 0, 5]) @ rotation((0, 1, 0), 0.3).T, abs=1e-12)
     with pytest.raises(ValueError, match="it cannot hang"):
@@ -122,7 +122,7 @@ def test_body_pinned_at_its_centre_cannot_hang():
 
 def test_rope_to_the_side_carries_the_weight_along_itself():
     body = rope()
-    x, _ = start(body, pinned=(0,), hanging=True, turn=(0, np.pi / 3, 0), gravity=G)
+    x, _ = start(body, pinned=(0,), hanging=True, rotation=(0, np.pi / 3, 0), gravity=G)
     theory = stretched_lengths(body.masses[1:], body.lengths, body.stiffness, gravity=9.81 / 2)
     assert np.linalg.norm(np.diff(x, axis=0), axis=1) == pytest.approx(theory, rel=1e-12)
 

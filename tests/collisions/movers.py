@@ -114,7 +114,7 @@ def scene(
     ``begins`` are arguments of `start`. Gravity is turned by ``tilt`` from the normal, as a ramp is; without
     it, there is none. A "mate" is a free body, equal to the first if no ``other`` is given.
     """
-    begun = start(of, **{"turn": LYING.get(of.name, (0.0, 0.0, 0.0)), "stretched": False} | begins)
+    begun = start(of, **{"rotation": LYING.get(of.name, (0.0, 0.0, 0.0)), "stretched": False} | begins)
     if up is None:
         share = of.mass * G * np.cos(tilt or 0.0) / CARRIERS.get(of.name, 1)
         up = rest_height(share, contact.strength or STRENGTH, contact.reach or REACH)
@@ -135,7 +135,7 @@ def scene(
             gravity=tuple(gravity),
         )
     partner = BLOCK if on == "block" else other or of
-    below = start(partner, turn=LYING.get(partner.name, (0.0, 0.0, 0.0)), stretched=False).positions
+    below = start(partner, rotation=LYING.get(partner.name, (0.0, 0.0, 0.0)), stretched=False).positions
     below[:, 2] += heights(partner, below, Plane((0, 0, 0), (0, 0, -1))).min()
     pins = tuple(range(len(partner.masses))) if on == "block" else ()
     return Scene(

@@ -85,7 +85,7 @@ def test_where_balls_touch() -> None:
     assert found.there.shape == (1, 1)
     assert told.touching[0, 0]
     assert told.energy[0, 0] == pytest.approx(float(energy(0.004, 1e-3, 5e-3)))
-    assert told.least_gap[0, 0] == pytest.approx(0.004)
+    assert told.min_gap[0, 0] == pytest.approx(0.004)
     assert (found.first[0, 0], found.second[0, 0], found.surface[0, 0]) == (0, 1, -1)
     np.testing.assert_allclose(found.normal[0, 0], along, rtol=1e-12)
     np.testing.assert_allclose(found.gap[0, 0], 0.004, rtol=1e-9)

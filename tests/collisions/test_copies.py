@@ -58,7 +58,7 @@ def test_batch_threads_and_single(name: str, dtype: Any) -> None:
 
     pairs = batch.pairs()
     assert pairs.impulse.any(axis=1).all()
-    assert np.sum([pairs.misses, pairs.overflow]) <= ((name, dtype) == ("two-tops", np.float32))
+    assert np.sum([pairs.late_contacts, pairs.overflow]) <= ((name, dtype) == ("two-tops", np.float32))
     each = range(copies)
     assert [reported(batch, n) for n in each] == [reported(threads, n) for n in each]
     for n in (0, 17, copies - 1):

@@ -479,7 +479,7 @@ def test_copies_are_single_ones_and_calls_of_any_length_are_one(dynamics: str) -
 @pytest.mark.parametrize("mover", ["ball", "capsule", "disk", "cube"])
 def test_scenes_without_collisions_compute_the_same(mover: str, dynamics: str) -> None:
     """Up to rounding of the sums of what meets no others, though they have kernels of their own."""
-    begins = {"velocity": (0.5, 0, -1.0), "omega": (3, 4, 5), "turn": (0.3, 0.2, 0.1)}
+    begins = {"velocity": (0.5, 0, -1.0), "omega": (3, 4, 5), "rotation": (0.3, 0.2, 0.1)}
     among = scene(body(mover, damping=5.0), "floor", Contact(0.4, 0.6, **SOFT), 0.1, 0.0, **begins)
     own = among.slices[0]
     placed = {"surfaces": among.surfaces, "contact": among.contact}

@@ -172,5 +172,5 @@ def test_episode_ends() -> None:
     assert not truncated.any()
     assert reward[1] == 0
     assert info["too_fast"][1] > 0 == info["too_fast"][0]
-    assert (info["pairs_missed"] >= 0).all()
+    assert (info["pairs_late_contacts"] >= 0).all()
     env.close()

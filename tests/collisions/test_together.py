@@ -63,12 +63,12 @@ def test_stack_on_a_floor() -> None:
     assert measured.balance[0] == pytest.approx(start, abs=2e-5)
     told, summed = simulator.pairs(), simulator.pair_sums()
     assert told.touching.tolist() == [[True, False, True]] * 2
-    nearest = np.minimum(told.least_gap, simulator.scene.meetings.reach).min(axis=1)
-    np.testing.assert_array_equal(summed.least_gap, nearest)
+    nearest = np.minimum(told.min_gap, simulator.scene.meetings.reach).min(axis=1)
+    np.testing.assert_array_equal(summed.min_gap, nearest)
     assert (nearest < simulator.scene.meetings.reach.min()).all()
-    for name in ("touching", "impulse", "misses", "too_fast"):
+    for name in ("touching", "impulse", "late_contacts", "too_fast"):
         np.testing.assert_array_equal(getattr(summed, name), getattr(told, name).sum(axis=1, dtype=float))
-    assert not np.any([told.misses, told.overflow, told.too_fast])
+    assert not np.any([told.late_contacts, told.overflow, told.too_fast])
     weight = told.impulse[0, [0, 2]] / (9.81 * simulator.time[0])
     assert weight == pytest.approx([2.0, 1.0], rel=0.02)
 
@@ -160,10 +160,10 @@ def test_readings_add_up() -> None:
     whole.advance(1200)
     told = whole.pairs()
     assert parts.positions.tobytes() == whole.positions.tobytes()
-    for name in ("impulse", "contact_loss", "friction_loss", "misses", "too_fast", "overflow"):
+    for name in ("impulse", "contact_loss", "friction_loss", "late_contacts", "too_fast", "overflow"):
         total = np.sum([getattr(reading, name) for reading in readings], axis=0)
         assert total == pytest.approx(getattr(told, name), rel=1e-12, abs=1e-12)
-    assert np.min([reading.least_gap for reading in readings], axis=0) == pytest.approx(told.least_gap)
+    assert np.min([reading.min_gap for reading in readings], axis=0) == pytest.approx(told.min_gap)
     assert sum(bool(reading.impulse[0, 0] > 0) for reading in readings) < 60
 
 
@@ -195,4 +195,4 @@ def test_three_hundred_cubes_do_not_creep() -> None:
     speeds = np.linalg.norm(simulator.velocities[0], axis=1)
     fastest = [speeds[own].max() for own in plan.scene.slices]
     assert max(fastest) < 1e-3
-    assert simulator.pairs().misses.sum() == 0
+    assert simulator.pairs().late_contacts.sum() == 0

@@ -19,7 +19,7 @@ from tests.params import slow_unless
 @pytest.mark.parametrize(
     ("env_id", "arguments", "inside", "outside"),
     [
-        ("SpringDetumble-v0", {}, {"speed": 0.1}, {"speed": 0.3}),
+        ("SpringDetumble-v0", {}, {"angular_speed": 0.1}, {"angular_speed": 0.3}),
         ("SpringPendulum-v0", {}, {"tilt": 0.05}, {"tilt": 0.3}),
         ("SpringRope-v0", {}, {"distance": 0.02, "sway": 0.0}, {"distance": 0.2, "sway": 0.0}),
         ("SpringGyroscope-v0", {}, {"angle": 0.03}, {"angle": 0.2}),
@@ -80,7 +80,7 @@ MISSED = {"SpringShove-v0": [pytest.mark.xfail(reason="γ is 0.88: noise costs s
 def test_returns_rank_as_successes_do(env_id: str, with_published: bool) -> None:
     """Goodman and Kruskal's γ is at least 0.9 over pairs of agents whose success rates differ by over 0.2."""
     exact = make_controller("classical", env_id, {}, task_type(env_id)().action_space)
-    played = family(env_id, exact, observation="frame")
+    played = family(env_id, exact, observation="features")
     if with_published:
         agent = springgym.load_agent(env_id)
         env = agent.make()
@@ -106,14 +106,14 @@ def test_returns_rank_as_successes_do(env_id: str, with_published: bool) -> None
 def test_starts_can_be_met(env_id: str) -> None:
     """Slow tops that lean too far fall whatever is done, and a tip that sticks has to be pushed off."""
     exact = make_controller("classical", env_id, {}, task_type(env_id)().action_space)
-    assert play(env_id, exact, 200, observation="frame").successes.mean() >= 0.97
+    assert play(env_id, exact, 200, observation="features").successes.mean() >= 0.97
 
 
 def test_the_fastest_flat_spin_can_be_stopped_in_time() -> None:
     env = make("SpringDetumble-v0")
     policy = make_controller("classical", "SpringDetumble-v0", {"start": "flat"}, env.action_space)
-    asked: dict[str, Any] = {"start": "flat", "observation": "frame"}
-    assert play("SpringDetumble-v0", policy, 16, {"speed": 6.0}, **asked).successes.all()
+    asked: dict[str, Any] = {"start": "flat", "observation": "features"}
+    assert play("SpringDetumble-v0", policy, 16, {"angular_speed": 6.0}, **asked).successes.all()
 
 
 def test_a_crane_that_leaves_its_place_ends_the_episode() -> None:
@@ -121,7 +121,7 @@ def test_a_crane_that_leaves_its_place_ends_the_episode() -> None:
     terminated = truncated = False
     while not terminated and not truncated:
         *_, terminated, truncated, info = env.step(np.array([1.0, 0.0], np.float32))
-        assert terminated == (info["error"] > 10.0)
+        assert terminated == (info["distance"] > 10.0)
     assert terminated
     assert not info["is_success"]
 
@@ -130,7 +130,7 @@ def test_the_spin_of_either_sign_is_of_order_one() -> None:
     """Of the easier task it is shown as before: from the usual spin."""
     spins = {}
     for hard in (True, False):
-        env = make("SpringGyroscope-v0", observation="frame", hard=hard)
+        env = make("SpringGyroscope-v0", observation="features", hard=hard)
         seen, infos = zip(*(env.reset(seed=seed) for seed in range(40)), strict=True)
         entry, spin = np.array(seen)[:, 6], np.array([info["spin"] for info in infos])
         assert entry == pytest.approx(spin / 35 if hard else (spin - 35) / 20, abs=1e-5)

@@ -18,7 +18,7 @@ SOLVED = 0.8
 def run(env_id: str, action: str, name: str, copies: int, **arguments: Any) -> Played:
     env = make(env_id, action=action)
     policy = make_controller(name, env_id, {"action": action}, env.action_space)
-    return play(env_id, policy, copies, action=action, observation="frame", **arguments)
+    return play(env_id, policy, copies, action=action, observation="features", **arguments)
 
 
 def check(env_id: str, action: str, copies: int) -> None:
@@ -28,7 +28,7 @@ def check(env_id: str, action: str, copies: int) -> None:
     classical = run(env_id, action, "classical", copies)
     assert classical.successes.mean() >= SOLVED - 1 / copies
     assert classical.returns.mean() >= earned
-    for name in ("zero", "random"):
+    for name in ("noop", "random"):
         idle = run(env_id, action, name, copies)
         assert idle.successes.mean() <= 0.1
         assert idle.returns.mean() < 0.25 * earned

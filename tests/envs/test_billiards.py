@@ -50,7 +50,7 @@ def test_an_episode_is_one_stroke() -> None:
     np.testing.assert_allclose(velocities[0, CUE], begun * way, rtol=2e-3)
     np.testing.assert_allclose(velocities[40, CUE], (begun - SLOWING * 40 * PERIOD) * way, rtol=5e-3)
     assert not velocities[:, OBJECT].any()
-    assert info["away"] == np.hypot(2.5, 1.5)
+    assert info["min_distance"] == np.hypot(2.5, 1.5)
     assert not info["is_success"]
     assert 0.0 < reward < 1e-3
 
@@ -59,7 +59,7 @@ def test_copies_strike_as_single_environments_do() -> None:
     """To the bit, though copies differ in when balls meet and fall."""
     envs: Any = gym.make_vec(ENV, 3, vectorization_mode="vector_entry_point")
     seen, _ = envs.reset(seed=4)
-    actions = classical(ENV)(gym.make_vec(ENV, 3, observation="frame").reset(seed=4)[0])
+    actions = classical(ENV)(gym.make_vec(ENV, 3, observation="features").reset(seed=4)[0])
     _, rewards, *_ = envs.step(actions)
     x = envs.unwrapped.episodes.particles[0]
     for n, action in enumerate(actions):
@@ -136,7 +136,7 @@ def test_a_ball_in_the_pocket_stays_there() -> None:
     assert terminated
     assert info["is_success"]
     assert reward == pytest.approx(1.0 - 0.1 * 0.5**2 / 2, abs=1e-6)
-    assert info["away"] < FRICTION * G / billiards.SOFT + 1e-4  # where friction holds it
+    assert info["min_distance"] < FRICTION * G / billiards.SOFT + 1e-4  # where friction holds it
     assert np.linalg.norm(velocities[-1, OBJECT]) < 1e-3
 
 
@@ -148,7 +148,7 @@ def test_a_stroke_that_fails(aim: float, size: float) -> None:
     assert terminated
     assert not info["diverged"]
     assert not info["is_success"]
-    assert info["away"] > billiards.POCKET
+    assert info["min_distance"] > billiards.POCKET
     assert reward < 0.2
 
 
@@ -172,7 +172,7 @@ def nearly(seen: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("other", slow_but([waiting, straight, nearly], straight))
 def test_only_a_precise_stroke_pays(other: Policy) -> None:
-    honest, cheat = (play(ENV, policy, COPIES, observation="frame") for policy in (classical(ENV), other))
+    honest, cheat = (play(ENV, policy, COPIES, observation="features") for policy in (classical(ENV), other))
     assert honest.successes.mean() >= 0.9
     assert cheat.successes.mean() <= 0.25
     assert cheat.returns.mean() < 0.3 * honest.returns.mean()

@@ -22,11 +22,11 @@ top_torque = classical("SpringTop-v0")
 
 
 def pendulum(policy, action: str = "torque") -> Played:
-    return play("SpringPendulum-v0", policy, COPIES, observation="frame", action=action)
+    return play("SpringPendulum-v0", policy, COPIES, observation="features", action=action)
 
 
 def free_top(policy) -> Played:
-    return play("SpringFreeTop-v0", policy, COPIES, observation="frame")
+    return play("SpringFreeTop-v0", policy, COPIES, observation="features")
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +69,7 @@ def whirl(seen: np.ndarray) -> np.ndarray:
 def test_whirling_does_not_lift_the_cube(honest_pendulum: Played) -> None:
     """On a conical pendulum without spin I₁Ω² n_z = −Mgl: it stays below the pin at any speed."""
     cheat = pendulum(whirl)
-    assert cheat.largest["speed"].min() > 5.0
+    assert cheat.largest["angular_speed"].min() > 5.0
     assert cheat.returns.max() < 0.1
     assert cheat.returns.max() < 0.2 * honest_pendulum.returns.min()
     assert not cheat.successes.any()
@@ -83,7 +83,7 @@ def test_whirling_too_fast_ends_the_episode() -> None:
 def test_spinning_the_pinned_top_up_is_not_enough() -> None:
     """Torque about the axis alone keeps the spin wanted, but it precesses on, tilted."""
     honest, cheat = (
-        play("SpringTop-v0", policy, COPIES, observation="frame")
+        play("SpringTop-v0", policy, COPIES, observation="features")
         for policy in (top_torque, lambda seen: top_torque(seen) * np.float32([0, 0, 1]))
     )
     assert cheat.lengths.max() == 500

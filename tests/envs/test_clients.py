@@ -94,7 +94,7 @@ def test_metrics_of_the_start(env_id: str) -> None:
 
 
 ARGUMENTS: dict[str, dict[str, Any]] = {
-    env_id: {"dtype": np.float64, "randomize": ranges(env_id), "observation": "frame"} for env_id in IDS
+    env_id: {"dtype": np.float64, "randomize": ranges(env_id), "observation": "features"} for env_id in IDS
 }
 ARGUMENTS["SpringTop-v0"] |= {"body": {"scaled": {0: np.float64(1.1)}}, "hard": True}
 

@@ -46,7 +46,7 @@ def test_who_fails_after_success_has_none(env_id: str, honest: int) -> None:
         steps += 1
         return control(seen) if steps <= honest else np.tile(worst, (len(seen), 1))
 
-    played = play(env_id, turns, COPIES, observation="frame")
+    played = play(env_id, turns, COPIES, observation="features")
     failed = (played.lengths > honest) & (played.lengths < gym.spec(env_id).max_episode_steps)
     assert failed.sum() > COPIES / 2
     assert not played.successes[failed].any()
@@ -103,7 +103,7 @@ def test_a_ball_in_the_air_earns_nothing() -> None:
     x[0, 8:, 2] += 0.1
     simulator.place(x, v)
     _, reward, terminated, _, info = env.step(np.zeros(2))
-    assert info["gap"] > 0.02
+    assert info["clearance"] > 0.02
     assert reward == 0.0
     assert not terminated
 
@@ -111,7 +111,7 @@ def test_a_ball_in_the_air_earns_nothing() -> None:
 @pytest.mark.slow
 def test_a_ball_held_in_the_middle_does_not_do_it() -> None:
     """The place moves, and the middle is no part of it."""
-    task = task_type("SpringBalance-v0")(observation="frame")
+    task = task_type("SpringBalance-v0")(observation="features")
     follow = classical("SpringBalance-v0")
     unit = np.repeat([entry.unit for entry in task.entries], [entry.size for entry in task.entries])
 
@@ -121,8 +121,8 @@ def test_a_ball_held_in_the_middle_does_not_do_it() -> None:
         known[:, 8:] = 0.0
         return follow((known / unit).astype(np.float32))
 
-    cheat = play("SpringBalance-v0", stay, COPIES, {"radius": 0.2}, observation="frame")
-    honest = play("SpringBalance-v0", follow, COPIES, {"radius": 0.2}, observation="frame")
+    cheat = play("SpringBalance-v0", stay, COPIES, {"radius": 0.2}, observation="features")
+    honest = play("SpringBalance-v0", follow, COPIES, {"radius": 0.2}, observation="features")
     assert (cheat.lengths == 500).all()
     assert not cheat.successes.any()
     assert cheat.returns.max() < 0.3 < 0.8 < honest.returns.min()
@@ -142,7 +142,7 @@ def test_a_box_that_is_not_touched_stays() -> None:
 
 def test_a_ball_that_is_pushed_rolls() -> None:
     """With 5/7 F/m: a third of a second of 2 N, from rest, far from the box."""
-    env = started("SpringShove-v0", seed=0, options={"error": 1.0})
+    env = started("SpringShove-v0", seed=0, options={"distance": 1.0})
     pusher = env.unwrapped.episodes.simulator.measure("pusher")
     began = np.array(pusher.centre[0])
     away = began[:2] - env.unwrapped.episodes.simulator.measure("box").centre[0, :2]
@@ -157,7 +157,7 @@ def test_a_ball_that_is_pushed_rolls() -> None:
 def test_what_it_takes_to_push_the_box(force: float, goes_on: bool) -> None:
     """The ball presses with N = F/(1 + μ'), as it rubs on the box, and lifts itself there by μ' N; the floor
     takes μ (m g + μ' N): 5.1 N for the friction μ' = 0.2 between both and μ = 0.4 of the floor."""
-    env = started("SpringShove-v0", seed=0, options={"error": 0.5, "heading": 0.0})
+    env = started("SpringShove-v0", seed=0, options={"distance": 0.5, "heading": 0.0})
     simulator = env.unwrapped.episodes.simulator
     x, v = simulator.positions, simulator.velocities
     ball, box = x[0, : shove.CORNERS], x[0, shove.CORNERS :]
@@ -184,18 +184,18 @@ def test_pushing_straight_on_does_not_pay(env_id: str, first: int) -> None:
         way = -seen[:, first : first + 2]
         return way / np.linalg.norm(way, axis=1, keepdims=True)
 
-    cheat = play(env_id, lean, COPIES, observation="frame")
-    honest = play(env_id, classical(env_id), COPIES, observation="frame")
+    cheat = play(env_id, lean, COPIES, observation="features")
+    honest = play(env_id, classical(env_id), COPIES, observation="features")
     assert not cheat.successes.any()
     assert cheat.returns.mean() < 0.2 * honest.returns.mean()
 
 
 def test_the_right_place_with_the_wrong_heading_is_no_success() -> None:
-    env = started("SpringShove-v0", seed=0, options={"error": 0.0, "heading": 0.5})
+    env = started("SpringShove-v0", seed=0, options={"distance": 0.0, "heading": 0.5})
     for _ in range(20):
         _, reward, *_, info = env.step(np.zeros(2))
     assert not info["is_success"]
-    right = started("SpringShove-v0", seed=0, options={"error": 0.0, "heading": 0.0})
+    right = started("SpringShove-v0", seed=0, options={"distance": 0.0, "heading": 0.0})
     for _ in range(20):
         _, more, *_, info = right.step(np.zeros(2))
     assert info["is_success"]
@@ -268,7 +268,7 @@ def lie_on_the_paddle(env: gym.Env, height: float) -> None:
 @pytest.mark.parametrize("height", [0.0, 0.2])
 def test_a_ball_that_is_carried_is_not_juggled(height: float) -> None:
     """It lies on the paddle for two seconds, as high up as the paddle may go: little is earned."""
-    env = started("SpringJuggle-v0", observation="frame", seed=0, options={"wanted": 0.4})
+    env = started("SpringJuggle-v0", observation="features", seed=0, options={"wanted_height": 0.4})
     lie_on_the_paddle(env, height)
     seen, *_ = env.step(np.zeros(5))
     for _ in range(120):
@@ -280,28 +280,28 @@ def test_a_ball_that_is_carried_is_not_juggled(height: float) -> None:
         assert not terminated
         assert not info["is_success"]
         assert reward < 0.35
-    assert abs(info["error"] - (height - 0.4)) < 0.02  # it is still there
+    assert abs(info["height_offset"] - (height - 0.4)) < 0.02  # it is still there
 
 
 def test_info_tells_how_near_the_ball_came() -> None:
     """A number from the start on: the reach of the contact where nothing came nearer."""
     env = gym.make("SpringJuggle-v0")
-    _, info = env.reset(seed=0, options={"height": 0.3, "away": 0.0})
-    assert info["pairs_least_gap"] == juggle.REACH
-    assert (info["pairs_touching"], info["pairs_impulse"], info["pairs_missed"]) == (0.0, 0.0, 0.0)
+    _, info = env.reset(seed=0, options={"height": 0.3, "lateral_offset": 0.0})
+    assert info["pairs_min_gap"] == juggle.REACH
+    assert (info["pairs_touching"], info["pairs_impulse"], info["pairs_late_contacts"]) == (0.0, 0.0, 0.0)
     for _ in range(20):  # 0.4 s: it has fallen, and was thrown up again
         info = env.step(np.zeros(5, np.float32))[4]
-    assert 0.2 * juggle.REACH < info["pairs_least_gap"] < 0.8 * juggle.REACH
+    assert 0.2 * juggle.REACH < info["pairs_min_gap"] < 0.8 * juggle.REACH
     weight = juggle.BALL_MASS * juggle.FALL
     assert weight * 0.4 < info["pairs_impulse"] < weight * 1.0
 
 
 def test_the_height_of_a_flight_is_kept_in_the_air() -> None:
     """And it is where the ball turns round."""
-    env = started("SpringJuggle-v0", seed=0, options={"height": 0.5, "wanted": 0.5})
+    env = started("SpringJuggle-v0", seed=0, options={"height": 0.5, "wanted_height": 0.5})
     for _ in range(10):
         *_, info = env.step(np.zeros(5))
-        assert abs(info["error"]) < 1e-6
+        assert abs(info["height_offset"]) < 1e-6
 
 
 # --- SpringDuel -----------------------------------------------------------------------------------------
@@ -329,7 +329,7 @@ def test_a_push_drives_ones_own_top() -> None:
 
 def test_both_players_see_the_same_duel() -> None:
     """Turned by half a turn, with the players exchanged, the duel is the same: so is what the first sees."""
-    env = started("SpringDuel-v0", observation="frame", opponent="still", seed=3)
+    env = started("SpringDuel-v0", observation="features", opponent="still", seed=3)
     episodes = env.unwrapped.episodes
     task, (x, v) = episodes.task, episodes.particles
     seen = task.seen_by_second(*episodes.seen[:2])
@@ -340,7 +340,7 @@ def test_both_players_see_the_same_duel() -> None:
     np.testing.assert_allclose(episodes.observe()[0], seen[0], atol=1e-6)
 
 
-@pytest.mark.parametrize("observation", ["particles", "frame"])
+@pytest.mark.parametrize("observation", ["particles", "features"])
 @pytest.mark.slow
 def test_the_opponent_is_asked_for_all_copies_at_once(observation: str) -> None:
     """A function of one's own in place of a name is the same duel, to the bit."""
@@ -380,7 +380,7 @@ def test_opponents_are_checked_and_so_is_what_they_give() -> None:
 def test_waiting_does_not_win() -> None:
     """An idle agent wins no duel; a guarding agent earns less in every duel that it does not win."""
     idle, guard = (
-        play("SpringDuel-v0", duel.OPPONENTS[of], 50, observation="frame") for of in ("still", "guard")
+        play("SpringDuel-v0", duel.OPPONENTS[of], 50, observation="features") for of in ("still", "guard")
     )
     assert not idle.successes.any()
     assert guard.returns[~guard.successes].max() < 0.6 * guard.returns[guard.successes].min()
@@ -389,14 +389,14 @@ def test_waiting_does_not_win() -> None:
 # --- Two agents -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("observation", ["particles", "frame"])
+@pytest.mark.parametrize("observation", ["particles", "features"])
 @pytest.mark.slow
 def test_pettingzoo(observation: str) -> None:
     parallel_api_test(parallel("SpringDuel-v0", observation=observation), num_cycles=200)
     parallel_seed_test(lambda: parallel("SpringDuel-v0", observation=observation), num_cycles=100)
 
 
-@pytest.mark.parametrize("observation", ["particles", "frame"])
+@pytest.mark.parametrize("observation", ["particles", "features"])
 @pytest.mark.slow
 def test_two_agents_are_an_agent_and_its_opponent(observation: str) -> None:
     """To the bit, for the first; and what the second sees is what an opponent is asked with."""
@@ -413,12 +413,12 @@ def test_two_agents_are_an_agent_and_its_opponent(observation: str) -> None:
     for n in range(500):
         np.testing.assert_array_equal(one, two["first"])
         one, reward, terminated, truncated, info = single.step(np.array([0.5, -0.5]))
-        if observation == "frame":
+        if observation == "features":
             np.testing.assert_array_equal(asked[n][0], two["second"])
         second = duel.OPPONENTS["strong"](asked[n])[0]
         two, rewards, ended, _, infos = both.step({"first": np.array([0.5, -0.5]), "second": second})
         assert rewards["first"] == reward
-        assert infos["first"]["away"] == info["away"] == infos["second"]["other_away"]
+        assert infos["first"]["distance"] == info["distance"] == infos["second"]["other_distance"]
         if terminated or truncated:
             break
     assert terminated
@@ -495,7 +495,7 @@ def test_pettingzoo_s_registry_makes_it() -> None:
     """Whichever was imported first, after `register`."""
     pettingzoo = pytest.importorskip("pettingzoo", "1.27")
     springgym.register()
-    env = pettingzoo.make("parallel", "SpringDuel-v0", max_cycles=7, observation="frame")
+    env = pettingzoo.make("parallel", "SpringDuel-v0", max_cycles=7, observation="features")
     assert type(env) is type(parallel("SpringDuel-v0"))
     assert (env.episodes.max_episode_steps, env.observation_space("first").shape) == (7, (22,))
     assert pettingzoo.make("parallel", "SpringDuel").episodes.max_episode_steps == 500

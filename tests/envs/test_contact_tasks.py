@@ -22,7 +22,7 @@ def particles_of(env):
 def test_top_starts_with_its_weight_on_the_tip() -> None:
     """Nothing moves up or down for ten periods: N(h) = Mg at the start's height, to the vibration of the
     springs, whose strain under the weight is Mg/(k L) ~ 1e-4."""
-    env = started("SpringFreeTop-v0", seed=0, options={"tilt": 0.0, "error": 0.2})
+    env = started("SpringFreeTop-v0", seed=0, options={"tilt": 0.0, "distance": 0.2})
     start, _ = particles_of(env)
     for _ in range(10):
         env.step(np.zeros(3))
@@ -36,7 +36,7 @@ def test_top_in_the_bowl_starts_on_the_tip() -> None:
     """The tip is as high above the bowl as above the floor."""
     heights = []
     for surface in ("floor", "bowl"):
-        env = started("SpringFreeTop-v0", surface=surface, seed=0, options={"error": 0.9})
+        env = started("SpringFreeTop-v0", surface=surface, seed=0, options={"distance": 0.9})
         positions, _ = particles_of(env)
         heights.append(env.unwrapped.episodes.simulator.scene.surfaces[0].height(positions[13]))
     assert heights[1] == pytest.approx(heights[0], rel=1e-9)
@@ -88,7 +88,7 @@ def test_impulses_on_corners_in_flight() -> None:
 def test_wanted_corner_is_seen(corner: int) -> None:
     """By its direction, and by the outward normal of the face opposite to it."""
     seen = {}
-    for observation in ("particles", "frame"):
+    for observation in ("particles", "features"):
         env = make("SpringTumble-v0", observation=observation)
         seen[observation], _ = env.reset(seed=1, options={"corner": corner, "distance": 1.0})
         positions, _ = particles_of(env)
@@ -98,8 +98,8 @@ def test_wanted_corner_is_seen(corner: int) -> None:
     face = np.delete(positions[:4], corner, axis=0)
     normal = np.cross(face[1] - face[0], face[2] - face[0])
     normal *= np.sign(normal @ (face[0] - positions[corner])) / np.linalg.norm(normal)
-    np.testing.assert_allclose(seen["frame"][6:9], normal, atol=1e-6)
-    goal = centre - seen["frame"][:3]
+    np.testing.assert_allclose(seen["features"][6:9], normal, atol=1e-6)
+    goal = centre - seen["features"][:3]
     assert math.hypot(*goal[:2]) == pytest.approx(1.0, abs=1e-6)
     np.testing.assert_allclose(seen["particles"][:15].reshape(5, 3), (positions - goal) / 0.5, atol=1e-5)
 

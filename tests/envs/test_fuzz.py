@@ -15,7 +15,7 @@ from tests.params import slow_but
 from tools import fuzz
 from tools.fuzz import Player, Round
 
-USUAL = Round("SpringTop-v0", {"observation": "frame", "dtype": "float64"}, 3, "SameStep", 1)
+USUAL = Round("SpringTop-v0", {"observation": "features", "dtype": "float64"}, 3, "SameStep", 1)
 
 
 def play(what: Round = USUAL, seed: int = 0, length: int = 120) -> Player:
@@ -33,7 +33,7 @@ def test_rounds(autoreset: str) -> None:
 
 
 def test_a_round_of_bodies_that_collide() -> None:
-    assert play(Round("SpringBalance-v0", {"observation": "frame"}, 3, "SameStep", 1)).steps == 3 * 120
+    assert play(Round("SpringBalance-v0", {"observation": "features"}, 3, "SameStep", 1)).steps == 3 * 120
 
 
 def test_command_prints_seeds_and_repeats_itself(capsys: pytest.CaptureFixture[str]) -> None:

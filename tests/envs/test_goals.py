@@ -18,14 +18,14 @@ from tests.envs.cases import IDS, hindsight_learner, make, make_vec, started, ta
 from tests.envs.test_contract import compare_with_sync
 from tests.params import slow_but
 
-WITH_GOALS = [env_id for env_id in IDS if task_type(env_id).aims]
+WITH_GOALS = [env_id for env_id in IDS if task_type(env_id).goal_tolerances]
 APART: dict[str, Any] = {"goals": True, "sparse": True}
 
 NEAR: dict[str, tuple[dict[str, float], int]] = {
     "SpringGyroscope-v0": ({"angle": 0.099, "spin": 30.0}, 40),
     "SpringRope-v0": ({"distance": 0.0, "sway": 0.0}, 30),
     "SpringTumble-v0": ({"distance": 0.05}, 130),
-    "SpringShove-v0": ({"error": 0.05}, 10),
+    "SpringShove-v0": ({"distance": 0.05}, 10),
 }
 """Reset options by which copies that do little reach their goal now and then, and in how many steps."""
 
@@ -90,10 +90,10 @@ def test_the_rest_of_the_observation_does_not_tell_the_goal() -> None:
 def test_a_goal_is_reached_within_each_of_its_aims(env_id: str) -> None:
     """What was achieved is what that goal asks for; just inside and just outside of each aim alone."""
     task = task_type(env_id)
-    compute, rng, first = goals.Goals(task.aims).compute_reward, np.random.default_rng(0), 0
-    achieved = rng.uniform(-1, 1, sum(aim.size for aim in task.aims))
+    compute, rng, first = goals.Goals(task.goal_tolerances).compute_reward, np.random.default_rng(0), 0
+    achieved = rng.uniform(-1, 1, sum(aim.size for aim in task.goal_tolerances))
     assert compute(achieved, achieved, {}) == 1.0
-    for aim in task.aims:
+    for aim in task.goal_tolerances:
         off = np.zeros_like(achieved)
         off[first : first + aim.size] = rng.normal(size=aim.size)
         off *= aim.within / np.linalg.norm(off)
@@ -141,7 +141,7 @@ def test_what_cannot_be_is_refused() -> None:
     with pytest.raises(ValueError, match="give sparse=True, too"):
         make("SpringRope-v0", goals=True)
     with pytest.raises(ValueError, match="must be 'particles'"):
-        make("SpringRope-v0", observation="frame", **APART)
+        make("SpringRope-v0", observation="features", **APART)
     with pytest.raises(TypeError, match="goals is 1; it must be True or False"):
         make("SpringRope-v0", goals=1)
     assert not hasattr(make("SpringRope-v0", sparse=True).unwrapped, "compute_reward")
@@ -162,7 +162,7 @@ def test_what_cannot_be_is_refused() -> None:
     ],
 )
 def test_goals_that_are_none_are_refused(achieved: Any, desired: Any, error: type, match: str) -> None:
-    compute = goals.Goals(task_type("SpringRope-v0").aims).compute_reward
+    compute = goals.Goals(task_type("SpringRope-v0").goal_tolerances).compute_reward
     with pytest.raises(error, match=match):
         compute(achieved, desired, {})
     assert compute(np.zeros((0, 4)), np.zeros((0, 4)), {}).shape == (0,)

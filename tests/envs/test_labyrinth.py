@@ -104,7 +104,7 @@ def test_a_ball_above_a_hole_falls(inside: bool) -> None:
     put(env, (hole[0], hole[1] + (0.95 if inside else 1.05) * HOLE))
     *_, terminated, _, info = env.step(IDLE)
     assert terminated == inside
-    assert (info["gap"] < 0.0) == inside
+    assert (info["clearance"] < 0.0) == inside
     assert not info["is_success"]
 
 
@@ -118,7 +118,7 @@ def test_waiting_does_not_pay() -> None:
 @pytest.mark.parametrize("holes", slow_but([True, False], False))
 def test_the_end_is_not_reached_past_the_way(holes: bool) -> None:
     """A ball that rolls straight to the end falls; without holes it arrives, and has earned little."""
-    envs = make_vec(ENV, COPIES, "native", "SameStep", observation="frame")
+    envs = make_vec(ENV, COPIES, "native", "SameStep", observation="features")
     seen, _ = envs.reset(seed=1_000_000)
     episodes, control = envs.unwrapped.episodes, classical(ENV)
     if not holes:

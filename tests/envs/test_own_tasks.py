@@ -15,7 +15,7 @@ from numpy.random import Generator
 import springgym
 from springgym.bodies import box, cube, gyroscope, rigid_velocities, rotation, stretched_shapes
 from springgym.envs.arrows import across, torque_arrow
-from springgym.envs.goals import BOUND, Aim
+from springgym.envs.goals import BOUND, GoalTolerance
 from springgym.envs.observation import Situation
 from springgym.envs.sb3 import make_sb3
 from springgym.envs.starts import direction, tilted, uniform
@@ -105,8 +105,8 @@ def rebuilt(**options: Any) -> Any:
         scene,
         reward,
         actuators={"torque": 20.0},
-        succeeded=pointed,
-        hold=50,
+        success=pointed,
+        hold_steps=50,
         observe=observe,
         metrics=measured,
         start=start,
@@ -121,7 +121,7 @@ def rebuilt(**options: Any) -> Any:
 def test_one_of_the_package_s_tasks_is_made_again_by_public_words() -> None:
     """SpringGyroscope: same starts, observations, rewards and their terms, metrics, success, pictures."""
     ours = gym.make_vec(
-        "SpringGyroscope-v0", 3, "vector_entry_point", observation="frame", render_mode="rgb_array"
+        "SpringGyroscope-v0", 3, "vector_entry_point", observation="features", render_mode="rgb_array"
     )
     theirs = rebuilt(num_envs=3, max_episode_steps=400, render_mode="rgb_array")
     options = {"angle": 0.05}  # the second time, so that the aim is met
@@ -266,7 +266,7 @@ def test_a_goal_is_observed_with_the_particles_and_set_by_reset_options() -> Non
 # --- Goals told apart ---------------------------------------------------------------------------------
 
 NAN = float("nan")
-AIMS = (Aim("place", 2, 0.05), Aim("velocity", 2, 0.2))
+TOLERANCES = (GoalTolerance("place", 2, 0.05), GoalTolerance("velocity", 2, 0.2))
 
 
 def berth(rng: Generator, off: float = 0.08) -> Start:
@@ -286,16 +286,16 @@ def reached(m: MeasuresOfBodies, s: Situation) -> np.ndarray:
 
 
 def parking(**options: Any) -> Any:
-    settings: dict[str, Any] = {"actuators": {"force": (5.0, 5.0, 0.0)}, "start": berth, "hold": 3}
+    settings: dict[str, Any] = {"actuators": {"force": (5.0, 5.0, 0.0)}, "start": berth, "hold_steps": 3}
     return springgym.make_scene_env(Scene(cube(), gravity=None), way, **(settings | options))
 
 
-APART: dict[str, Any] = {"achieved": berthed, "aims": AIMS, "goals": True, "sparse": True}
+APART: dict[str, Any] = {"achieved": berthed, "goal_tolerances": TOLERANCES, "goals": True, "sparse": True}
 
 
 def test_goals_of_ones_own_are_told_apart() -> None:
     """They are rewarded as the same aim written as a judge, and again from the goals alone."""
-    apart, judged = parking(num_envs=32, **APART), parking(num_envs=32, succeeded=reached, sparse=True)
+    apart, judged = parking(num_envs=32, **APART), parking(num_envs=32, success=reached, sparse=True)
     seen, usual = check_rewards(apart, judged, 15, 1.0)
     assert seen["observation"].shape == (32, 48)
     np.testing.assert_array_equal(seen["observation"], usual[:, :48])
@@ -306,7 +306,7 @@ def test_goals_of_ones_own_are_told_apart() -> None:
 
 
 def test_aims_without_goals_told_apart_judge_success() -> None:
-    env = parking(achieved=berthed, aims=AIMS)
+    env = parking(achieved=berthed, goal_tolerances=TOLERANCES)
     env.reset(seed=0, options={"off": 0.0})
     told = [env.step([0, 0])[4]["is_success"] for _ in range(3)]
     assert told == [False, False, True]
@@ -326,24 +326,56 @@ def test_a_copy_that_diverged_reaches_no_goal() -> None:
 @pytest.mark.parametrize(
     ("given", "error", "says"),
     [
-        ({"achieved": None}, ValueError, "goals is True; give achieved and aims, too"),
+        ({"achieved": None}, ValueError, "goals is True; give achieved and goal_tolerances, too"),
         ({"sparse": False}, ValueError, "give sparse=True, too"),
         ({"observe": berthed}, ValueError, "goals is True and observe is given; leave observe out"),
-        ({"aims": ()}, ValueError, "achieved is .* and aims is .*; give both or neither"),
-        ({"goals": False, "achieved": None}, ValueError, "achieved is None and aims is .*; give both"),
+        (
+            {"goal_tolerances": ()},
+            ValueError,
+            "achieved is .* and goal_tolerances is .*; give both or neither",
+        ),
+        (
+            {"goals": False, "achieved": None},
+            ValueError,
+            "achieved is None and goal_tolerances is .*; give both",
+        ),
         ({"goals": 1}, TypeError, "goals is 1; it must be True or False"),
-        ({"aims": AIMS[:1]}, ValueError, "aims have 2 numbers, and the goal that start gave has 4"),
-        ({"start": None}, ValueError, "aims have 4 numbers, and the goal that start gave has 0"),
-        ({"aims": 0.1}, TypeError, "aims is 0.1; it must be a sequence of Aim"),
-        ({"aims": [("place", 4)]}, TypeError, r"aims\[0\] is"),
-        ({"aims": [Aim("place", 4, NAN)]}, ValueError, r"aims\[0\]\.within is nan"),
-        ({"aims": [Aim("place", 4, -1.0)]}, ValueError, r"aims\[0\]\.within is -1.0"),
-        ({"aims": [Aim("place", True, 0.1)]}, TypeError, r"aims\[0\]\.size is True"),
-        ({"aims": [Aim(3, 4, 0.1)]}, TypeError, r"aims\[0\]\.name is 3"),
-        ({"succeeded": reached}, ValueError, "pass either achieved or succeeded, not both"),
+        (
+            {"goal_tolerances": TOLERANCES[:1]},
+            ValueError,
+            "goal_tolerances have 2 numbers, and the goal that start gave has 4",
+        ),
+        ({"start": None}, ValueError, "goal_tolerances have 4 numbers, and the goal that start gave has 0"),
+        (
+            {"goal_tolerances": 0.1},
+            TypeError,
+            "goal_tolerances is 0.1; it must be a sequence of GoalTolerance",
+        ),
+        ({"goal_tolerances": [("place", 4)]}, TypeError, r"goal_tolerances\[0\] is"),
+        (
+            {"goal_tolerances": [GoalTolerance("place", 4, NAN)]},
+            ValueError,
+            r"goal_tolerances\[0\]\.within is nan",
+        ),
+        (
+            {"goal_tolerances": [GoalTolerance("place", 4, -1.0)]},
+            ValueError,
+            r"goal_tolerances\[0\]\.within is -1.0",
+        ),
+        (
+            {"goal_tolerances": [GoalTolerance("place", True, 0.1)]},
+            TypeError,
+            r"goal_tolerances\[0\]\.size is True",
+        ),
+        ({"goal_tolerances": [GoalTolerance(3, 4, 0.1)]}, TypeError, r"goal_tolerances\[0\]\.name is 3"),
+        ({"success": reached}, ValueError, "pass either achieved or success, not both"),
         ({"achieved": lambda m: 0}, TypeError, r"achieved takes \(m\)"),
         ({"achieved": lambda m, s: m.centre}, ValueError, r"achieved gave .* numbers of shape \(1, 4\)"),
-        ({"achieved": lambda m, s: NAN * s.goal}, ValueError, "achieved gave .* for copy 0; it must be fin"),
+        (
+            {"achieved": lambda m, s: NAN * s.goal},
+            ValueError,
+            "achieved gave .* for environment 0; it must be fin",
+        ),
     ],
 )
 def test_goals_that_cannot_be_told_apart_are_refused(
@@ -453,7 +485,11 @@ def test_marks_are_marks() -> None:
         ),
         ({"metrics": lambda m, s: {3: s.time}}, TypeError, "an entry named 3"),
         ({"metrics": lambda m, s: {"a": m.centre}}, ValueError, "metrics, 'a', gave"),
-        ({"metrics": lambda m, s: {"a": NAN * s.time}}, ValueError, "metrics, 'a', gave nan for copy 0"),
+        (
+            {"metrics": lambda m, s: {"a": NAN * s.time}},
+            ValueError,
+            "metrics, 'a', gave nan for environment 0",
+        ),
         ({"actuators": {"force": (1.0, 2.0)}}, ValueError, r"actuators\['force'\]"),
         ({"actuators": {"force": (1.0, -2.0, 0)}}, ValueError, r"actuators\['force'\]"),
         ({"actuators": {"force": (0, 0, 0)}}, ValueError, "at least one axis must differ from 0"),
@@ -469,9 +505,9 @@ def test_what_a_task_cannot_be_is_told(given: dict[str, Any], error: type[Except
     ("given", "says"),
     [
         ({"move": lambda m, s: s.goal[:, 0]}, r"move gave .*; it must give numbers of shape \(1, 2\)"),
-        ({"move": lambda m, s: NAN * s.goal}, "move gave .* for copy 0; it must be finite"),
+        ({"move": lambda m, s: NAN * s.goal}, "move gave .* for environment 0; it must be finite"),
         ({"remember": lambda m, s: s.memory[0]}, r"remember gave .*; it must give numbers of shape \(1, 2\)"),
-        ({"remember": lambda m, s: s.memory / 0}, "remember gave .* for copy 0; it must be finite"),
+        ({"remember": lambda m, s: s.memory / 0}, "remember gave .* for environment 0; it must be finite"),
         ({"metrics": lambda m, s: {f"at {s.time[0]}": s.time}}, "the names must not change"),
     ],
 )

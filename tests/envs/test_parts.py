@@ -21,7 +21,7 @@ def batch(copies: int, **options: Any) -> Any:
     return gym.make_vec("SpringTop-v0", num_envs=copies, vectorization_mode="vector_entry_point", **options)
 
 
-@pytest.mark.parametrize("observation", ["particles", "frame"])
+@pytest.mark.parametrize("observation", ["particles", "features"])
 @pytest.mark.parametrize("copies", [33, 40])
 def test_threads_find_the_same(copies: int, observation: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also where the last block holds a single copy, whose arrays would be of another type by themselves."""

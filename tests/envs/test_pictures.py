@@ -103,7 +103,7 @@ def test_pictures_say_which_step_it_is_and_whether_it_succeeds() -> None:
     env = make("SpringTop-v0")
     episodes = env.unwrapped.episodes
     _, info = env.reset(seed=1, options={"tilt": 0.0, "spin": 50.0})
-    for step in range(episodes.task.hold + 10):
+    for step in range(episodes.task.hold_steps + 10):
         head, *others = episodes.marks(0).text
         assert head == f"step {step}"
         assert ("success" in others) == info["is_success"]
@@ -126,7 +126,7 @@ def test_duel_tells_the_tops_apart() -> None:
 def test_juggle_says_how_high_this_flight_goes() -> None:
     env = make("SpringJuggle-v0")
     for height, word in ((0.3, "low"), (0.7, "high")):
-        env.reset(seed=1, options={"wanted": 0.5, "height": height, "away": 0.0})
+        env.reset(seed=1, options={"wanted_height": 0.5, "height": height, "lateral_offset": 0.0})
         task, seen = env.unwrapped.episodes.task, env.unwrapped.episodes.seen_of(0)
         (line,) = task.marks(*seen).text
         assert line.startswith("apex 20.")

@@ -231,7 +231,7 @@ def test_every_action(env_id: str, copies: int | None) -> None:
 
 def test_first_reset_takes_all_copies() -> None:
     envs = make_vec(IDS[0], 3, "native", "Disabled")
-    with pytest.raises(ValueError, match="reset_mask leaves out copies, and no episode has begun"):
+    with pytest.raises(ValueError, match="reset_mask leaves out some, and no episode has begun"):
         envs.reset(seed=0, options={"reset_mask": np.array([True, False, True])})
     with pytest.raises(gym.error.ResetNeeded):
         envs.step(envs.action_space.sample())
@@ -361,7 +361,7 @@ def height(m: MeasuresOfBodies, s: Situation) -> np.ndarray:
 RIGHT: dict[str, Any] = {"scene": Scene(cube(), gravity=None), "reward": height, "actuators": {"torque": 2.0}}
 
 
-FUNCTIONS = ("reward", "failed", "succeeded", "observe", "metrics", "start", "move", "remember", "marks")
+FUNCTIONS = ("reward", "terminated", "success", "observe", "metrics", "start", "move", "remember", "marks")
 
 
 def test_every_argument_of_a_scene_environment() -> None:
@@ -434,6 +434,24 @@ def test_function_that_fails_in_a_reset_changes_nothing() -> None:
     with pytest.raises(ZeroDivisionError, match="mine"):
         envs.reset()  # the second copy's
     same(frozen(envs), before)
+
+
+def test_messages_speak_of_environments() -> None:
+    """Which one of a batch cannot start, and how many there can be at most."""
+    calls = []
+
+    def start(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        calls.append(rng.uniform())
+        moves = np.zeros((8, 3))
+        moves[0] = float(len(calls) == 3)  # one to learn how long the goal is, and the first environment's
+        return cube().positions, moves
+
+    pinned = Scene(cube(), gravity=None, pinned=(0,))
+    envs: Any = springgym.make_scene_env(**RIGHT | {"scene": pinned, "start": start, "num_envs": 2})
+    with pytest.raises(ValueError, match="pinned particle 0 of environment 1 has a velocity"):
+        envs.reset(seed=0)
+    with pytest.raises(ValueError, match="num_envs is 1000000000; it must be a whole number from 1 to "):
+        make_vec(IDS[0], 10**9, "native", "Disabled")
 
 
 def dot(count: int) -> Body:

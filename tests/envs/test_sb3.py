@@ -90,7 +90,7 @@ def test_drawn_seeds_follow_numpys_generator():
         np.random.seed(state)  # noqa: NPY002
         drawn.append(env.seed())
     assert drawn[0] == drawn[1] != drawn[2]
-    with pytest.raises(ValueError, match="2 seeds were given for 3 copies"):
+    with pytest.raises(ValueError, match="2 seeds were given for 3 environments"):
         env.seed([1, 2])
 
 
@@ -155,7 +155,7 @@ def test_attributes_and_methods_are_those_of_the_batch():
     assert env.vector_env.colour == "red"
     assert env.has_attr("colour")
     assert not env.has_attr("taste")
-    with pytest.raises(ValueError, match=r"cannot set 'colour' for copies 1 only: all 3 copies"):
+    with pytest.raises(ValueError, match=r"cannot set 'colour' for environments 1 only: all 3 share"):
         env.set_attr("colour", "blue", indices=1)
     assert env.env_method("get_attr", "spec", indices=1)[0][0].id == "CartPole-v1"
     assert env.env_is_wrapped(Scored) == [False] * N

@@ -46,7 +46,7 @@ def test_checker() -> None:
 
 
 def test_reward_and_end_are_the_users() -> None:
-    env = make(failed=lambda m, s: m.centre[:, 2] > 0.5, max_episode_steps=50)
+    env = make(terminated=lambda m, s: m.centre[:, 2] > 0.5, max_episode_steps=50)
     env.reset(seed=0)
     start = env.unwrapped.episodes.measures.momentum[0, 2]
     step, terminated, truncated = 0, False, False
@@ -63,8 +63,8 @@ def test_reward_and_end_are_the_users() -> None:
 def test_a_sparse_reward_needs_an_aim() -> None:
     """Without one it would always be 0."""
     for made in (make, lambda **options: make(num_envs=2, **options), lambda **o: gym.make(make().spec, **o)):
-        with pytest.raises(ValueError, match="sparse is True, and there is no aim to meet; give succeeded"):
-            made(sparse=True, failed=lambda m, s: m.strain > 0.1)
+        with pytest.raises(ValueError, match="sparse is True, and there is no aim to meet; give success"):
+            made(sparse=True, terminated=lambda m, s: m.strain > 0.1)
 
 
 def test_scaled_scene_starts_unstrained() -> None:
@@ -121,8 +121,8 @@ def test_observation_of_ones_own() -> None:
 
 
 def test_success_of_ones_own() -> None:
-    """It is met for ``hold`` steps in a row."""
-    env = make(succeeded=lambda m, s: m.centre[:, 2] > 0.02, hold=3)
+    """It is met for ``hold_steps`` steps in a row."""
+    env = make(success=lambda m, s: m.centre[:, 2] > 0.02, hold_steps=3)
     env.reset(seed=0)
     met, reported = [], []
     for _ in range(30):
@@ -137,7 +137,7 @@ def test_success_of_ones_own() -> None:
 
 @pytest.mark.parametrize("aim", [False, True])
 def test_without_an_aim_there_is_no_success(aim: bool) -> None:
-    options = {"succeeded": lambda m, s: m.centre[:, 2] > 0.02} if aim else {}
+    options = {"success": lambda m, s: m.centre[:, 2] > 0.02} if aim else {}
     for env in (make(**options), make(num_envs=2, **options)):
         _, begun = env.reset(seed=0)
         *_, info = env.step(env.action_space.sample())
@@ -154,7 +154,7 @@ def test_an_end_is_lost_unless_it_is_said_to_win(copies: int | None, wins: bool)
     def anywhere(m: MeasuresOfBodies, s: Situation) -> np.ndarray:
         return np.ones(len(s.x), bool)
 
-    env = make(failed=above, succeeded=anywhere, hold=3, wins=wins, num_envs=copies, sparse=True)
+    env = make(terminated=above, success=anywhere, hold_steps=3, wins=wins, num_envs=copies, sparse=True)
     env.reset(seed=0 if copies is None else [0] * copies)
     action = UP if copies is None else np.tile(UP, (copies, 1))
     for n in range(30):

@@ -15,7 +15,15 @@ import springgym
 from springgym.bodies import box, cube, rotation, stretched_shapes, top
 from springgym.envs.duel import SPINS, STEEPEST, SpringDuel
 from springgym.envs.randomisation import NOMINAL, RANDOMIZABLE
-from springgym.envs.starts import any_rotation, direction, principal_axes, spawned, standing, tilted, uniform
+from springgym.envs.starts import (
+    any_rotation,
+    direction,
+    principal_axes,
+    spawn_seeds,
+    standing,
+    tilted,
+    uniform,
+)
 from springgym.scene import Scene, squared_lengths
 from springgym.simulator import STRAIN_LIMIT
 from tests.envs.cases import DUEL, IDS, KINDS, make, task_type
@@ -38,11 +46,11 @@ from tools import fuzz
 )
 def test_no_seeds_of_what_is_no_number(seed: Any, copies: Any, error: type[Exception], says: str) -> None:
     with pytest.raises(error, match=says):
-        spawned(seed, copies)
+        spawn_seeds(seed, copies)
 
 
 def test_a_seed_may_be_long() -> None:
-    assert len({*spawned(0, 3), *spawned(2**128, 3), *spawned(np.uint64(7), 3)}) == 9  # type: ignore[arg-type]
+    assert len({*spawn_seeds(0, 3), *spawn_seeds(2**128, 3), *spawn_seeds(np.uint64(7), 3)}) == 9  # type: ignore[arg-type]
 
 
 EVEN = {"sides": (1.0, 1.0, 0.5), "mass": 2.0}

@@ -13,7 +13,9 @@ import pytest
 
 from springgym import measures
 from springgym.envs import free_top, juggle, labyrinth
+from springgym.envs.episodes import OptionsProbe
 from springgym.envs.observation import ABOUT_CENTRE, ABOUT_GOAL, Situation
+from springgym.envs.randomisation import NOMINAL
 from springgym.envs.task import Task
 from springgym.registration import ENVIRONMENTS, Row
 from springgym.simulator import Simulator
@@ -159,19 +161,19 @@ def test_period_limit_and_hold(row: Row) -> None:
     assert int(steps) == row.max_episode_steps
     assert int(seconds) == pytest.approx(row.max_episode_steps * task().action_period)
     held = re.search(r"for\s+the\s+last\s+(\d+)\s+steps", text)
-    assert (int(held[1]) if held else 1) == task.hold
+    assert (int(held[1]) if held else 1) == task.hold_steps
 
 
 @each_row
 def test_entries_of_observations(row: Row) -> None:
-    """They follow one another, up to the size; the compact ones have the units of `Task.entries`."""
+    """They follow one another, up to the size; the features have the units of `Task.entries`."""
     lines = list(table(documentation(row), "Observation Space"))
     for observation in task_type(row.id).observations:
         own = [line for line in lines if line.mode == observation]
         assert [line.first for line in own] == [0, *(line.last + 1 for line in own[:-1])]
         assert own[-1].last + 1 == task_type(row.id)(observation=observation).observation_size
     told = np.concatenate(
-        [np.full(line.last + 1 - line.first, number(line.told)) for line in lines if line.mode == "frame"]
+        [np.full(line.last + 1 - line.first, number(line.told)) for line in lines if line.mode == "features"]
     )
     entries = task_type(row.id)().entries
     np.testing.assert_array_equal(told, np.repeat([e.unit for e in entries], [e.size for e in entries]))
@@ -221,7 +223,9 @@ def on_the_board(place: np.ndarray, goal: np.ndarray) -> dict[str, np.ndarray]:
         found[name] = np.take_along_axis(values, which[:, :, None], 1).reshape(len(place), -1)
     legs = np.linalg.norm(np.diff(points, axis=1), axis=2)
     rest = [own[int(n) + 1 :].sum() for own, n in zip(legs, done[:, 0], strict=True)]
-    found["left"] = np.linalg.norm(found["way"][:, 2:4], axis=1, keepdims=True) + np.array(rest)[:, None]
+    found["remaining_length"] = (
+        np.linalg.norm(found["way"][:, 2:4], axis=1, keepdims=True) + np.array(rest)[:, None]
+    )
     return found
 
 
@@ -231,7 +235,7 @@ def of_the_tower(m: Any, x: np.ndarray, goal: np.ndarray) -> dict[str, np.ndarra
     held = np.minimum(goal[:, 0].astype(int), blocks - 1)
     height = np.linalg.norm(x[:, 0] - x[:, 4], axis=1)
     off = np.diff(m.centre, axis=1) - height[:, None, None] * [0.0, 0.0, 1.0]
-    known = {"way": off[rows, held - 1], "velocity": m.centre_velocity[rows, held], "held": goal}
+    known = {"way": off[rows, held - 1], "velocity": m.centre_velocity[rows, held], "held_block": goal}
     known |= {"axis": m.axis[rows, held, :2], "turning": m.angular_velocity[rows, held]}
     known |= {"base": m.centre[:, 0, :2], "base_axis": m.axis[:, 0, :2]}
     for k in range(1, blocks):
@@ -245,7 +249,7 @@ def of_several(task: Task, m: Any, x: np.ndarray, goal: np.ndarray) -> dict[str,
         values[..., :2] for values in (m.centre, m.centre_velocity, m.axis, m.angular_velocity)
     )
     names = {entry.name for entry in task.entries}
-    if "held" in names:
+    if "held_block" in names:
         return of_the_tower(m, x, goal)
     if "to_pocket" in names:
         return {"to_ball": level[:, 1] - level[:, 0], "to_pocket": goal - level[:, 1]}
@@ -254,10 +258,10 @@ def of_several(task: Task, m: Any, x: np.ndarray, goal: np.ndarray) -> dict[str,
         return known | {"turning": turning[:, 0], "place": goal[:, :2], "place_velocity": goal[:, 3:5]}
     if "paddle" in names:
         known = {"paddle": m.centre[:, 0], "paddle_velocity": m.centre_velocity[:, 0]}
-        known |= {"axis": axis[:, 0], "turning": turning[:, 0], "wanted": goal}
+        known |= {"axis": axis[:, 0], "turning": turning[:, 0], "wanted_height": goal}
         known |= {"ball": m.centre[:, 1], "ball_velocity": m.centre_velocity[:, 1]}
         height = m.centre[:, 1, 2] - juggle.BALL_RADIUS + m.centre_velocity[:, 1, 2] ** 2 / (2 * 9.81)
-        return known | {"error": np.clip(height[:, None] - goal, -1.0, 1.0)}
+        return known | {"height_offset": np.clip(height[:, None] - goal, -1.0, 1.0)}
     if "beside" in names:
         heading, away = m.side[:, 1, :2], level[:, 0] - level[:, 1]
         heading = heading / np.linalg.norm(heading, axis=1, keepdims=True)
@@ -285,7 +289,7 @@ def of_several(task: Task, m: Any, x: np.ndarray, goal: np.ndarray) -> dict[str,
 @each_row_but_a_duel
 def test_entries_are_what_is_observed(row: Row) -> None:
     """`Task.seen` gives back, in SI units, what the kernel has scaled."""
-    envs = gym.make_vec(row.id, num_envs=3, vectorization_mode="vector_entry_point", observation="frame")
+    envs = gym.make_vec(row.id, num_envs=3, vectorization_mode="vector_entry_point", observation="features")
     envs.reset(seed=0)
     rng = np.random.default_rng(0)
     for _ in range(4):  # after an even number, an episode of one step has begun
@@ -305,8 +309,16 @@ def test_entries_are_what_is_observed(row: Row) -> None:
 @each_row
 def test_outcomes_have_names(row: Row) -> None:
     task = task_type(row.id)()
-    assert task.outcome == (*(f"reward_{n}" for n in task.terms), *task.metrics, "met", "failed")
+    assert task.outcome == (*(f"reward_{n}" for n in task.terms), *task.metrics, "success", "terminated")
     assert len(set(task.outcome)) == len(task.outcome)
+
+
+@each_row
+def test_errors_are_numerical(row: Row) -> None:
+    """Of steps: in ``info`` and among reset options, a distance or an offset has another name."""
+    task, options = task_type(row.id)(), OptionsProbe()
+    task.draw_starts([np.random.default_rng(0)], [options], [NOMINAL])
+    assert not [name for name in (*task.reported, *options.names) if "error" in name]
 
 
 @pytest.mark.parametrize("env_id", ["SpringTop-v0", "SpringTumble-v0", "SpringShove-v0"])

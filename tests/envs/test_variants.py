@@ -62,16 +62,19 @@ def test_names_are_told_apart() -> None:
 )
 def test_a_classical_controller_does_it_and_doing_nothing_does_not(variant: Variant) -> None:
     env = make(variant.id)
-    idle = make_controller("zero", variant.id, {}, env.action_space)
+    idle = make_controller("noop", variant.id, {}, env.action_space)
     assert play(variant.id, idle, 16).successes.mean() <= 0.1
     assert controllers_of(variant.id)
     policy = make_controller("classical", variant.id, {}, env.action_space)
-    played = play(variant.id, policy, 16, observation="frame")
+    played = play(variant.id, policy, 16, observation="features")
     assert played.successes.mean() >= LEAST.get(variant.id, 0.5)
 
 
 def test_a_sparse_reward_is_whether_the_aim_is_met() -> None:
-    dense, sparse = make("SpringTop-v0", observation="frame"), make("SpringTopSparse-v0", observation="frame")
+    dense, sparse = (
+        make("SpringTop-v0", observation="features"),
+        make("SpringTopSparse-v0", observation="features"),
+    )
     act = make_controller("classical", "SpringTop-v0", {}, dense.action_space)
     observation, _ = dense.reset(seed=0)
     sparse.reset(seed=0)

@@ -29,7 +29,7 @@ def beads(
     step: float | None = None,
     **how: float,
 ) -> Simulator:
-    """Single particles of 1 kg, a copy each, by the paper's method or with another step of rk4."""
+    """Single particles of 1 kg, a copy each, by the paper's settings or with another step of rk4."""
     law = PaperContact(**{"strength": C, "reach": REACH, **how})  # type: ignore[arg-type]
     scene = Scene(BEAD, positions[:1], gravity=gravity, surfaces=(surface or floor(),), contact=law)
     options: Any = {"copies": max(2, len(positions)), "varying": ("friction",)}
@@ -162,7 +162,7 @@ def test_what_makes_no_sense_with_it_is_refused() -> None:
         Simulator(scene)
     with pytest.raises(ValueError, match="'restitution' cannot vary"):
         Simulator.paper(scene, varying=("restitution",))
-    with pytest.raises(ValueError, match=r"restitution is 0\.5; the paper's method has a damping"):
+    with pytest.raises(ValueError, match=r"restitution is 0\.5; the paper's settings have a damping"):
         Simulator.paper(scene.with_(contact=Contact(restitution=0.5, strength=C, reach=REACH)))
     with pytest.raises(ValueError, match="damping of the contact is -1"):
         PaperContact(damping=-1)

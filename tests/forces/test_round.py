@@ -125,7 +125,7 @@ def test_height_is_that_of_the_lowest_of_all_points(feature: Round) -> None:
     around = draw.normal(size=(200_000, 3))
     around /= np.linalg.norm(around, axis=1)[:, None]
     skin = feature.centre + (around * np.sqrt(np.maximum(squares, 0.0))) @ axes.T
-    x = start(body, turn=(0.5, -0.3, 0.2), position=(0, 0, 1.0)).positions
+    x = start(body, rotation=(0.5, -0.3, 0.2), position=(0, 0, 1.0)).positions
     plane = Plane((0, 0, 0), (0.1, -0.2, 1.0))
     lowest = plane.height(points_of(body.masses, body.positions, feature, skin) @ x).min()
     found = float(heights(body, x, plane)[0])
@@ -301,7 +301,7 @@ def test_tippe_top_is_the_rigid_one_and_turns_over() -> None:
     tippe = ellipsoid(
         3 * (0.02,), 0.02, (0.95 * moment, 0.95 * moment, moment), (0, 0, -0.004), stiffness=1e5, damping=0.0
     )
-    scene = on_hard_ground(tippe, 2e-5, 0.1, turn=(0, 0.1, 0), omega=(0, 0, 150))
+    scene = on_hard_ground(tippe, 2e-5, 0.1, rotation=(0, 0.1, 0), omega=(0, 0, 150))
     times, m = run(scene, 3.5, 100)
     tilt = np.arccos(m.axis[:, 2])
     _, _, _, frames = motion(
@@ -320,7 +320,7 @@ def test_tippe_top_is_the_rigid_one_and_turns_over() -> None:
 def test_spinning_egg_is_the_rigid_one_and_rises() -> None:
     """It slides, and the floor's force stays over half of its weight, so that it does not leave the floor."""
     egg = ellipsoid((0.022, 0.022, 0.03), 0.06, stiffness=1e5, damping=0.0)
-    scene = on_hard_ground(egg, 2e-5, 0.1, turn=(0, 1.37, 0), omega=(0, 0, 120))
+    scene = on_hard_ground(egg, 2e-5, 0.1, rotation=(0, 1.37, 0), omega=(0, 0, 120))
     times, m = run(scene, 2.0, 40)
     own = np.stack([m.side, np.cross(m.axis, m.side), m.axis], axis=2)
     long = own[0].T @ rotating((0, 1.37, 0))[:, 2]

@@ -65,7 +65,7 @@ SABOTAGE: dict[str, tuple[str, Change]] = {
     ),
     # pendulums and ropes: pushed aside, farther, more damped or less
     "pendulum": ("cube-pendulum", {"start.omega": [0, 0, 1]}),
-    "small_swings": ("irregular-pendulum", {"start.turn": [0.3, 0.3, 0]}),
+    "small_swings": ("irregular-pendulum", {"start.rotation": [0.3, 0.3, 0]}),
     "rope_stretch": ("rope-hanging", {"body.damping": 50}),
     "rope_modes": ("rope-pluck", {"start.kick.2": [2, 0, 0]}),
     "rope_swing": ("rope-swing", {"start.omega": [0, 0, 1]}),
@@ -86,7 +86,7 @@ SABOTAGE: dict[str, tuple[str, Change]] = {
     "slope": ("block-slides", {"start.omega": [0, 0, 6]}),
     "bowl_period": ("bowl-ball", {"start.position": [1.0, 0, 0.288]}),
     "pipe_period": ("pipe-ball", {"start.position": [1.0, -1, 0.288]}),
-    "impact": ("rubber-cube", {"start.turn": [0.3, 0.2, 0]}),
+    "impact": ("rubber-cube", {"start.rotation": [0.3, 0.2, 0]}),
     # what rolls: spun the wrong way, too soft, too slow to turn over, on ice, too slow to lie so
     "rolling": ("ball-rolls", {"start.omega": [0, 40, 0]}),
     "skidding": ("ball-skids", {"body.stiffness": 5e3}),

@@ -211,7 +211,7 @@ def test_kick_adds_to_the_velocity(read):
 
 
 def test_height_above_a_slope_and_at_rest(read):
-    text = BOX + "surfaces: [{kind: incline, angle: 0.3}]\nstart: {turn: [0, -0.3, 0], height: %s}"
+    text = BOX + "surfaces: [{kind: incline, angle: 0.3}]\nstart: {rotation: [0, -0.3, 0], height: %s}"
     slope = read(text % 0.4).scene
     assert slope.surfaces[0].height(slope.positions).min() == pytest.approx(0.4)
     rest = read(text % "rest").scene

@@ -245,7 +245,7 @@ def test_trace_as_text(tmp_path):
 def test_papers_method_is_one_switch(monkeypatch, capsys):
     seen = []
     monkeypatch.setattr(simulate, "record", lambda plan, **_: seen.append(plan) or record(plan))
-    assert main(["simulate", "block-holds", "--method", "paper", "--duration", "0.1"]) == 0
+    assert main(["simulate", "block-holds", "--preset", "paper", "--duration", "0.1"]) == 0
     plan = seen[0]
     assert (plan.integrator, plan.step) == ("rk4", 5e-4)
     assert plan.scene.contact == plan.paper
@@ -268,7 +268,7 @@ def test_papers_method_is_one_switch(monkeypatch, capsys):
         ([*SHORT, "--trace", "trace.txt"], "trace.txt: the name must end in .npz or .csv"),
         ([*SHORT, "--video", "film.avi"], "film.avi: the name must end in .mp4 or .gif"),
         ([*SHORT, "--plot", "nowhere/plot.png"], "there is no folder"),
-        ([*SHORT, "--method", "paper", "--integrator", "verlet"], "the paper's method is rk4"),
+        ([*SHORT, "--preset", "paper", "--integrator", "verlet"], "the paper's settings have rk4"),
     ],
 )
 def test_error_is_one_line_and_status_2(capsys, arguments, message):

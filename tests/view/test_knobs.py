@@ -59,7 +59,7 @@ def test_a_slider_changes_the_scene():
     assert abs(spun.scene.velocities).max() < 0.3 * abs(load("top").scene.velocities).max()
     rough = load("block-slides", {("contact", "friction"): 0.9})
     assert rough.scene.contact.friction == 0.9
-    steep = load("block-holds", {("surfaces", "0", "angle"): 0.6, ("start", "turn"): [0, -0.6, 0]})
+    steep = load("block-holds", {("surfaces", "0", "angle"): 0.6, ("start", "rotation"): [0, -0.6, 0]})
     assert steep.scene.surfaces[0].normal[2] == pytest.approx(math.cos(0.6))
 
 

@@ -11,7 +11,7 @@ from springgym.scenes import load
 from springgym.scenes.film import TURN_A_FRAME
 from springgym.scenes.plan import SPEEDS
 from springgym.scenes.recording import record
-from springgym.simulator import PAPER_METHOD
+from springgym.simulator import PAPER_SETTINGS
 from springgym.view.motion import of_recording
 from tests.params import slow_but
 
@@ -80,7 +80,7 @@ def test_contacts_of_colliding_bodies_are_recorded():
     assert all(part.contacts == () for part in told.parts)
     assert record(plan).contacts == ()
     block = load("block-holds")
-    other = replace(block, duration=0.1, scene=block.scene.with_(contact=block.paper), **PAPER_METHOD)
+    other = replace(block, duration=0.1, scene=block.scene.with_(contact=block.paper), **PAPER_SETTINGS)
     assert record(other, contacts=True).contacts == ()
     assert of_recording(record(other, contacts=True), twin=False).touches is None
 
@@ -153,7 +153,7 @@ def test_the_states_between_are_those_under_the_action(env_id):
 
 @pytest.mark.parametrize("env_id", slow_but(["SpringJuggle-v0", "SpringDuel-v0"], "SpringJuggle-v0"))
 def test_episodes_of_several_bodies_are_shown(env_id):
-    motion = played(find_agent("zero", env_id), 3)
+    motion = played(find_agent("noop", env_id), 3)
     assert np.isfinite(motion.positions).all()
     assert any(marks.text for marks in motion.marks)
 
@@ -161,7 +161,7 @@ def test_episodes_of_several_bodies_are_shown(env_id):
 @pytest.mark.slow
 def test_contacts_of_an_episode_hold_what_lies_on_them():
     """A box and a ball on the floor: together, their contacts push them up by their weight."""
-    motion = played(find_agent("zero", "SpringShove-v0"), 3)
+    motion = played(find_agent("noop", "SpringShove-v0"), 3)
     assert motion.touches is not None
     points, vectors, mutual = motion.touches
     assert len(points) == len(motion.times)
@@ -176,7 +176,7 @@ def test_contacts_of_an_episode_hold_what_lies_on_them():
 
 
 def test_what_touches_nothing_has_no_contacts():
-    assert played(find_agent("zero", "SpringTop-v0"), 3).touches is None
+    assert played(find_agent("noop", "SpringTop-v0"), 3).touches is None
 
 
 def test_an_episode_is_the_environment_s_own():
@@ -204,4 +204,4 @@ def test_unknown_agent(tmp_path):
     with pytest.raises(ValueError, match="neither a run folder"):
         find_agent(str(tmp_path), "SpringTop-v0")
     with pytest.raises(ValueError, match="no environment of springgym"):
-        played(find_agent("zero", "CartPole-v1"), 0)
+        played(find_agent("noop", "CartPole-v1"), 0)

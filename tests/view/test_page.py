@@ -311,6 +311,6 @@ def test_the_key_says_what_is_seen(page):
 def test_the_key_has_the_marks_of_an_environment(page):
     from springgym.view.episodes import find_agent, played
 
-    motion = played(find_agent("zero", "SpringTumble-v0"), 0)
+    motion = played(find_agent("noop", "SpringTumble-v0"), 0)
     page._show(motion)
     assert "target place, and the corner to point up" in page._key.content

@@ -57,7 +57,7 @@ def _late(recording: Recording) -> np.ndarray:
 def counted(recording: Recording) -> list[Check]:
     """Check that no contacts were detected too late, were too fast or did not fit into the lists."""
     pairs = recording.pairs
-    wrong = sum(float(of[-1].sum()) for of in (pairs.misses, pairs.too_fast, pairs.overflow))
+    wrong = sum(float(of[-1].sum()) for of in (pairs.late_contacts, pairs.too_fast, pairs.overflow))
     return [Check("contacts too late, too fast or left out", 0.0, wrong, 0.5, "")]
 
 
