@@ -415,7 +415,7 @@ def test_copies_that_no_state_can_be_set_into_are_refused() -> None:
         (state, None, ValueError, "the state is that of a single environment; name copies"),
         ({}, [0], ValueError, "it holds nothing"),
         (None, [0], ValueError, "it is None"),
-        (state | {"episodes": 3}, [0], ValueError, "state is not the state of an environment"),
+        (state | {"episodes": 3}, [0], ValueError, "state is not the state of a springgym environment"),
     ]
     for given, copies, kind, says in wrong:
         with pytest.raises(kind, match=says):
