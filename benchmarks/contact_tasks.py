@@ -1,9 +1,9 @@
 """MuJoCo beside the tasks with contact: what a user would take instead of springgym's bodies of springs.
 
-Each task is played in MuJoCo with rigid bodies. Their masses, centres and inertias are those of springgym's
-particles. They have the same start and end of episodes, and the same forces, because the task itself draws the
-starts, gives the forces of a control period, and judges where MuJoCo has moved its particles to. Only MuJoCo's
-steps are timed, so what it takes to observe, reward and reset is not counted against it.
+Each task is played in MuJoCo with rigid bodies. Their masses, centres and inertias are those of
+springgym's particles. They have the same start and end of episodes, and the same forces, because the task
+itself draws the starts, gives the forces of a control period, and judges where MuJoCo has moved its particles
+to. Only MuJoCo's steps are timed, so what it takes to observe, reward and reset is not counted against it.
 
 MuJoCo takes its own defaults: steps of 2 ms, Euler's method, pyramidal friction. Of its solvers, the fastest
 counts. Shapes are those that MuJoCo tests fastest. A contact acts within the same distance as springgym's,
@@ -11,18 +11,19 @@ with the same friction and restitution:
 
     k = `STIFFNESS`,   b = 2 ζ √k,   ζ = −ln e/√(π² + ln² e)
 
-are its stiffness and damping for a unit of mass. A step of 2 ms resolves the period of this spring in 22 steps.
+are its stiffness and damping for a unit of mass. The period of this spring takes 22 steps of 2 ms.
 
-Two shapes are simpler than the task's. Plates and paddles, which are hexagons, are disks. The bowl of the duel
-is a floor with a pull towards its middle, m g/R for each metre: what the slope of the bowl does to first order.
+Two things are simpler than in the task. Plates and paddles, which are hexagons, are disks. MuJoCo has no
+bowl, so a tendon as long as its radius keeps the tip of each top of the duel within it, without friction.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from itertools import combinations, product
-from typing import Any, NamedTuple
+from copy import deepcopy
+from itertools import combinations
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -43,9 +44,6 @@ TASKS = tuple(
     f"Spring{name}-v0" for name in ("Balance", "Shove", "Stack", "Juggle", "Labyrinth", "Tower", "Duel")
 )
 
-STEP = 2e-3
-"""MuJoCo's default step [s]."""
-
 SOLVERS = ("Newton", "CG", "PGS")
 """MuJoCo's solvers; the first is its default."""
 
@@ -58,23 +56,23 @@ FINER = 32
 COPIES = 16
 """Copies that MuJoCo plays in turn."""
 
-THIN, POINT = 5e-3, 1e-3
-"""Half of the thickness of a disk [m]; the radius of a tip [m]."""
+THIN = 5e-3
+"""Half of the thickness of a disk [m]."""
+
+UNTOUCHED = 'contype="0" conaffinity="0"'
+"""Only pairs that are named touch."""
+
+UNUSED = (5e-3, 1e-4, 1e-4)
+"""MuJoCo's default friction about and along axes, which contacts of three dimensions do not have."""
+
+JOINTS = {False: "<freejoint/>", True: '<joint type="ball"/>'}
+"""The joint of a body, by whether it has a pin."""
 
 LIKE = 2.0
 """A solver counts if its median error is at most this times that of the default one."""
 
 
 # --- Model --------------------------------------------------------------------------------------------
-
-
-class Geom(NamedTuple):
-    """A shape of a body in MuJoCo's XML."""
-
-    name: str
-    xml: str
-    meets_surfaces: bool
-    meets_bodies: bool
 
 
 def text(*values: float) -> str:
@@ -87,14 +85,10 @@ def centre_of(body: Body) -> np.ndarray:
     return np.asarray(body.masses @ body.positions / body.masses.sum())
 
 
-def anchor_of(placed: Placed, scene: Scene) -> np.ndarray:
-    """Return the point of a body at rest (3,) about which its joint turns it [m]: its pin, the tip of a top
-    that stands in a bowl, or else its centre of mass."""
-    if placed.pinned:
-        return placed.body.positions[placed.pinned[0]]
-    if bowl_of(scene) is not None:
-        return placed.body.positions[placed.body.particle("tip")]
-    return centre_of(placed.body)
+def anchor_of(placed: Placed) -> np.ndarray:
+    """Return the point of a body at rest (3,) about which its joint turns it [m]: its pin, or else its centre
+    of mass."""
+    return placed.body.positions[placed.pinned[0]] if placed.pinned else centre_of(placed.body)
 
 
 def bowl_of(scene: Scene) -> Bowl | None:
@@ -102,107 +96,94 @@ def bowl_of(scene: Scene) -> Bowl | None:
     return next((surface for surface in scene.surfaces if isinstance(surface, Bowl)), None)
 
 
-def geoms_of(placed: Placed, scene: Scene, origin: np.ndarray) -> Iterator[Geom]:
-    """Yield the shapes of a body, whose frame has its origin at a point (3,) of the body at rest [m]."""
-    body, name = placed.body, placed.name
+def geom_xml(placed: Placed, scene: Scene, origin: np.ndarray) -> str:
+    """Return the shape of a body in MuJoCo's XML; the frame has its origin at a point (3,) of the body at
+    rest [m]."""
+    body, middle = placed.body, centre_of(placed.body)
     if body.rounds:
         (ball,) = body.rounds
-        at = text(*(ball.centre - origin))
-        yield Geom(name, f'type="sphere" size="{text(ball.extent)}" pos="{at}"', True, True)
+        middle = ball.centre
+        shape = f'type="sphere" size="{text(ball.extent)}"'
     elif body.name == "box":
-        half = np.ptp(body.positions, axis=0) / 2
-        at = text(*(centre_of(body) - origin))
-        yield Geom(name, f'type="box" size="{text(*half)}" pos="{at}"', True, True)
+        shape = f'type="box" size="{text(*np.ptp(body.positions, axis=0) / 2)}"'
+    elif bowl_of(scene) is not None:  # a top, which may meet another with its rim or its cone
+        middle = origin
+        shape = 'type="mesh" mesh="top"'
     else:
-        ring, tip = body.positions[list(body.parts["ring"])], body.positions[body.particle("tip")]
-        middle = ring.mean(axis=0)
-        radius = float(np.linalg.norm(ring[0] - middle))
-        at = text(*(middle - (0.0, 0.0, THIN) - origin))
-        yield Geom(name, f'type="cylinder" size="{text(radius, THIN)}" pos="{at}"', False, True)
-        if scene.surfaces:
-            at = text(*(tip + (0.0, 0.0, POINT) - origin))
-            yield Geom(f"{name} tip", f'type="sphere" size="{text(POINT)}" pos="{at}"', True, False)
+        ring = body.positions[list(body.parts["ring"])]
+        middle = ring.mean(axis=0) - (0.0, 0.0, THIN)
+        shape = f'type="cylinder" size="{text(np.linalg.norm(ring[0] - ring.mean(axis=0)), THIN)}"'
+    return f'<geom name="{placed.name}" {shape} pos="{text(*(middle - origin))}" {UNTOUCHED}/>'
 
 
-def joints_of(placed: Placed, scene: Scene) -> str:
-    """Return the joints of a body in MuJoCo's XML; where it moves, they have the coordinates of a free one."""
-    if placed.pinned:
-        return '<joint type="ball"/>'
-    bowl = bowl_of(scene)
-    if bowl is None:
-        return "<freejoint/>"
-    assert scene.gravity is not None
-    pull = -placed.body.masses.sum() * scene.gravity[2] / bowl.radius
-    level = "".join(
-        f'<joint type="slide" axis="{axis}" stiffness="{text(pull)}"/>' for axis in ("1 0 0", "0 1 0")
-    )
-    return f'{level}<joint type="slide" axis="0 0 1"/><joint type="ball"/>'
-
-
-def pair_xml(one: Geom, other: Geom, contact: Contact) -> str:
-    """Return a pair of shapes that touch, in MuJoCo's XML."""
-    reach = contact.reach
-    assert reach is not None
-    friction = text(contact.friction, contact.friction, 5e-3, 1e-4, 1e-4)
+def solref_of(contact: Contact) -> str:
+    """Return −k, −b of a contact."""
     loss = -math.log(contact.restitution)
     share = loss / math.hypot(math.pi, loss)
-    solref = text(-STIFFNESS, -2 * share * math.sqrt(STIFFNESS))
+    return text(-STIFFNESS, -2 * share * math.sqrt(STIFFNESS))
+
+
+def pair_xml(one: str, other: str, contact: Contact) -> str:
+    """Return two shapes that touch, in MuJoCo's XML."""
+    friction = text(contact.friction, contact.friction, *UNUSED)
     return (
-        f'<pair geom1="{one.name}" geom2="{other.name}" condim="3" friction="{friction}" '
-        f'solref="{solref}" margin="{text(reach)}"/>'
+        f'<pair geom1="{one}" geom2="{other}" condim="3" friction="{friction}" '
+        f'solref="{solref_of(contact)}" margin="{text(contact.reach or 0.0)}"/>'
     )
 
 
-def model_xml(scene: Scene, step: float = STEP, solver: str = SOLVERS[0]) -> str:
+def body_xml(placed: Placed, scene: Scene) -> str:
+    """Return a body that moves, in MuJoCo's XML, with the mass and inertia of its particles."""
+    body, origin = placed.body, anchor_of(placed)
+    centre = centre_of(body)
+    about = inertia(body.positions - centre, body.masses)[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    site = f'<site name="{placed.name}" pos="{text(*(body.positions[-1] - origin))}"/>'
+    return (
+        f'<body name="{placed.name}">{JOINTS[bool(placed.pinned)]}{geom_xml(placed, scene, origin)}{site}'
+        f'<inertial pos="{text(*(centre - origin))}" mass="{text(body.masses.sum())}" '
+        f'fullinertia="{text(*about)}"/></body>'
+    )
+
+
+def model_xml(scene: Scene) -> str:
     """Return the rigid equivalent of a scene as MuJoCo's XML.
 
     Touching shapes are named in pairs, each with the friction and restitution of the scene.
     """
-    world, pairs = "", ""
-    moving: list[Geom] = []
-    fixed = [Geom("floor", "", True, False)] if scene.surfaces else []
-    if scene.surfaces:
-        world += f'<geom name="floor" type="plane" size="5 5 1" {UNTOUCHED}/>'
-    still = []
+    world, pairs, assets, tendons = "", "", "", ""
+    moving = [placed for placed in scene.bodies if not is_fixed(placed)]
     for placed in scene.bodies:
-        origin, body = anchor_of(placed, scene), placed.body
-        if len(placed.pinned) == len(body.masses):  # a fixed body
-            start = placed.positions - body.positions
-            (own,) = geoms_of(placed, scene, -start.mean(axis=0))
-            world += f'<geom name="{own.name}" {own.xml} {UNTOUCHED}/>'
-            still.append(own)
-            continue
-        geoms = [*geoms_of(placed, scene, origin)]
-        shapes = "".join(f'<geom name="{own.name}" {own.xml} {UNTOUCHED}/>' for own in geoms)
-        centre = centre_of(body)
-        about = inertia(body.positions - centre, body.masses)[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-        world += (
-            f'<body name="{placed.name}">{joints_of(placed, scene)}{shapes}<inertial '
-            f'pos="{text(*(centre - origin))}" mass="{text(body.masses.sum())}" '
-            f'fullinertia="{text(*about)}"/></body>'
+        if is_fixed(placed):
+            world += geom_xml(placed, scene, (placed.body.positions - placed.positions).mean(axis=0))
+        else:
+            world += body_xml(placed, scene)
+    if (bowl := bowl_of(scene)) is not None:
+        top = moving[0]
+        vertices = top.body.positions - anchor_of(top)
+        assets = f'<asset><mesh name="top" vertex="{text(*vertices.ravel())}"/></asset>'
+        world += f'<site name="bowl" pos="{text(*bowl.centre)}"/>'
+        reach, rebound = text(scene.contact.reach or 0.0), solref_of(scene.contact)
+        tendons = "".join(
+            f'<spatial limited="true" range="0 {text(bowl.radius)}" margin="{reach}" '
+            f'solreflimit="{rebound}"><site site="bowl"/><site site="{placed.name}"/></spatial>'
+            for placed in moving
         )
-        moving += geoms
-    for one, other in product(fixed, moving):
-        if other.meets_surfaces:
-            pairs += pair_xml(one, other, scene.contact)
-    for one, other in (*product(still, moving), *combinations(moving, 2)):
-        if one.meets_bodies and other.meets_bodies:
-            pairs += pair_xml(one, other, collisions_of(scene))
+    elif scene.surfaces:
+        world += f'<geom name="floor" type="plane" size="5 5 1" {UNTOUCHED}/>'
+        pairs = "".join(pair_xml("floor", placed.name, scene.contact) for placed in moving)
+    for one, other in combinations(scene.bodies, 2):
+        assert isinstance(scene.collisions, Contact)
+        pairs += pair_xml(one.name, other.name, scene.collisions)
     return (
-        f'<mujoco><compiler inertiafromgeom="false"/><option timestep="{text(step)}" solver="{solver}" '
-        f'gravity="{text(*(scene.gravity or (0, 0, 0)))}"/>'
-        f"<worldbody>{world}</worldbody><contact>{pairs}</contact></mujoco>"
+        f'<mujoco><compiler inertiafromgeom="false"/><option '
+        f'gravity="{text(*(scene.gravity or (0, 0, 0)))}"/>{assets}<worldbody>{world}</worldbody>'
+        f"<contact>{pairs}</contact><tendon>{tendons}</tendon></mujoco>"
     )
 
 
-UNTOUCHED = 'contype="0" conaffinity="0"'
-"""Only pairs that are named touch."""
-
-
-def collisions_of(scene: Scene) -> Contact:
-    """Return the contact between bodies of a scene that has some."""
-    assert isinstance(scene.collisions, Contact)
-    return scene.collisions
+def is_fixed(placed: Placed) -> bool:
+    """Return whether all particles of a body are pinned."""
+    return len(placed.pinned) == len(placed.body.masses)
 
 
 # --- Play ---------------------------------------------------------------------------------------------
@@ -215,9 +196,7 @@ class MuJoCoPlay:
     period; `run` takes this period.
     """
 
-    def __init__(
-        self, env_id: str, copies: int = COPIES, solver: str = SOLVERS[0], **options: Any
-    ) -> None:
+    def __init__(self, env_id: str, copies: int = COPIES, **options: Any) -> None:
         import mujoco
 
         how: dict[str, Any] = NATIVE | {"autoreset_mode": AutoresetMode.SAME_STEP} | options
@@ -228,16 +207,15 @@ class MuJoCoPlay:
         self.scene: Scene = self.at.task.scene
         self.at.steps = 0  # MuJoCo takes the steps
         self.at.elapsed[:] = fractions(self.at.max_episode_steps, copies)
-        self.solver = solver
-        self.model = self.model_of(STEP)
+        self.model = mujoco.MjModel.from_xml_string(model_xml(self.scene))
         self.data = [mujoco.MjData(self.model) for _ in range(copies)]
-        self.steps = round(self.at.task.period / STEP)
+        self.steps = round(self.at.task.period / self.model.opt.timestep)
         self.rng = np.random.default_rng(0)
         self.actions = np.zeros(self.envs.action_space.shape, np.float32)
         self.bodies = [
             (placed, own, self.model.body(placed.name).id)
             for placed, own in zip(self.scene.bodies, self.scene.slices, strict=True)
-            if len(placed.pinned) < len(placed.body.masses)
+            if not is_fixed(placed)
         ]
         self.place(np.arange(copies))
         self._act()
@@ -245,9 +223,9 @@ class MuJoCoPlay:
             self.run()
             self.begin()
 
-    def model_of(self, step: float) -> Any:
-        """Return MuJoCo's model with steps of another length [s]."""
-        return self.mujoco.MjModel.from_xml_string(model_xml(self.scene, step, self.solver))
+    def use(self, solver: str) -> None:
+        """Solve contacts by one of the `SOLVERS` from now on."""
+        self.model.opt.solver = getattr(self.mujoco.mjtSolver, f"mjSOL_{solver.upper()}")
 
     def run(self) -> None:
         """Take a control period of every copy."""
@@ -313,7 +291,7 @@ class MuJoCoPlay:
                 data.qvel[w : w + 3] = turning
 
     def _pose(self, placed: Placed, x: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Return position, quaternion, velocity, and angular velocity along its own axes, of a body's frame.
+        """Return centre of mass, quaternion, velocity, and angular velocity along its own axes, of a body.
 
         The rotation is that which brings its particles at rest nearest to the particles x, weighted by mass;
         the angular velocity is I⁻¹ L.
@@ -325,13 +303,9 @@ class MuJoCoPlay:
         turn = right.T @ proper @ left.T
         momentum = (masses * np.cross(x - centre, v - speed)).sum(axis=0)
         omega = np.linalg.solve(inertia(x - centre, body.masses), momentum)
-        arm = turn @ (anchor_of(placed, self.scene) - rest)
-        place = centre + arm
-        if (bowl := bowl_of(self.scene)) is not None:  # onto the floor
-            place[2] -= bowl.radius - math.sqrt(bowl.radius**2 - place[0] ** 2 - place[1] ** 2)
         quaternion = np.zeros(4)
         self.mujoco.mju_mat2Quat(quaternion, turn.ravel())
-        return place, quaternion, speed + np.cross(omega, arm), turn.T @ omega
+        return centre, quaternion, speed, turn.T @ omega
 
     def particles(self, data: Any) -> np.ndarray:
         """Return positions [m] and velocities [m/s] of the particles in a copy, (2, N, 3)."""
@@ -341,10 +315,8 @@ class MuJoCoPlay:
         moving = np.zeros(6)
         for placed, own, number in self.bodies:
             turn = data.xmat[number].reshape(3, 3)
-            arms = (placed.body.positions - anchor_of(placed, self.scene)) @ turn.T
-            self.mujoco.mj_objectVelocity(
-                self.model, data, self.mujoco.mjtObj.mjOBJ_XBODY, number, moving, 0
-            )
+            arms = (placed.body.positions - anchor_of(placed)) @ turn.T
+            self.mujoco.mj_objectVelocity(self.model, data, self.mujoco.mjtObj.mjOBJ_XBODY, number, moving, 0)
             x[own] = data.xpos[number] + arms
             v[own] = moving[3:] + np.cross(moving[:3], arms)
         return np.array([x, v])
@@ -352,7 +324,8 @@ class MuJoCoPlay:
     def errors(self, periods: int, finer: int = FINER) -> np.ndarray:
         """Return the errors of control periods: the largest distance of a particle from where finer steps of
         MuJoCo take it, over the size of its body."""
-        fine = self.model_of(STEP / finer)
+        fine = deepcopy(self.model)
+        fine.opt.timestep /= finer
         other = self.mujoco.MjData(fine)
         kind = self.mujoco.mjtState.mjSTATE_INTEGRATION
         state = np.zeros(self.mujoco.mj_stateSize(self.model, kind))
@@ -405,7 +378,9 @@ def compared(
             for case, own in zip(cases, found, strict=True)
             if case.what["environment"] == name
         }
-        best = max((own for own in speeds if own.startswith("MuJoCo")), key=lambda own: np.median(speeds[own]))
+        best = max(
+            (own for own in speeds if own.startswith("MuJoCo")), key=lambda own: np.median(speeds[own])
+        )
         for program in ("springgym", "springgym, single"):
             ratio = [one / other for one, other in zip(speeds[program], speeds[best], strict=True)]
             what = {"environment": name, "program": f"{program} / {best}"}
@@ -414,22 +389,29 @@ def compared(
 
 
 def cases_of(env_id: str, copies: int, periods: int, **options: Any) -> Iterator[Case]:
-    """Yield the measurements of a task: springgym's, and MuJoCo's by the solvers that err like its default."""
+    """Yield the measurements of a task: springgym's, and MuJoCo's by the solvers that err like its own."""
 
     def own(program: str, play: RandomPlay, copies: int) -> Case:
         what = {"environment": env_id, "program": program, "copies": copies}
         return Case(what, play.run, play.shape[0] * copies, play.begin)
 
     yield own("springgym", native(env_id, copies, **options), copies)
+    play = MuJoCoPlay(env_id, **options)
     usual = math.inf
     for solver in SOLVERS:
-        play = MuJoCoPlay(env_id, solver=solver, **options)
+
+        def begin(solver: str = solver) -> None:
+            play.use(solver)
+            play.begin()
+
+        begin()
         errors = play.errors(periods)
         median = float(np.median(errors))
         if solver == SOLVERS[0]:
             usual = median
         if median <= LIKE * usual:
-            facts = {"step_ms": 1e3 * STEP, "error": median, "largest": float(errors.max())}
+            step = 1e3 * play.model.opt.timestep
+            facts = {"step_ms": step, "error": median, "largest": float(errors.max())}
             what = {"environment": env_id, "program": f"MuJoCo {solver}", "copies": 1}
-            yield Case(what, play.run, len(play.data), play.begin, facts)
+            yield Case(what, play.run, len(play.data), begin, facts)
     yield own("springgym, single", single(env_id, **options), 1)

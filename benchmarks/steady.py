@@ -2,8 +2,8 @@
 
 Just after a reset all copies are alike: balls are at rest, tops have not met. A user meets what comes later.
 So the clocks of n copies start at fractions i/n of the time limit, and all play for one time limit before
-anything counts. Episodes that last as long as they may are then spread evenly; shorter ones have been followed
-by others many times.
+anything counts. Episodes that last as long as they may are then spread evenly; shorter ones have been
+followed by others many times.
 """
 
 from __future__ import annotations
@@ -106,5 +106,6 @@ def adapted(env_id: str, copies: int, **options: Any) -> RandomPlay:
 
 def limit_of(env: gym.Env[Any, Any]) -> int:
     """Return the time limit of an environment that `gymnasium.make` gave [steps]."""
-    assert env.spec is not None and env.spec.max_episode_steps is not None
+    assert env.spec is not None
+    assert env.spec.max_episode_steps is not None
     return env.spec.max_episode_steps
