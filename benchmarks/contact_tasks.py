@@ -201,6 +201,7 @@ class MuJoCoPlay:
 
         how: dict[str, Any] = NATIVE | {"autoreset_mode": AutoresetMode.SAME_STEP} | options
         self.mujoco = mujoco
+        self.kind = mujoco.mjtState.mjSTATE_INTEGRATION
         self.envs: Any = gym.make_vec(env_id, num_envs=copies, **how)
         self.envs.reset(seed=0)
         self.at = self.envs.unwrapped.episodes
@@ -231,6 +232,20 @@ class MuJoCoPlay:
         """Take a control period of every copy."""
         for data in self.data:
             self.mujoco.mj_step(self.model, data, self.steps)
+
+    def rehearse(self) -> None:
+        """Take a control period, and return to its start: MuJoCo then finds its data in the cache, as it would
+        if it played alone."""
+        for data in self.data:
+            state = self.state(data)
+            self.mujoco.mj_step(self.model, data, self.steps)
+            self.mujoco.mj_setState(self.model, data, state, self.kind)
+
+    def state(self, data: Any) -> np.ndarray:
+        """Return all of a copy on which its steps depend."""
+        state = np.zeros(self.mujoco.mj_stateSize(self.model, self.kind))
+        self.mujoco.mj_getState(self.model, data, state, self.kind)
+        return state
 
     def begin(self) -> None:
         """Judge the last control period, and set the forces of the next one."""
@@ -327,13 +342,10 @@ class MuJoCoPlay:
         fine = deepcopy(self.model)
         fine.opt.timestep /= finer
         other = self.mujoco.MjData(fine)
-        kind = self.mujoco.mjtState.mjSTATE_INTEGRATION
-        state = np.zeros(self.mujoco.mj_stateSize(self.model, kind))
         found = []
         for n in range(periods):
             one = self.data[n % len(self.data)]
-            self.mujoco.mj_getState(self.model, one, state, kind)
-            self.mujoco.mj_setState(fine, other, state, kind)
+            self.mujoco.mj_setState(fine, other, self.state(one), self.kind)
             self.run()
             self.mujoco.mj_step(fine, other, self.steps * finer)
             ends = (self.particles(data)[0][None] for data in (one, other))
@@ -403,6 +415,7 @@ def cases_of(env_id: str, copies: int, periods: int, **options: Any) -> Iterator
         def begin(solver: str = solver) -> None:
             play.use(solver)
             play.begin()
+            play.rehearse()
 
         begin()
         errors = play.errors(periods)
