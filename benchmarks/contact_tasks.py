@@ -219,7 +219,7 @@ class MuJoCoPlay:
             if not is_fixed(placed)
         ]
         self.place(np.arange(copies))
-        self._act()
+        self.act()
         for _ in range(self.at.max_episode_steps):
             self.run()
             self.begin()
@@ -234,8 +234,10 @@ class MuJoCoPlay:
             self.mujoco.mj_step(self.model, data, self.steps)
 
     def rehearse(self) -> None:
-        """Take a control period, and return to its start: MuJoCo then finds its data in the cache, as it would
-        if it played alone."""
+        """Take a control period, and return to its start.
+
+        MuJoCo then finds its data in the cache, as it would if it played alone.
+        """
         for data in self.data:
             state = self.state(data)
             self.mujoco.mj_step(self.model, data, self.steps)
@@ -254,9 +256,9 @@ class MuJoCoPlay:
         self.at.simulator.place(positions, velocities, check=False)
         *_, terminated, truncated, _ = self.envs.step(self.actions)
         self.place(np.flatnonzero(terminated | truncated))
-        self._act()
+        self.act()
 
-    def _act(self) -> None:
+    def act(self) -> None:
         """Draw actions, and give MuJoCo the forces that the task makes of them, until the end of a period."""
         self.actions = self.rng.uniform(-1, 1, self.actions.shape).astype(np.float32)
         self.at.action[:] = self.actions
@@ -372,8 +374,8 @@ def compared(
     tasks: tuple[str, ...],
     rounds: int,
     copies: int = 1024,
-    periods: int = 320,
-    seconds: float = 0.2,
+    periods: int = 160,
+    seconds: float = 0.1,
     **options: Any,
 ) -> list[Row]:
     """Return the rows of some tasks; the error of MuJoCo is over so many control periods."""

@@ -272,7 +272,7 @@ CONTACT_TASKS = "contact-tasks"
 
 
 def ratio_to_mujoco(report: Report, env_id: str, program: str) -> Report | None:
-    """Return the row that compares a program with the fastest solver of MuJoCo; None if it was not measured."""
+    """Return the row that compares a program with MuJoCo's fastest solver; None if it was not measured."""
     for own in report.get(CONTACT_TASKS, {}).get("rows", ()):
         if own["environment"] == env_id and own["program"].startswith(f"{program} / MuJoCo"):
             return dict(own)
