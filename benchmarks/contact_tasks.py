@@ -23,15 +23,15 @@ import math
 from collections.abc import Iterator, Mapping
 from copy import deepcopy
 from itertools import combinations
-from typing import Any
+from typing import Any, SupportsFloat
 
-import gymnasium as gym
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
 from benchmarks.conditions import progress
+from benchmarks.errors import batch
 from benchmarks.peers import has
-from benchmarks.steady import NATIVE, RandomPlay, fractions, native, single
+from benchmarks.steady import RandomPlay, fractions, native, single
 from benchmarks.timing import Case, Row, rates, row_over
 from springgym.bodies import Body
 from springgym.bodies.body import inertia
@@ -75,7 +75,7 @@ LIKE = 2.0
 # --- Model --------------------------------------------------------------------------------------------
 
 
-def text(*values: float) -> str:
+def text(*values: SupportsFloat) -> str:
     """Return numbers as in XML."""
     return " ".join(repr(float(value)) for value in values)
 
@@ -150,7 +150,9 @@ def model_xml(scene: Scene) -> str:
 
     Touching shapes are named in pairs, each with the friction and restitution of the scene.
     """
-    world, pairs, assets, tendons = "", "", "", ""
+    world = pairs = assets = tendons = ""
+    contact, collisions = scene.contact, scene.collisions
+    assert isinstance(contact, Contact)
     moving = [placed for placed in scene.bodies if not is_fixed(placed)]
     for placed in scene.bodies:
         if is_fixed(placed):
@@ -162,7 +164,7 @@ def model_xml(scene: Scene) -> str:
         vertices = top.body.positions - anchor_of(top)
         assets = f'<asset><mesh name="top" vertex="{text(*vertices.ravel())}"/></asset>'
         world += f'<site name="bowl" pos="{text(*bowl.centre)}"/>'
-        reach, rebound = text(scene.contact.reach or 0.0), solref_of(scene.contact)
+        reach, rebound = text(contact.reach or 0.0), solref_of(contact)
         tendons = "".join(
             f'<spatial limited="true" range="0 {text(bowl.radius)}" margin="{reach}" '
             f'solreflimit="{rebound}"><site site="bowl"/><site site="{placed.name}"/></spatial>'
@@ -170,10 +172,10 @@ def model_xml(scene: Scene) -> str:
         )
     elif scene.surfaces:
         world += f'<geom name="floor" type="plane" size="5 5 1" {UNTOUCHED}/>'
-        pairs = "".join(pair_xml("floor", placed.name, scene.contact) for placed in moving)
+        pairs = "".join(pair_xml("floor", placed.name, contact) for placed in moving)
     for one, other in combinations(scene.bodies, 2):
-        assert isinstance(scene.collisions, Contact)
-        pairs += pair_xml(one.name, other.name, scene.collisions)
+        assert isinstance(collisions, Contact)
+        pairs += pair_xml(one.name, other.name, collisions)
     return (
         f'<mujoco><compiler inertiafromgeom="false"/><option '
         f'gravity="{text(*(scene.gravity or (0, 0, 0)))}"/>{assets}<worldbody>{world}</worldbody>'
@@ -199,10 +201,9 @@ class MuJoCoPlay:
     def __init__(self, env_id: str, copies: int = COPIES, **options: Any) -> None:
         import mujoco
 
-        how: dict[str, Any] = NATIVE | {"autoreset_mode": AutoresetMode.SAME_STEP} | options
         self.mujoco = mujoco
         self.kind = mujoco.mjtState.mjSTATE_INTEGRATION
-        self.envs: Any = gym.make_vec(env_id, num_envs=copies, **how)
+        self.envs = batch(env_id, copies, autoreset_mode=AutoresetMode.SAME_STEP, **options)
         self.envs.reset(seed=0)
         self.at = self.envs.unwrapped.episodes
         self.scene: Scene = self.at.task.scene
@@ -260,7 +261,7 @@ class MuJoCoPlay:
 
     def act(self) -> None:
         """Draw actions, and give MuJoCo the forces that the task makes of them, until the end of a period."""
-        self.actions = self.rng.uniform(-1, 1, self.actions.shape).astype(np.float32)
+        self.actions = np.asarray(self.rng.uniform(-1, 1, self.actions.shape), np.float32)
         self.at.action[:] = self.actions
         driven = self.at.driven_by(self.at.action)
         positions = self.at.simulator.positions
@@ -350,8 +351,8 @@ class MuJoCoPlay:
             self.mujoco.mj_setState(fine, other, self.state(one), self.kind)
             self.run()
             self.mujoco.mj_step(fine, other, self.steps * finer)
-            ends = (self.particles(data)[0][None] for data in (one, other))
-            found.append(float(largest_distances(*ends, self.scene.sizes).max()))
+            end, there = (self.particles(data)[0][None] for data in (one, other))
+            found.append(float(largest_distances(end, there, self.scene.sizes).max()))
             self.begin()
         return np.array(found)
 

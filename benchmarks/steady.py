@@ -14,7 +14,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-NATIVE = {"vectorization_mode": "vector_entry_point"}
+from benchmarks.errors import batch
 
 
 def fractions(limit: int, copies: int) -> np.ndarray:
@@ -76,10 +76,9 @@ def single(env_id: str, **options: Any) -> SinglePlay:
 
 def native(env_id: str, copies: int, **options: Any) -> RandomPlay:
     """Return a native batch in steady play; a run takes 2 steps."""
-    how: dict[str, Any] = NATIVE | options
-    envs = gym.make_vec(env_id, num_envs=copies, **how)
+    envs = batch(env_id, copies, **options)
     envs.reset(seed=0)
-    episodes = envs.unwrapped.episodes  # type: ignore[attr-defined]
+    episodes = envs.unwrapped.episodes
     limit = episodes.max_episode_steps
     episodes.elapsed[:] = fractions(limit, copies)
     return RandomPlay(envs, envs.action_space.shape or (), 2).warmed(limit)
@@ -87,9 +86,9 @@ def native(env_id: str, copies: int, **options: Any) -> RandomPlay:
 
 def synchronous(env_id: str, copies: int, **options: Any) -> RandomPlay:
     """Return Gymnasium's `SyncVectorEnv` in steady play; a run takes 2 steps."""
-    envs = gym.make_vec(env_id, num_envs=copies, vectorization_mode="sync", **options)
+    envs: Any = gym.make_vec(env_id, num_envs=copies, vectorization_mode="sync", **options)
     envs.reset(seed=0)
-    limit = limit_of(envs.envs[0])  # type: ignore[attr-defined]
+    limit = limit_of(envs.envs[0])
     envs.set_attr("_elapsed_steps", fractions(limit, copies).tolist())  # of Gymnasium's `TimeLimit`
     return RandomPlay(envs, envs.action_space.shape or (), 2).warmed(limit)
 
