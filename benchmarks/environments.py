@@ -4,131 +4,97 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
-from itertools import cycle
+from math import ceil
 from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
-import numpy as np
 
+from benchmarks.peers import has
+from benchmarks.steady import RandomPlay, adapted, fractions, limit_of, native, single, synchronous
 from benchmarks.timing import Case, Row, measured
 from springgym.registration import ENVIRONMENTS
 
 if TYPE_CHECKING:
     from stable_baselines3.common.vec_env import VecEnv
 
-NATIVE = {"vectorization_mode": "vector_entry_point"}
 COLLECTED = 32
 """Steps of each copy in a rollout of PPO's."""
 
 
 def environments(rounds: int) -> list[Row]:
-    """Environment steps a second by random actions, resets included.
+    """Environment steps a second in steady play: random actions, resets included.
 
-    One is ``substeps`` steps of the integrator. "compiled alone" is the control period without the
-    environment around it. "PPO collects" is a rollout by Stable-Baselines3: policy, environments and buffer,
-    without learning. No error is stated here: the section `errors` has it.
+    Before anything counts, the copies have played for a time limit, from clocks at different fractions of it
+    (`benchmarks.steady`). One step is ``substeps`` steps of the integrator. "compiled alone" is the control
+    period without the environment around it. "PPO collects" is a rollout by Stable-Baselines3: policy,
+    environments and buffer, without learning. No error is stated here: the section `errors` has it.
     """
     with ExitStack() as stack:
-        cases = [case for row in ENVIRONMENTS for case in _cases(row.id, stack)]
-        return measured(cases, rounds, "env steps/s")
+        cases = [case for row in ENVIRONMENTS for case in cases_of(row.id, stack)]
+        return measured(cases, rounds, "env steps/s", seconds=0.1)
 
 
-def _cases(env_id: str, stack: ExitStack) -> Iterator[Case]:
-    """Yield the measurements of an environment; the stack closes what has to be closed."""
-    episodes = gym.make(env_id).unwrapped.episodes  # type: ignore[attr-defined]
+def cases_of(env_id: str, stack: ExitStack, most: int = 1024, **options: Any) -> Iterator[Case]:
+    """Yield the measurements of an environment; the stack closes what has to be closed.
+
+    ``most`` is the number of copies of the large batch; ``options`` are those of the environment.
+    """
+    env = gym.make(env_id, **options)
+    episodes = env.unwrapped.episodes  # type: ignore[attr-defined]
     facts = {"substeps": episodes.steps * episodes.task.periods}
 
-    def case(how: str, run: Callable[[], object], units: int, **what: int) -> Case:
-        return Case({"environment": env_id, "how": how} | what, run, units, facts=facts)
+    def case(how: str, play: RandomPlay, copies: int = 1, **what: int) -> Case:
+        many = {"copies": copies} if copies > 1 else {}
+        named = {"environment": env_id, "how": how} | many | what
+        return Case(named, play.run, play.shape[0] * copies, play.begin, facts)
 
     top = env_id == "SpringTop-v0"
-    yield case("single", _single(env_id), 20)
+    yield case("single", single(env_id, **options))
     if top:
-        yield _compiled_alone(env_id, 1, facts)
-    sync = gym.make_vec(env_id, num_envs=64, vectorization_mode="sync")
-    sync.reset(seed=0)
-    yield case("SyncVectorEnv", _stepping(sync, _actions(sync.action_space)), 128, copies=64)
-    for copies in (64, 1024):
+        yield compiled_alone(env_id, 1, facts, options)
+    yield case("SyncVectorEnv", synchronous(env_id, 64, **options), 64)
+    for copies in (64, most):
         for threads in (1, 2) if top else (1,):
-            run = _native(env_id, copies, threads)
-            yield case("native", run, 2 * copies, copies=copies, threads=threads)
+            play = native(env_id, copies, threads=threads, **options)
+            yield case("native", play, copies, threads=threads)
         if top:
-            yield _compiled_alone(env_id, copies, facts)
+            yield compiled_alone(env_id, copies, facts, options)
     if top:  # the most there is
         for threads in (1, 2):
-            run = _native(env_id, 4096, threads, dtype="float32")
-            what = {"environment": env_id, "how": "native, float32", "copies": 4096, "threads": threads}
-            yield Case(what, run, 2 * 4096, facts=facts)
-    try:
-        from springgym.envs.sb3 import make_sb3
-    except ImportError:
+            play = native(env_id, 4 * most, threads=threads, dtype="float32", **options)
+            yield case("native, float32", play, 4 * most, threads=threads)
+    if not has("stable_baselines3"):
         return
-    envs = make_sb3(env_id, num_envs=64, seed=0)
-    envs.reset()
-    yield case("SB3 adapter", _stepping(envs, _actions(envs.action_space, 64)), 128, copies=64)
+    yield case("SB3 adapter", adapted(env_id, 64, **options), 64)
     if top:
         from stable_baselines3.common.env_util import make_vec_env
         from stable_baselines3.common.vec_env import SubprocVecEnv
 
-        yield case("PPO collects, adapter", _collecting(make_sb3(env_id, 64, 0)), 64 * COLLECTED, copies=64)
-        single = {"env_id": env_id}
-        looped = make_vec_env(_made, 64, seed=0, env_kwargs=single)
-        yield case("PPO collects, DummyVecEnv", _collecting(looped), 64 * COLLECTED, copies=64)
-        processes = make_vec_env(_made, 8, seed=0, env_kwargs=single, vec_env_cls=SubprocVecEnv)
+        from springgym.envs.sb3 import make_sb3
+
+        given = {"env_id": env_id, **options}
+        adapter = make_sb3(env_id, 64, 0, stagger=True, env_kwargs=options)
+        looped = make_vec_env(_made, 64, seed=0, env_kwargs=given)
+        processes = make_vec_env(_made, 8, seed=0, env_kwargs=given, vec_env_cls=SubprocVecEnv)
         stack.callback(processes.close)
-        yield case("PPO collects, SubprocVecEnv", _collecting(processes), 8 * COLLECTED, copies=8)
+        for name, envs in (("adapter", adapter), ("DummyVecEnv", looped), ("SubprocVecEnv", processes)):
+            what = {"environment": env_id, "how": f"PPO collects, {name}", "copies": envs.num_envs}
+            run = collecting(envs, limit_of(env))
+            yield Case(what, run, envs.num_envs * COLLECTED, facts=facts)
 
 
-def _made(env_id: str) -> gym.Env[Any, Any]:
+def _made(env_id: str, **options: Any) -> gym.Env[Any, Any]:
     """Make an environment, also in another process, which finds it by importing this module."""
-    return gym.make(env_id)
+    return gym.make(env_id, **options)
 
 
-def _actions(space: Any, copies: int | None = None) -> np.ndarray:
-    """20 random actions, of so many copies."""
-    shape = space.shape if copies is None else (copies, *space.shape)
-    return np.random.default_rng(0).uniform(-1, 1, (20, *shape)).astype(np.float32)
+def compiled_alone(env_id: str, copies: int, facts: Mapping[str, Any], options: Mapping[str, Any]) -> Case:
+    """Return 2 control periods of the simulator of an environment in steady play, with what is read off then.
 
-
-def _single(env_id: str) -> Callable[[], None]:
-    """20 steps of an environment as `gymnasium.make` gives it."""
-    env = gym.make(env_id)
-    env.reset(seed=0)
-    actions = _actions(env.action_space)
-
-    def run() -> None:
-        for action in actions:
-            _, _, terminated, truncated, _ = env.step(action)
-            if terminated or truncated:
-                env.reset()
-
-    return run
-
-
-def _native(env_id: str, copies: int, threads: int, **options: object) -> Callable[[], None]:
-    """2 steps of a native batch."""
-    how: dict[str, Any] = NATIVE | {"threads": threads} | options
-    env = gym.make_vec(env_id, num_envs=copies, **how)
-    env.reset(seed=0)
-    return _stepping(env, _actions(env.action_space))
-
-
-def _stepping(envs: Any, actions: np.ndarray) -> Callable[[], None]:
-    """2 steps of many copies that have been reset, by actions in turn."""
-    turn = cycle(actions)
-
-    def run() -> None:
-        envs.step(next(turn))
-        envs.step(next(turn))
-
-    return run
-
-
-def _compiled_alone(env_id: str, copies: int, facts: Mapping[str, Any]) -> Case:
-    """2 control periods of an environment's simulator from its start, with what is read off then."""
-    env: Any = gym.make_vec(env_id, num_envs=copies, **NATIVE)  # type: ignore[arg-type]
-    env.reset(seed=0)
-    simulator, steps = env.episodes.simulator, env.episodes.steps
+    Each run begins from the same state.
+    """
+    episodes = native(env_id, copies, **options).envs.episodes
+    simulator, steps = episodes.simulator, episodes.steps
     began = simulator.state()
 
     def run() -> None:
@@ -139,12 +105,26 @@ def _compiled_alone(env_id: str, copies: int, facts: Mapping[str, Any]) -> Case:
     return Case(what, run, 2 * copies, lambda: simulator.restore(began), facts)
 
 
-def _collecting(envs: VecEnv) -> Callable[[], object]:
-    """Time a rollout of Stable-Baselines3's PPO: policy, environments and buffer, without learning."""
+def collecting(envs: VecEnv, limit: int) -> Callable[[], object]:
+    """Return a rollout of Stable-Baselines3's PPO: policy, environments and buffer, without learning.
+
+    The environments are in steady play, by the actions of the policy; ``limit`` is their time limit [steps].
+    """
     import torch
     from stable_baselines3 import PPO
+
+    from springgym.envs.sb3 import StaggeredMonitor
 
     torch.set_num_threads(1)  # the policy is small: threads cost more than they bring
     learner = PPO("MlpPolicy", envs, n_steps=COLLECTED, device="cpu", seed=0)
     _, callback = learner._setup_learn(total_timesteps=10**9)
-    return lambda: learner.collect_rollouts(envs, callback, learner.rollout_buffer, COLLECTED)
+    if not isinstance(envs, StaggeredMonitor):
+        for n, elapsed in enumerate(fractions(limit, envs.num_envs).tolist()):
+            envs.env_method("set_wrapper_attr", "_elapsed_steps", elapsed, indices=n)
+
+    def run() -> object:
+        return learner.collect_rollouts(envs, callback, learner.rollout_buffer, COLLECTED)
+
+    for _ in range(ceil(limit / COLLECTED)):
+        run()
+    return run

@@ -1,7 +1,8 @@
 """Speed and error on this machine, beside other programs: ``python -m benchmarks.speed``.
 
 Sections are functions that measure and return rows. A step is one of the integrator, unless a row says
-otherwise. `benchmarks.environments`, `benchmarks.errors` and `benchmarks.curves` hold those of environments.
+otherwise. `benchmarks.environments`, `benchmarks.contact_tasks`, `benchmarks.errors` and `benchmarks.curves`
+hold those of environments.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ import numpy as np
 
 from benchmarks import peers
 from benchmarks.conditions import conditions
+from benchmarks.contact_tasks import contact_tasks
 from benchmarks.curves import curves
 from benchmarks.environments import environments
 from benchmarks.errors import errors
@@ -292,6 +294,7 @@ def sizes(rounds: int) -> list[Row]:
 SECTIONS: dict[str, Callable[[int], list[Row]]] = {
     "kernel": kernel,
     "environments": environments,
+    "contact-tasks": contact_tasks,
     "errors": errors,
     "curves": curves,
     "features": features,

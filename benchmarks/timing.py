@@ -60,12 +60,25 @@ def named(what: Mapping[str, Any]) -> str:
 
 
 def measured(cases: Iterable[Case], rounds: int, unit: str, seconds: float = 0.02) -> list[Row]:
-    """Median, lowest and highest rate of each case over ``rounds`` rounds, taken in turn.
+    """Median, lowest and highest of the `rates` of each case over ``rounds`` rounds."""
+    cases = list(cases)
+    return [
+        row_over(case.what, own, unit, case.facts)
+        for case, own in zip(cases, rates(cases, rounds, seconds), strict=True)
+    ]
+
+
+def row_over(what: Mapping[str, Any], rounds: Sequence[float], unit: str, facts: Mapping[str, Any]) -> Row:
+    """Return the row of what was found in each round."""
+    return Row(what, median(rounds), min(rounds), max(rounds), unit, facts)
+
+
+def rates(cases: Sequence[Case], rounds: int, seconds: float = 0.02) -> list[list[float]]:
+    """Return the rate of each case in each of ``rounds`` rounds, in which they take turns.
 
     On a shared machine speeds drift: what is to be compared runs side by side. Each case runs once
     before it counts, which compiles it, and is repeated within a round until about ``seconds`` have passed.
     """
-    cases = list(cases)
     repeats = []
     for case in progress(cases, "compiling"):
         _spent(case, 1)
@@ -74,10 +87,7 @@ def measured(cases: Iterable[Case], rounds: int, unit: str, seconds: float = 0.0
     for _ in progress(range(rounds), "rounds"):
         for case, times, own in zip(cases, repeats, seen, strict=True):
             own.append(case.units * times / _spent(case, times))
-    return [
-        Row(case.what, median(own), min(own), max(own), unit, case.facts)
-        for case, own in zip(cases, seen, strict=True)
-    ]
+    return seen
 
 
 def _spent(case: Case, times: int) -> float:

@@ -35,6 +35,7 @@ import environments  # noqa: E402
 from benchmarks import speed as bench  # noqa: E402
 from benchmarks.accuracy import table as cheapest_methods  # noqa: E402
 from benchmarks.conditions import changed_since, conditions  # noqa: E402
+from benchmarks.contact_tasks import TASKS  # noqa: E402
 from benchmarks.ratios import like, ratios, speed  # noqa: E402
 from benchmarks.work_precision import cheapest  # noqa: E402
 from springgym.cli import guarded, significant, whole_file  # noqa: E402
@@ -267,6 +268,23 @@ def _faster(report: Report) -> str:
     return times(own / other)
 
 
+CONTACT_TASKS = "contact-tasks"
+
+
+def ratio_to_mujoco(report: Report, env_id: str, program: str) -> Report | None:
+    """Return the row that compares a program with MuJoCo's fastest solver; None if it was not measured."""
+    for own in report.get(CONTACT_TASKS, {}).get("rows", ()):
+        if own["environment"] == env_id and own["program"].startswith(f"{program} / MuJoCo"):
+            return dict(own)
+    return None
+
+
+def _beside_mujoco(report: Report, program: str) -> str:
+    """Write the least and the largest speed of a program over MuJoCo's, of all tasks with contact."""
+    rows = [ratio_to_mujoco(report, env_id, program) for env_id in TASKS]
+    return _span([own["median"] for own in rows if own], times) if any(rows) else "not yet"
+
+
 def _accuracy(problem: str, told: Callable[[float], str], field: str, method: str, step: float) -> Number:
     """A field of the row of a method whose step is nearest."""
 
@@ -335,6 +353,10 @@ NUMBERS: dict[str, Number] = {
     "rounds": lambda report: str(report["kernel"]["rounds"]),
     "top steps": _of("environments", str, "substeps", environment=TOP, how="single"),
     "top error": _of("errors", power, environment=TOP),
+    "top error, largest": _of("errors", power, "high", environment=TOP),
+    "error, largest": lambda report: power(
+        max(row(report, "errors", environment=env.id)["high"] for env in ENVIRONMENTS)
+    ),
     "top float32": _env(4096, 1, "median", F32),
     "top float32, 2 threads": _env(4096, 2, "median", F32),
     "top float32, 2 threads at most": _of(
@@ -367,6 +389,11 @@ NUMBERS: dict[str, Number] = {
         "default float64, 1 copies, 1 threads / MuJoCo's best, same springs and error"
     ),
     "MuJoCo RK4 step / Euler step": _longer,
+    "contact tasks / MuJoCo": lambda report: _beside_mujoco(report, "springgym"),
+    "single contact tasks / MuJoCo": lambda report: _beside_mujoco(report, "springgym, single"),
+    "measured contact tasks": lambda report: (
+        conditions_of(report[CONTACT_TASKS]) if CONTACT_TASKS in report else "not yet"
+    ),
     "RK4 error": _of("kernel", power, "error", method="rk4", precision="float64"),
     "Verlet error": _of("kernel", power, "error", method="verlet", precision="float64"),
     "Verlet error, one figure": _of(
@@ -461,8 +488,9 @@ def table_of_environments(report: Report) -> str:
     rows = []
     for env in ENVIRONMENTS:
         speeds = [speed(report, "environments", environment=env.id, **how) for how in hows]
-        error = row(report, "errors", environment=env.id)["median"]
-        rows.append([f"`{env.id}`", *("not yet" if n is None else grouped(n) for n in speeds), power(error)])
+        error = row(report, "errors", environment=env.id)
+        told = ("not yet" if n is None else grouped(n) for n in speeds)
+        rows.append([f"`{env.id}`", *told, power(error["median"]), power(error["high"])])
     head = [
         "environment steps per second",
         "single",
@@ -470,6 +498,7 @@ def table_of_environments(report: Report) -> str:
         "native, 64",
         "native, 1024",
         "median error of a step",
+        "largest error of a step",
     ]
     return table(head, rows)
 
@@ -480,21 +509,22 @@ def table_of_curves(report: Report) -> str:
     for env in ENVIRONMENTS:
         found = environments.trade(env.id, report)
         if found is None:
-            rows.append([f"`{env.id}`", *["not yet"] * 4])
+            rows.append([f"`{env.id}`", *["not yet"] * 5])
             continue
         finer = "not reached" if found.finer is None else f"× {found.finer:.1f}"
-        error = row(report, "errors", environment=env.id)["median"]
+        error = row(report, "errors", environment=env.id)
         rows.append(
             [
                 f"`{env.id}`",
-                power(error),
+                power(error["median"]),
+                power(error["high"]),
                 f"{significant(found.usual, 2)} µs",
                 finer,
                 f"{percent(found.saved)} %",
             ]
         )
     told = ["a tenth of the error costs", "ten times the error saves"]
-    head = ["environment", "median error", "a step costs", *told]
+    head = ["environment", "median error", "largest error", "a step costs", *told]
     return table(head, rows)
 
 
@@ -517,6 +547,46 @@ def table_of_equal_error(report: Report) -> str:
     return table(head, lines)
 
 
+def table_of_contact_tasks(report: Report) -> str:
+    """Environment steps per second of tasks with contact beside MuJoCo's, and the errors of both."""
+    lines = []
+    for env_id in TASKS:
+        ratio = ratio_to_mujoco(report, env_id, "springgym")
+        if ratio is None:
+            lines.append([f"`{env_id}`", *["not yet"] * 7])
+            continue
+        best = ratio["program"].removeprefix("springgym / ")
+        mujoco = row(report, CONTACT_TASKS, environment=env_id, program=best)
+        ours = (
+            row(report, CONTACT_TASKS, environment=env_id, program=program)["median"]
+            for program in ("springgym", "springgym, single")
+        )
+        error = row(report, "errors", environment=env_id)
+        spread = f"{times(ratio['low'])}–{times(ratio['high'])}"
+        lines.append(
+            [
+                f"`{env_id}`",
+                *(grouped(speed) for speed in ours),
+                grouped(mujoco["median"]),
+                best.removeprefix("MuJoCo "),
+                f"× {times(ratio['median'])} ({spread})",
+                f"{power(error['median'])}; {power(error['high'])}",
+                f"{power(mujoco['error'])}; {power(mujoco['largest'])}",
+            ]
+        )
+    head = [
+        "environment steps per second, one core",
+        "springgym, 1024",
+        "single",
+        "MuJoCo",
+        "by",
+        "1024 / MuJoCo (rounds)",
+        "error of springgym; largest",
+        "error of MuJoCo; largest",
+    ]
+    return table(head, lines)
+
+
 COLLIDING = ("bodies that may meet, apart", "tops rim to rim", "a cube's face on another's")
 
 
@@ -535,6 +605,7 @@ def table_of_collisions(report: Report) -> str:
 TABLES: dict[str, Callable[[Report], str]] = {
     "the paper's top": table_of_the_top,
     "environments": table_of_environments,
+    "contact tasks": table_of_contact_tasks,
     "curves": table_of_curves,
     "equal error": table_of_equal_error,
     "collisions": table_of_collisions,

@@ -77,6 +77,26 @@ def test_what_is_changed_by_hand_or_in_the_source_is_found() -> None:
         assert MEASURED.differences((ROOT / page).read_text(encoding="utf-8"), report)
 
 
+def test_tasks_beside_mujoco_have_the_errors_of_both() -> None:
+    """Of the solver that is named in the ratio; what was not measured is told."""
+    task = MEASURED.TASKS[0]
+    speeds = {"springgym": 5e4, "springgym, single": 4e3, "MuJoCo Newton": 2e4, "MuJoCo CG": 1.4e4}
+    errors = {"error": 1.2e-3, "largest": 3.4e-2}
+    rows = [{"environment": task, "program": name, "median": n} | errors for name, n in speeds.items()]
+    for name, ratio in (("springgym", 2.5), ("springgym, single", 0.2)):
+        span = {"median": ratio, "low": 0.9 * ratio, "high": 1.2 * ratio}
+        rows.append({"environment": task, "program": f"{name} / MuJoCo Newton"} | span)
+    report = REPORT | {MEASURED.CONTACT_TASKS: {"rows": rows}}
+    _, _, first, second, *_ = MEASURED.table_of_contact_tasks(report).split("\n")
+    own = MEASURED.row(REPORT, "errors", environment=task)
+    told = f"{MEASURED.power(own['median'])}; {MEASURED.power(own['high'])}"
+    speeds_told = "50,000 | 4,000 | 20,000 | Newton | × 2.5 (2.2–3)"
+    assert first == f"| `{task}` | {speeds_told} | {told} | 1.2e-3; 3.4e-2 |"
+    assert second.count("not yet") == 7
+    assert MEASURED.NUMBERS["contact tasks / MuJoCo"](report) == "2.5"
+    assert MEASURED.NUMBERS["single contact tasks / MuJoCo"](report) == "0.20"
+
+
 def test_a_line_does_not_begin_with_a_number() -> None:
     """Markdown would take it for a block of HTML."""
     right = f"<!--n:top steps-->{MEASURED.NUMBERS['top steps'](REPORT)}<!--/n-->"
@@ -92,6 +112,7 @@ def test_a_name_that_is_not_there_is_told() -> None:
 def test_speeds_are_of_one_processor() -> None:
     """They stand in one table, under one line that says where they were measured."""
     sections = ("kernel", "features", "peers", "equal-error", "sizes", "environments", "startup")
+    sections += tuple({MEASURED.CONTACT_TASKS} & set(REPORT))  # not measured yet
     where = {name: (REPORT[name]["measured"]["cpu"], REPORT[name]["measured"]["cores"]) for name in sections}
     assert len(set(where.values())) == 1, where
 
@@ -153,18 +174,24 @@ def test_a_commit_is_that_of_this_clone() -> None:
     assert conditions.changed_since("0000000")
 
 
+COMPARED = {"median error of a step", "largest error of a step", "median error", "largest error"}
+
+
 def test_a_measure_has_one_value_in_all_pages() -> None:
-    """Errors of an environment's step stand in tables of several pages."""
+    """Errors of an environment's step stand in tables of several pages, the largest beside the median."""
     found: dict[str, set[str]] = {}
     for page in (*MEASURED.PAGES, *sorted((ROOT / "docs" / "environments").glob("*.md"))):
         head: list[str] = []
         for line in page.read_text(encoding="utf-8").splitlines():
             cells = [cell.strip() for cell in line.strip("|").split("|")] if line.startswith("|") else []
             head = (head or cells) if cells else []
-            for name in {"median error of a step", "median error"} & set(head):
+            for name in COMPARED & set(head):
                 if cells and cells[0].startswith("`Spring") and (len(cells) == len(head)):
                     arguments = cells[head.index("arguments")] if "arguments" in head else ""
                     value = f"{float(cells[head.index(name)]):.1e}"
-                    found.setdefault(f"{cells[0]} {arguments}", set()).add(value)
-    assert len(found) >= len(ENVIRONMENTS)
+                    what = f"{cells[0]} {arguments} {name.removesuffix(' of a step')}"
+                    found.setdefault(what, set()).add(value)
+            if cells and any("median error" in name for name in head):  # it flatters, alone
+                assert any("largest error" in name for name in head), (page.name, head)
+    assert len(found) >= 2 * len(ENVIRONMENTS)
     assert {name: values for name, values in found.items() if len(values) > 1} == {}
