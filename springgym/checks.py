@@ -5,6 +5,8 @@
 - A whole number has an integer type. 2.0 and True are not whole numbers.
 - A flag is a bool.
 - An array has exactly one of the allowed shapes. Nothing is broadcast.
+- An array must not hide values by a mask: NumPy would use what is hidden.
+- Readings are measured numbers: they may be NaN or infinite, as after divergence.
 - Indices count from 0, and are never negative. A mask, one bool for each thing, stands for the indices of
   what it is True for.
 
@@ -15,13 +17,15 @@ messages name the argument, its value, and what it must be.
 from __future__ import annotations
 
 import difflib
+import functools
+import inspect
 import math
 import operator
 import os
 import stat
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable
 from numbers import Real
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -37,19 +41,24 @@ FLOAT, INDEX = np.dtype(np.float64), np.dtype(np.int64)
 FEW = 4096
 """Largest size of an array that BLAS processes on one thread."""
 
+Made = TypeVar("Made", bound=Callable[..., Any])
+
 
 def number(name: str, value: object, low: float = -HUGE, high: float = HUGE) -> float:
     """Return a number from ``low`` to ``high`` as a float; errors call it ``name``."""
     given: Any = value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
     given = given.item() if isinstance(given, np.generic) else given
     real = isinstance(given, Real) and not isinstance(given, bool)
-    return float(_within(name, value, given if real else None, "number", low, high))
+    try:
+        return float(_within(name, value, given if real else None, "number", low, high))
+    except OverflowError:  # of a whole number
+        raise ValueError(_wrong(name, value, _range("number", low, high))) from None
 
 
 def whole(name: str, value: Any, low: int = 0, high: float = MANY) -> int:
     """Return a whole number from ``low`` to ``high`` as an int; errors call it ``name``."""
     try:
-        given = operator.index(value)
+        given = None if hides(value) else operator.index(value)
     except TypeError:
         given = None
     return _within(name, value, None if isinstance(value, bool) else given, "whole number", low, high)
@@ -125,6 +134,21 @@ def array(
         where = np.argwhere(~within)[0].tolist()
         raise ValueError(_wrong(f"{name}{where or ''}", given[tuple(where)], _range("number", low, high)))
     return floats
+
+
+def readings(name: str, value: object, *shapes: tuple[int | None, ...]) -> np.ndarray:
+    """Return measured numbers as an array of float64: some may be NaN or infinite, as after divergence."""
+    given = _shaped(name, value, shapes)
+    if given.dtype.kind not in "iuf":
+        raise TypeError(_wrong(name, value, "an array of numbers"))
+    return np.asarray(given, np.float64)
+
+
+def function(name: str, value: Any) -> Any:
+    """Return something that can be called; errors call it ``name``."""
+    if not callable(value):
+        raise TypeError(_wrong(name, value, "a function"))
+    return value
 
 
 def direction(name: str, value: object) -> np.ndarray:
@@ -206,6 +230,47 @@ def sum_of_squares(values: np.ndarray) -> float:
         return float(np.square(values).sum())
 
 
+def refuse_unknown(what: str, given: Iterable[str], *takers: Callable[..., Any]) -> None:
+    """Raise TypeError for arguments that are not in the signature of the first function.
+
+    Raises
+    ------
+    TypeError
+        The message names the argument, and a similar one of any of the functions, or all of them.
+    """
+    each = [inspect.signature(taker).parameters.values() for taker in takers]
+    named = (inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+    names = [[one.name for one in parameters if one.kind in named] for parameters in each]
+    for name in given:
+        if name not in names[0]:
+            known = [one for listed in names for one in listed if one != "self"]
+            raise TypeError(f"{what} has no argument {name!r}{suggestion(name, dict.fromkeys(known))}")
+
+
+def refusing_unknown(made: Made) -> Made:
+    """Decorate a public function or class, so that an unknown argument is refused by `refuse_unknown`.
+
+    Right calls cost one more call of a function, and signatures do not change.
+    """
+    called: Any = made.__init__ if isinstance(made, type) else made  # type: ignore[misc]
+
+    @functools.wraps(called)
+    def call(*given: Any, **named: Any) -> Any:
+        try:
+            return called(*given, **named)
+        except TypeError:
+            try:
+                refuse_unknown(made.__name__, named, made)
+            except TypeError as refusal:
+                raise refusal from None
+            raise
+
+    if not isinstance(made, type):
+        return call  # type: ignore[return-value]
+    made.__init__ = call  # type: ignore[misc]
+    return made
+
+
 def suggestion(key: object, known: Iterable[str]) -> str:
     """Return the end of a message about an unknown name: a similar name, one that it begins, or all names."""
     names = list(known)
@@ -224,6 +289,13 @@ def shown(value: object) -> str:
     except Exception:  # the repr of a foreign class may fail, and an int may have too many digits
         written = f"a {type(value).__name__}"
     return written if len(written) <= 80 else f"{written[:79]}…"
+
+
+def hides(value: object) -> bool:
+    """Return whether an array, or one in nested lists, hides values by a mask."""
+    if isinstance(value, (list, tuple)):
+        return any(map(hides, value))
+    return isinstance(value, np.ma.MaskedArray) and bool(np.ma.is_masked(value))
 
 
 def _wrong(name: str, value: object, must: str) -> str:
@@ -245,6 +317,8 @@ def _shaped(name: str, value: object, shapes: tuple[tuple[int | None, ...], ...]
     """Return a value as an array of one of some shapes, of any type."""
     if value.__class__ is np.ndarray and fits(value.shape, shapes):
         return value
+    if hides(value):
+        raise ValueError(_wrong(name, value, "an array without hidden values"))
     try:
         given = np.asarray(value)
     except ValueError:
@@ -281,7 +355,7 @@ def _shapes(shapes: tuple[tuple[int | None, ...], ...]) -> str:
 
 
 def _shape(shape: tuple[int | None, ...]) -> str:
-    lengths = str(tuple(n or "nmk"[axis] for axis, n in enumerate(shape)))
+    lengths = str(tuple("nmk"[axis] if n is None else n for axis, n in enumerate(shape)))
     return lengths.replace("'", "") if shape else "() (a number)"
 
 

@@ -9,7 +9,7 @@ from typing import Self
 
 import numpy as np
 
-from springgym.checks import TINY, instance, number, shown
+from springgym.checks import TINY, instance, number, refusing_unknown, shown
 from springgym.theory import solid
 
 MODULI = ("young_r", "young_t", "shear_lr", "shear_lt", "shear_rt")
@@ -22,6 +22,7 @@ SOFTEST = 1e12
 """Largest factor by which a material can be made softer or stiffer."""
 
 
+@refusing_unknown
 @dataclass(frozen=True)
 class Grain:
     """The properties of wood across its grain, radially (R, from the pith) and tangentially (T, along rings).
@@ -52,6 +53,7 @@ class Grain:
             object.__setattr__(self, name, number(f"{name} of a grain", getattr(self, name)))
 
 
+@refusing_unknown
 @dataclass(frozen=True)
 class Material:
     """An elastic material with internal friction.

@@ -11,6 +11,8 @@ from typing import Any, Literal, NamedTuple
 import gymnasium as gym
 from gymnasium.envs.registration import EnvSpec
 
+from springgym.checks import instance
+
 Tier = Literal["easy", "medium", "hard", "very hard", "sparse"]
 """The difficulty of a task. Linear control solves "easy". PPO solves "medium" with the
 hyperparameters of the package, and most of "hard". PPO does not solve "very hard", though it can be solved.
@@ -124,6 +126,7 @@ ALL_IDS = (*(row.id for row in ENVIRONMENTS), *(variant.id for variant in VARIAN
 
 def find(env_id: str) -> tuple[Row, dict[str, Any]] | None:
     """Return the environment of an id, and the arguments of its variant; None for ids of other packages."""
+    instance("env_id", env_id, str)
     variant = next((variant for variant in VARIANTS if variant.id == env_id), None)
     of = env_id if variant is None else variant.of
     row = next((row for row in ENVIRONMENTS if row.id == of), None)
@@ -136,6 +139,7 @@ class UnknownEnvironment(gym.error.NameNotFound, ValueError):
 
 def nearest_id(env_id: str) -> str | None:
     """Return the registered id most similar to an id, versions apart; None if none is similar."""
+    instance("env_id", env_id, str)
     ids = {known.partition("-v")[0].lower(): known for known in gym.registry}
     return next((ids[one] for one in get_close_matches(env_id.partition("-v")[0].lower(), ids, 1, 0.7)), None)
 
@@ -145,10 +149,12 @@ def spec_of(env_id: str) -> EnvSpec:
 
     Raises
     ------
+    TypeError
+        If the id is not a string.
     UnknownEnvironment
         If there is no such environment.
     """
-    module, _, name = env_id.rpartition(":")
+    module, _, name = instance("env_id", env_id, str).rpartition(":")
     why = f"If a module of yours registers it, write {module or 'MODULE'}:{name}"
     try:
         if module:

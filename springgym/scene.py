@@ -14,7 +14,19 @@ from typing import Any, Self
 import numpy as np
 
 from springgym.bodies import Body
-from springgym.checks import TINY, array, chosen, flag, indices, instance, number, shown, whole, whole_array
+from springgym.checks import (
+    TINY,
+    array,
+    chosen,
+    flag,
+    indices,
+    instance,
+    number,
+    refusing_unknown,
+    shown,
+    whole,
+    whole_array,
+)
 from springgym.collisions import Collisions, Meetings, Shape, as_met, check_apart, meetings, shape
 from springgym.collisions.meeting import ALL, BodyRef, Meeting
 from springgym.identity import digest
@@ -41,6 +53,7 @@ MOST_LISTED = 20
 """Largest number of bodies, and of pairs, that the `repr` of a scene lists."""
 
 
+@refusing_unknown
 @dataclass(frozen=True)
 class WrenchActuator:
     """Apply a force and a torque to the body.
@@ -55,6 +68,7 @@ class WrenchActuator:
         object.__setattr__(self, "perpendicular", flag("perpendicular of a wrench", self.perpendicular))
 
 
+@refusing_unknown
 @dataclass(frozen=True)
 class ThrustActuator:
     """Apply forces to named particles, along the world's axes or, if ``turns``, along the body's triad."""
@@ -68,6 +82,7 @@ class ThrustActuator:
         object.__setattr__(self, "turns", flag("turns of a thrust", self.turns))
 
 
+@refusing_unknown
 @dataclass(frozen=True)
 class DriveActuator:
     """Accelerate a pinned particle, and limit each component of its velocity [m/s]."""
@@ -80,6 +95,7 @@ class DriveActuator:
         object.__setattr__(self, "speed", number("speed of a drive", self.speed, low=TINY))
 
 
+@refusing_unknown
 @dataclass(frozen=True, eq=False)
 class Placed(ReadOnly):
     """A body in a scene, with its initial state, pins, actuators and forces.
@@ -249,6 +265,7 @@ OF_A_BODY = ("positions", "masses", "springs", "stiffness", "damping", "lengths"
 """These arrays of a body decide how it moves and how it is measured."""
 
 
+@refusing_unknown
 @dataclass(frozen=True, eq=False)
 class Scene(ReadOnly):
     """A scene: bodies, their start, and what acts on them.
@@ -720,14 +737,32 @@ class Scene(ReadOnly):
 
         In a scene of one body, changes to fields of the body, such as ``positions``, also change ``bodies``.
         ``bodies`` replaces all of these fields.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If `Scene` refuses the fields, or a new body has another number of particles than the positions or
+            velocities that are kept.
         """
         kept = {own.name: getattr(self, own.name) for own in fields(self) if own.name not in OWN}
         if len(self.bodies) == 1 and "bodies" not in changes:
             (placed,) = self.bodies
+            self._check_kept(changes)
             own = {name: changes.pop(name, getattr(placed, name)) for name in OWN}
             own["name"] = None if placed.name == placed.body.name else placed.name
             kept["bodies"] = (Placed(**own),)
         return type(self)(**{**kept, **changes})
+
+    def _check_kept(self, changes: dict[str, Any]) -> None:
+        """Raise ValueError for a new body whose particles are not those of the start that is kept."""
+        body, count = changes.get("body"), len(self.positions)
+        kept = [name for name in ("positions", "velocities") if name not in changes]
+        if kept and isinstance(body, Body) and len(body.masses) != count:
+            raise ValueError(
+                f"body is {shown(body)}, of {len(body.masses)} particles; it must have {count}, as many as "
+                f"the {kept[0]} that the scene keeps, unless you change {' and '.join(kept)}, too (None: the "
+                "body's shape, at rest)"
+            )
 
     def _pairs(self) -> str:
         """Return the names of the bodies that may collide, or the number of pairs if they are many."""

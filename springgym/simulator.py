@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
 from springgym import checks, contacts, measures, packing, stability
-from springgym.checks import FLOAT, HUGE, INDEX, MANY, TINY
+from springgym.checks import FLOAT, HUGE, INDEX, MANY, TINY, refusing_unknown
 from springgym.contact import totals
 from springgym.contact.overlap import find_overlaps, outlines
 from springgym.contact.solver import QUICK
@@ -111,6 +111,7 @@ UNRESOLVED = ("raise", "count")
 """Options of `Simulator.advance` for contacts that a step cannot resolve."""
 
 
+@refusing_unknown
 class Simulator:
     """Simulate copies of a scene. Attributes that the constructor sets are read-only.
 
@@ -1196,7 +1197,7 @@ def most_copies(scene: Scene) -> int:
 def _warn(what: str) -> None:
     """Warn at the line that called the simulator."""
     level = 1
-    while sys._getframe(level - 1).f_globals["__name__"] in (__name__, Guard.__module__):
+    while sys._getframe(level - 1).f_globals["__name__"] in (__name__, Guard.__module__, checks.__name__):
         level += 1
     warnings.warn(what, PrecisionWarning, stacklevel=level)
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from springgym.bodies.elasticity import spring_force_and_jacobian
-from springgym.checks import TINY
+from springgym.checks import TINY, array, flag, instance, number, whole
 from springgym.forces.cycle import FIRST
 from springgym.integrators.record import Integrator
 from springgym.scene import Scene
@@ -46,6 +46,9 @@ SAMPLE = 17
 LONGEST_CYCLE = 10
 """Largest number of steps in a cycle."""
 
+LONGEST = 10**12
+"""Largest number of steps in a period or a cycle that is considered."""
+
 SWEEP, TURN = 0.8, 0.45
 """Costs of a sweep of dampers and of an application of the wrench, relative to the rest of a top's step."""
 
@@ -59,7 +62,7 @@ def highest_frequency(scene: Scene) -> float:
 
 def _different(scene: Scene) -> Collection[Scene]:
     """Return the different ones of a scene's bodies, each as a scene: equal ones have the same vibrations."""
-    each = zip(scene.kinds, scene.parts, strict=True)
+    each = zip(instance("scene", scene, Scene).kinds, scene.parts, strict=True)
     return {(kind, part.pinned): part for kind, part in each}.values()
 
 
@@ -82,6 +85,7 @@ def _weighted(part: Scene, constants: np.ndarray) -> np.ndarray:
 
 def largest_step(scene: Scene, integrator: Integrator) -> float:
     """Return the stability limit of an integrator in a scene [s], from ω_max and the decay rate."""
+    instance("integrator", integrator, Integrator)
     limits = [math.inf]
     if (frequency := highest_frequency(scene)) > 0:
         limits.append(integrator.imaginary_limit / frequency)
@@ -92,7 +96,7 @@ def largest_step(scene: Scene, integrator: Integrator) -> float:
 
 def is_unstable(step: float, limit: float) -> bool:
     """Return whether a step [s] is refused for a stability limit [s]."""
-    return step > REFUSED * limit
+    return number("step", step) > REFUSED * number("limit", limit, 0.0, math.inf)
 
 
 def automatic_step(scene: Scene, integrator: Integrator, period: float | None = None) -> float:
@@ -105,7 +109,7 @@ def automatic_step(scene: Scene, integrator: Integrator, period: float | None = 
         step = min(step, DECAY / rate)
     if not math.isfinite(step):
         step = 1e-3
-    return step if period is None else period / math.ceil(period / step - 1e-9)
+    return step if period is None else number("period", period, TINY) / math.ceil(period / step - 1e-9)
 
 
 class Vibrations(NamedTuple):
@@ -136,21 +140,29 @@ def vibrations(scene: Scene) -> Vibrations:
 
 def varied(of: Vibrations, factors: Mapping[str, Sequence[float]]) -> Vibrations:
     """Return a sample of the vibrations of bodies whose `VARIED` are multiplied by factors (low, high)."""
-    masses, stiffness, damping = (np.array(factors.get(name, (1.0, 1.0))) for name in VARIED)
+    frequency, rate, slowness = instance("of", of, Vibrations)
+    ranges = instance("factors", factors, Mapping)
+    masses, stiffness, damping = (
+        array(
+            f"factors[{name!r}]", ranges.get(name, (1.0, 1.0)), (2,), low=0.0 if name == "damping" else TINY
+        )
+        for name in VARIED
+    )
     slowest, fastest = np.sqrt(stiffness / masses[::-1])
     faster = np.unique(np.geomspace(slowest, fastest, SAMPLE))
     more = np.unique(damping / masses[::-1])
     faster, more = (values.ravel() for values in np.meshgrid(faster, more))
     return Vibrations(
-        np.outer(faster, of.frequency).ravel(),
-        np.outer(more, of.rate).ravel(),
-        of.slowness * damping[1] / stiffness[0],
+        np.outer(faster, frequency).ravel(),
+        np.outer(more, rate).ravel(),
+        slowness * damping[1] / stiffness[0],
     )
 
 
 def damps_each_step(scene: Scene, integrator: Integrator) -> str:
     """Return the reason why dampers and wrench must act in every step of a scene; empty if there is none."""
-    if not integrator.cycles:
+    instance("scene", scene, Scene)
+    if not instance("integrator", integrator, Integrator).cycles:
         return f"{integrator.name} cannot run dampers in cycles"
     if any(placed.body.floppy for placed in scene.bodies):
         return "dampers act on the motion of a floppy body, not on vibrations alone"
@@ -176,6 +188,8 @@ def cycles_harmless(of: Vibrations, step: float, every: int) -> bool:
     matrix, whose spectral radius is the fraction of the vibration that remains. No vibration may last longer
     than `RINGING` times as long as the slowest does if dampers act in every step.
     """
+    instance("of", of, Vibrations)
+    step, every = number("step", step, TINY), whole("every", every, 1, LONGEST)
     if every**2 * of.slowness * FINE_TURN > step:
         return False
     turn = 2 * np.arcsin(np.minimum(of.frequency * step / 2, 1.0))
@@ -202,6 +216,9 @@ def cycles_in(of: Vibrations, period: float, steps: int, exactly: bool) -> tuple
     that began in different periods would sweep in different directions, and their block would need two
     sweeps.
     """
+    instance("of", of, Vibrations)
+    period, steps = number("period", period, TINY), whole("steps", steps, 1, LONGEST)
+    exactly = flag("exactly", exactly)
     cost = {(steps, 1): steps * (1 + SWEEP + TURN)}
     for every in range(2, LONGEST_CYCLE + 1, 2):
         least = -(-steps // every)
@@ -224,6 +241,7 @@ def steps_in(period: float, step: float) -> int:
     ValueError
         If the number is not whole.
     """
+    period, step = number("period", period, TINY), number("step", step, TINY)
     steps = round(period / step)
     if steps < 1 or abs(steps * step - period) > 1e-9 * period:
         raise ValueError(

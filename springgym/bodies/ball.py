@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from springgym.bodies.body import Body
-from springgym.checks import TINY, number
+from springgym.checks import TINY, number, refusing_unknown
 
 
+@refusing_unknown
 def ball(radius: float = 0.1, mass: float = 1.0) -> Body:
     """Make a ball that is a single particle at the origin.
 

@@ -13,7 +13,17 @@ from numpy.typing import ArrayLike
 from springgym.bodies import surface
 from springgym.bodies.elastic import Cable, Elastic
 from springgym.bodies.round import Round, weights
-from springgym.checks import TINY, array, flag, indices, instance, number, shown, whole_array
+from springgym.checks import (
+    TINY,
+    array,
+    flag,
+    indices,
+    instance,
+    number,
+    refusing_unknown,
+    shown,
+    whole_array,
+)
 from springgym.records import ReadOnly, read_only
 
 MOST_PARTICLES, MOST_SPRINGS = 1000, 20_000
@@ -25,6 +35,10 @@ EXACT = 400
 
 PHYSICAL = ("positions", "masses", "springs", "stiffness", "damping", "lengths")
 """Fields of a `Body` that decide how it moves."""
+
+
+OF_EACH = {"positions": ("masses",), "springs": ("stiffness", "damping", "lengths")}
+"""Fields of a `Body` with a row for each particle or spring, and those that have a number for each row."""
 
 
 class Parts(Mapping[str, tuple[int, ...]]):
@@ -46,6 +60,7 @@ class Parts(Mapping[str, tuple[int, ...]]):
         return repr(self._named)
 
 
+@refusing_unknown
 @dataclass(frozen=True, eq=False)
 class Body(ReadOnly):
     """A body: its particles and springs, checked once when it is made.
@@ -237,9 +252,22 @@ class Body(ReadOnly):
         """Return a copy with some fields changed, and check it.
 
         With other particles or springs, the copy has no ``solid``, unless you give one.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If `Body` refuses the fields, or they do not fit those that are kept; the message names them.
         """
         if not changes.keys().isdisjoint(PHYSICAL):
             changes = {"solid": None} | changes
+        for name, others in OF_EACH.items():
+            kept = [other for other in others if other not in changes]
+            given, count = changes.get(name), len(getattr(self, name))
+            if kept and _rows(given) not in (None, count):
+                raise ValueError(
+                    f"{name} is {shown(given)}, of {_rows(given)} rows; it must have {count}, as many as the "
+                    f"{kept[0]} that the body keeps, unless you change {', '.join(kept)}, too"
+                )
         return replace(self, **changes)
 
     @cached_property
@@ -324,6 +352,13 @@ class Body(ReadOnly):
             f"{self.mass:g} kg in all; {springs}{', floppy' if self.floppy else ''}; "
             f"parts: {', '.join(self.parts) or 'none'}{f'; {self.solid!r}' if self.solid else ''})"
         )
+
+
+def _rows(given: object) -> int | None:
+    """Return the number of rows of an array or list; None for all else."""
+    if isinstance(given, np.ndarray):
+        return given.shape[0] if given.ndim else None
+    return len(given) if isinstance(given, (list, tuple)) else None
 
 
 class ByValue:

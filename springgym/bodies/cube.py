@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from springgym.bodies.body import Body
-from springgym.checks import TINY, array, number
+from springgym.checks import TINY, array, number, refusing_unknown
 
 SPRINGS = (
     *((0, 1), (1, 2), (2, 3), (3, 0)),  # top
@@ -25,6 +25,7 @@ FACES = ((0, 1, 2, 3), (4, 7, 6, 5), (4, 5, 1, 0), (7, 3, 2, 6), (5, 6, 2, 1), (
 """Corners of each face; opposite faces are split along the same diagonal, so that boxes fit together."""
 
 
+@refusing_unknown
 def box(
     sides: Sequence[float] = (1.0, 1.0, 1.0),
     mass: float | Sequence[float] = 1.0,
@@ -67,6 +68,7 @@ def box(
     )
 
 
+@refusing_unknown
 def cube(side: float = 1.0, mass: float = 1.0, stiffness: float = 1e5, damping: float = 10.0) -> Body:
     """Make the paper's cube: 8 equal masses, 28 springs; the third axis is the diagonal from corner 0 to 6.
 

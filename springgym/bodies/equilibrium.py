@@ -12,10 +12,11 @@ from numpy.typing import ArrayLike
 from springgym.bodies.body import Body, ByValue, rigid_motions
 from springgym.bodies.elasticity import spring_force_and_jacobian
 from springgym.bodies.rotations import cross, skew
-from springgym.checks import TINY, array, direction, indices, instance, number
+from springgym.checks import TINY, array, direction, indices, instance, number, refusing_unknown
 from springgym.records import read_only
 
 
+@refusing_unknown
 def relative_equilibrium(
     body: Body, omega: ArrayLike, pinned: tuple[int, ...] = (), gravity: ArrayLike | None = None
 ) -> np.ndarray:
@@ -126,6 +127,7 @@ class StretchedShapes:
         return shapes.reshape(*spins.shape, *self.coefficients.shape[1:])
 
 
+@refusing_unknown
 def stretched_shapes(
     body: Body, axis: ArrayLike, fastest: float, pinned: tuple[int, ...] = ()
 ) -> StretchedShapes:

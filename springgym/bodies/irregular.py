@@ -13,7 +13,7 @@ import numpy as np
 
 from springgym.bodies import surface
 from springgym.bodies.body import Body, rigid_motions, rigidity_matrix
-from springgym.checks import TINY, array, chosen, instance, number, shown, unreadable
+from springgym.checks import TINY, array, chosen, instance, number, refusing_unknown, shown, unreadable
 from springgym.extras import missing
 
 LARGEST = 100_000_000
@@ -30,6 +30,7 @@ MANY_PAIRS = 10_000
 """Number of pairs that are processed at once: 100 MB of numbers at `MOST_VERTICES`."""
 
 
+@refusing_unknown
 def from_points(
     points: Sequence[Sequence[float]],
     mass: float | Sequence[float] = 1.0,
@@ -82,6 +83,7 @@ def from_points(
     )
 
 
+@refusing_unknown
 def from_mesh(
     path: str | Path,
     mass: float = 1.0,
@@ -188,6 +190,7 @@ def read_mesh(path: str | Path, scale: float) -> tuple[str, np.ndarray, np.ndarr
     return path.stem, vertices, triangles, np.array(mesh.center_mass) * scale
 
 
+@refusing_unknown
 def union(bodies: Sequence[Body], name: str = "union") -> Body:
     """Join bodies that touch. Particles at the same position become one, with the sum of the masses.
 

@@ -12,7 +12,7 @@ from springgym.bodies.body import Body
 from springgym.bodies.equilibrium import relative_equilibrium
 from springgym.bodies.rotations import aligning, cross, rotating
 from springgym.bodies.rotations import axes as axes
-from springgym.checks import array, flag, indices, instance, number
+from springgym.checks import array, flag, indices, instance, number, refusing_unknown
 
 
 class InitialState(NamedTuple):
@@ -24,12 +24,14 @@ class InitialState(NamedTuple):
     """(N, 3) [m/s]"""
 
 
+@refusing_unknown
 def rigid_velocities(positions: np.ndarray, omega: ArrayLike, about: ArrayLike) -> np.ndarray:
     """Return the velocities ω × (x − about) [m/s] of a rigid rotation, in the shape of ``positions``."""
     arms = array("positions", positions, (3,), (None, 3), (None, None, 3)) - array("about", about, (3,))
     return cross(array("omega", omega, (3,)), arms)
 
 
+@refusing_unknown
 def start(
     body: Body,
     *,

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from springgym.bodies.body import Body, rigid_ways, rigidity_matrix
-from springgym.checks import instance
+from springgym.checks import instance, refusing_unknown
 from springgym.theory.solid import Rule
 
 REACHED = 1e-6
@@ -220,6 +220,7 @@ def missed(frequency_ratio: float, stretch_ratios: np.ndarray) -> float:
     return float(abs(math.log(frequency_ratio)) + np.abs(np.log(stretch_ratios)).mean())
 
 
+@refusing_unknown
 def vibrations(body: Body) -> tuple[np.ndarray, np.ndarray]:
     """Return the free vibrations of a body about its unstretched shape, without rigid motion.
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from springgym.bodies.body import Body
 from springgym.bodies.round import LARGEST, SMALLEST, Round, ellipsoid_of, rim, sphere
-from springgym.checks import TINY, array, number, shown
+from springgym.checks import TINY, array, number, refusing_unknown, shown
 
 SOLID = 0.4
 """Moment of inertia of a solid ball over m r²."""
@@ -33,6 +33,7 @@ OCTAHEDRON = np.concatenate([np.eye(3), -np.eye(3)])
 """The corners (6, 3) of an octahedron, at the distance 1 from its centre."""
 
 
+@refusing_unknown
 def rolling_ball(
     radius: float = 0.1,
     mass: float = 1.0,
@@ -65,6 +66,7 @@ def rolling_ball(
     return _carrier("rolling ball", mass, inertia, TETRAHEDRON, feature, stiffness, damping)
 
 
+@refusing_unknown
 def ellipsoid(
     semi_axes: Sequence[float] = (0.15, 0.1, 0.08),
     mass: float = 1.0,
@@ -110,6 +112,7 @@ def ellipsoid(
     return about.with_(positions=about.positions + centre)
 
 
+@refusing_unknown
 def disk(
     radius: float = 0.1,
     mass: float = 1.0,
@@ -147,6 +150,7 @@ def disk(
     return _carrier("disk", mass, inertia, OCTAHEDRON, rim(radius), stiffness, damping)
 
 
+@refusing_unknown
 def capsule(
     radius: float = 0.05,
     length: float = 0.2,

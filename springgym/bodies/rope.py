@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from springgym.bodies.body import MOST_PARTICLES, Body
-from springgym.checks import TINY, number, whole
+from springgym.checks import TINY, number, refusing_unknown, whole
 
 
+@refusing_unknown
 def rope(
     beads: int = 10,
     length: float = 5.0,

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from springgym.checks import TINY, direction, number
+from springgym.checks import TINY, direction, number, refusing_unknown
 
 
+@refusing_unknown
 def rotation(axis: ArrayLike, angle: float) -> np.ndarray:
     """Return the matrix (3, 3) of the rotation by ``angle`` [rad] about an axis (Rodrigues' formula)."""
     return turned(direction("axis", axis), number("angle", angle))

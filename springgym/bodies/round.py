@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from springgym.checks import TINY, array, direction, indices, number, whole_array
+from springgym.checks import TINY, array, direction, indices, number, refusing_unknown, whole_array
 from springgym.records import ReadOnly
 
 EDGE = 3e-3
@@ -37,6 +37,7 @@ FLAT = 1e-9
 """Relative extent of the carriers below which they count as coplanar, and carry nothing."""
 
 
+@refusing_unknown
 @dataclass(frozen=True, eq=False)
 class Round(ReadOnly):
     """An ellipsoid carried by particles of a body, with which the body touches surfaces.
@@ -127,6 +128,7 @@ class Round(ReadOnly):
         return f"Round(semi-axes {', '.join(f'{axis:g}' for axis in semi[::-1])} m)"
 
 
+@refusing_unknown
 def sphere(radius: float, centre: ArrayLike = (0.0, 0.0, 0.0), particles: tuple[int, ...] = ()) -> Round:
     """Return a sphere as a round feature.
 
@@ -138,6 +140,7 @@ def sphere(radius: float, centre: ArrayLike = (0.0, 0.0, 0.0), particles: tuple[
     return Round(number("radius", radius, SMALLEST, LARGEST) ** 2 * np.eye(3), centre, particles)  # type: ignore[arg-type]
 
 
+@refusing_unknown
 def ellipsoid_of(
     semi_axes: ArrayLike, centre: ArrayLike = (0.0, 0.0, 0.0), particles: tuple[int, ...] = ()
 ) -> Round:
@@ -152,6 +155,7 @@ def ellipsoid_of(
     return Round(np.diag(axes**2), centre, particles)  # type: ignore[arg-type]
 
 
+@refusing_unknown
 def rim(
     radius: float,
     axis: ArrayLike = (0.0, 0.0, 1.0),

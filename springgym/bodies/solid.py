@@ -41,7 +41,7 @@ from springgym.bodies.network import (
 from springgym.bodies.network import missed as missed_by
 from springgym.bodies.rope import rope
 from springgym.bodies.surface import all_edges
-from springgym.checks import TINY, array, instance, number, shown, whole
+from springgym.checks import TINY, array, instance, number, refusing_unknown, shown, whole
 from springgym.materials import SOFTEST, Material, material_of
 from springgym.theory import rope as chain
 from springgym.theory import solid as theory
@@ -93,6 +93,7 @@ class Unit(NamedTuple):
 # --- Shapes -----------------------------------------------------------------------------------------
 
 
+@refusing_unknown
 def solid_top(
     radius: float, height: float, material: Material | str, ring: int = 12, softened: float = 1.0
 ) -> Body:
@@ -173,6 +174,7 @@ def _unit_top(ratio: float, ring: int, tensor: Tensor) -> Unit:
     )
 
 
+@refusing_unknown
 def solid_box(
     sides: Sequence[float], material: Material | str, cells: int = 1, softened: float = 1.0
 ) -> Body:
@@ -267,6 +269,7 @@ def _unit_lattice(sides: tuple[float, ...], counts: tuple[int, ...]) -> Unit:
     return _measured(network, stiffness, np.eye(3), solid)
 
 
+@refusing_unknown
 def solid_hull(points: Sequence[Sequence[float]], material: Material | str, softened: float = 1.0) -> Body:
     """Make the solid convex hull of points, with particles at its corners and at its centre of mass.
 
@@ -295,6 +298,7 @@ def solid_hull(points: Sequence[Sequence[float]], material: Material | str, soft
     return _polyhedron("hull", cloud[corners], triangles.reshape(-1, 3), made, "convex hull")
 
 
+@refusing_unknown
 def solid_mesh(path: str | Path, material: Material | str, scale: float = 1.0, softened: float = 1.0) -> Body:
     """Make the solid inside the closed surface of a mesh file, with particles at vertices and centre of mass.
 
@@ -400,6 +404,7 @@ def _subdivided(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray
     return np.vstack([vertices, vertices[edges].mean(axis=1)]), np.array(finer)
 
 
+@refusing_unknown
 def solid_rope(
     material: Material | str,
     diameter: float,
@@ -447,6 +452,7 @@ def solid_rope(
     return even.with_(masses=masses, solid=cable)
 
 
+@refusing_unknown
 def softened(body: Body, factor: float) -> Body:
     """Return a body with stiffnesses divided by a factor, dampers by its root: damping ratios are equal.
 

@@ -8,9 +8,10 @@ import numpy as np
 
 from springgym.bodies.body import MOST_PARTICLES, Body
 from springgym.bodies.round import sphere
-from springgym.checks import TINY, instance, number, whole
+from springgym.checks import TINY, instance, number, refusing_unknown, whole
 
 
+@refusing_unknown
 def top(
     ring: int = 12,
     radius: float = 0.5,

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from springgym.bodies import Body
-from springgym.checks import instance, shown, whole
+from springgym.checks import instance, refusing_unknown, shown, whole
 from springgym.collisions.shape import check_shape, shape
 from springgym.records import ReadOnly
 from springgym.surfaces import REACH, Contact, PaperContact, derived_strength
@@ -18,6 +18,7 @@ from springgym.surfaces.contact import strength_of_impact
 ALL = "all"
 
 
+@refusing_unknown
 @dataclass(frozen=True)
 class Pair:
     """Two bodies that may collide.

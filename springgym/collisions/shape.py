@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from springgym.bodies import Body, Round, surface
+from springgym.checks import instance
 
 ABOUT = 1e-9
 """Tolerance of a sphere's position and shape, as a fraction of its extent."""
@@ -37,9 +38,13 @@ class Shape(NamedTuple):
     """whether friction acts at its skin, and so turns it: a sphere or a capsule"""
 
 
-@lru_cache(maxsize=1024)
 def shape(body: Body) -> Shape:
     """Return the features of a body that can touch others; `check_shape` checks that they are fit to."""
+    return _shape(instance("body", body, Body))
+
+
+@lru_cache(maxsize=1024)
+def _shape(body: Body) -> Shape:
     if len(body.triangles):
         lines = surface.all_edges(body.triangles)
         return Shape(np.unique(body.triangles), body.triangles, body.edges, 0.0, lines)

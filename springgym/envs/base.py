@@ -17,9 +17,9 @@ from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers import TimeLimit
 from numpy.typing import ArrayLike
 
-from springgym.checks import chosen, indices, instance, shown, whole
+from springgym.checks import chosen, hides, indices, instance, refuse_unknown, shown, whole
 from springgym.envs.episodes import NOT_BEGUN, Episodes, StartedEpisodes
-from springgym.envs.options import Autoreset, Settings, arguments, plain, refuse_unknown
+from springgym.envs.options import Autoreset, Settings, arguments, plain
 from springgym.envs.task import Task
 from springgym.envs.tolerance import SAFETY, Choice, chosen_for
 from springgym.guard import Guard, guarded
@@ -117,6 +117,8 @@ class _Common(Stateful):
             If no episode has begun, or the last call was interrupted.
         """
         self._check_ready("step")
+        if action.__class__ is not np.ndarray and hides(action):
+            raise ValueError(f"action is {shown(action)}; it must be an array without hidden values")
         try:
             given = np.asarray(action)
         except ValueError:

@@ -11,7 +11,7 @@ import gymnasium as gym
 import numpy as np
 
 from springgym.bodies import Body, stretched_shapes, top
-from springgym.checks import chosen, shown
+from springgym.checks import chosen, hides, shown
 from springgym.core.compiling import compiled, kernel
 from springgym.envs import observation as observing
 from springgym.envs.base import SpringEnv, SpringVectorEnv
@@ -272,7 +272,7 @@ class SpringDuel(Task, kernels=(evaluate, observe_features)):
         seen = self.seen_by_second(m, s)
         given = self.opponent(seen)
         try:
-            action = np.asarray(given, np.float64)
+            action = np.array(math.nan) if hides(given) else np.asarray(given, np.float64)
         except (TypeError, ValueError):
             action = np.array(math.nan)
         if action.shape != (len(seen), 2) or not np.isfinite(action).all():

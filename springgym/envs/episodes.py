@@ -16,7 +16,7 @@ from numpy.random import Generator
 
 from springgym import checks, measures, stability
 from springgym.bodies import Body
-from springgym.checks import TINY, chosen, instance, suggestion
+from springgym.checks import HUGE, TINY, chosen, instance, suggestion, sum_of_squares
 from springgym.core.compiling import SameTypes, kernel
 from springgym.dynamics import DYNAMICS, Dynamics
 from springgym.envs import observation, randomisation
@@ -701,8 +701,13 @@ class Episodes:
         return Measures(*(values[copy].copy() for values in m)), Situation._make((*own, situation.parameters))
 
     def marks(self, copy: int) -> Marks:
-        """Return the marks of a picture of one copy: its step, whether it succeeds now, and the task's."""
-        marks = self.task.marks(*self.seen_of(copy))
+        """Return the marks of a picture of one copy: its step, whether it succeeds now, and the task's.
+
+        Those of the task follow the bodies, and are left out if the bodies are lost.
+        """
+        m, s = self.seen_of(copy)
+        lost = not max(sum_of_squares(s.x), sum_of_squares(s.v)) <= HUGE
+        marks = Marks() if lost else self.task.marks(m, s)
         step = f"step {-(-round(self.time[copy] / self.task.period) // self.task.periods)}"
         self.info_arrays()
         success = ("success",) if self._succeeded[copy] else ()

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from gymnasium import spaces
 
-from springgym.checks import array
+from springgym.checks import TINY, array, instance, number, shown, whole
 from springgym.core.compiling import kernel
 
 BOUND = 100.0
@@ -30,16 +30,41 @@ class GoalTolerance(NamedTuple):
     """the goal is reached if their distance from those that are desired is smaller than this, in SI units"""
 
 
+def checked_tolerances(called: str, given: object) -> tuple[GoalTolerance, ...]:
+    """Return tolerances, which a spec holds as lists, after checking them; errors use the name ``called``."""
+    if not isinstance(given, Sequence) or isinstance(given, str):
+        raise TypeError(
+            f"{called} is {shown(given)}; it must be a sequence of GoalTolerance(name, size, within)"
+        )
+    tolerances = []
+    for n, each in enumerate(given):
+        if not isinstance(each, (tuple, list)) or len(each) != 3:
+            raise TypeError(f"{called}[{n}] is {shown(each)}; it must be a GoalTolerance(name, size, within)")
+        name, size, within = each
+        size = whole(f"{called}[{n}].size", size, 1)
+        within = number(f"{called}[{n}].within", within, TINY)
+        tolerances.append(GoalTolerance(instance(f"{called}[{n}].name", name, str), size, within))
+    return tuple(tolerances)
+
+
 class Goals:
-    """The goals of a task: the K numbers of all tolerances, one after another. Instances are immutable."""
+    """The goals of a task: the K numbers of all tolerances, one after another. Instances are immutable.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a tolerance is none, or one of its fields has the wrong type or value; the message names it.
+    """
 
     def __init__(self, tolerances: Sequence[GoalTolerance]) -> None:
-        self.size = sum(own.size for own in tolerances)
-        self.ends = np.cumsum([own.size for own in tolerances])
-        self.within = np.array([own.within for own in tolerances])
+        checked = checked_tolerances("tolerances", tolerances)
+        self.size = sum(own.size for own in checked)
+        self.ends = np.cumsum([own.size for own in checked])
+        self.within = np.array([own.within for own in checked])
 
     def space(self, observation: spaces.Box) -> spaces.Dict:
         """Return the space of observations with goals, given that of the other observations."""
+        instance("observation", observation, spaces.Box)
         goal = spaces.Box(-BOUND, BOUND, (self.size,), np.float64)
         return spaces.Dict({"observation": observation, "achieved_goal": goal, "desired_goal": goal})
 

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from springgym import measures
+from springgym.checks import TINY, instance, number, readings, refusing_unknown, whole
 from springgym.core.compiling import compiled, kernel
 
 BOUND = 10.0
@@ -47,8 +48,16 @@ class Situation(NamedTuple):
     """parameters of the task"""
 
 
-class Entry(NamedTuple):
-    """Some numbers of the features: (value − ``about``) / ``unit``."""
+@refusing_unknown
+@dataclass(frozen=True)
+class Entry:
+    """Some numbers of the features: (value − ``about``) / ``unit``.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a field has the wrong type or value; the message names it.
+    """
 
     name: str
     size: int
@@ -58,11 +67,22 @@ class Entry(NamedTuple):
     about: float = 0.0
     """the value that is observed as 0"""
 
+    def __post_init__(self) -> None:
+        instance("name of an entry", self.name, str)
+        whole(f"size of {self.name!r}", self.size, 1)
+        number(f"unit of {self.name!r}", self.unit, TINY)
+        number(f"about of {self.name!r}", self.about)
+
 
 def values(entries: Sequence[Entry], observations: np.ndarray) -> dict[str, np.ndarray]:
     """Return the values that features (n, D) encode, by entry, (n, size) in SI units."""
+    for n, entry in enumerate(instance("entries", entries, tuple, list)):
+        instance(f"entries[{n}]", entry, Entry)
     unit, about, slices = _scales(tuple(entries))
-    told = about + unit * np.asarray(observations, np.float64)[:, : len(unit)]
+    seen = readings("observations", observations, (None, None))
+    if seen.shape[1] < len(unit):
+        raise ValueError(f"observations have {seen.shape[1]} columns; the entries have {len(unit)} numbers")
+    told = about + unit * seen[:, : len(unit)]
     return {name: told[:, own] for name, own in slices.items()}
 
 
@@ -71,7 +91,9 @@ def _scales(entries: tuple[Entry, ...]) -> tuple[np.ndarray, np.ndarray, dict[st
     """Return units and zeros of all numbers of an observation (D,), and the slice of each entry."""
     ends = np.cumsum([0, *(entry.size for entry in entries)]).tolist()
     sizes = [entry.size for entry in entries]
-    unit, about = (np.repeat([entry[n] for entry in entries], sizes).astype(float) for n in (2, 3))
+    unit, about = (
+        np.repeat([getattr(entry, of) for entry in entries], sizes).astype(float) for of in ("unit", "about")
+    )
     return unit, about, {entry.name: slice(*own) for entry, own in zip(entries, pairwise(ends), strict=True)}
 
 

@@ -96,23 +96,6 @@ def arguments(maker: Callable[..., Any], given: Mapping[str, Any]) -> dict[str, 
     return {name: plain(value, names=True) for name, value in bound.arguments.items()}
 
 
-def refuse_unknown(what: str, given: Mapping[str, Any], *takers: Callable[..., Any]) -> None:
-    """Raise TypeError for arguments that are not in the signature of the first function.
-
-    Raises
-    ------
-    TypeError
-        The message names the argument, and a similar one of any of the functions, or all of them.
-    """
-    each = [inspect.signature(taker).parameters.values() for taker in takers]
-    named = (inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
-    names = [[one.name for one in parameters if one.kind in named] for parameters in each]
-    for name in given:
-        if name not in names[0]:
-            known = [one for listed in names for one in listed if one != "self"]
-            raise TypeError(f"{what} has no argument {name!r}{checks.suggestion(name, dict.fromkeys(known))}")
-
-
 def plain(value: object, names: bool = False) -> Any:
     """Return an argument as data that JSON can hold.
 

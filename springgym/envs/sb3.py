@@ -6,6 +6,7 @@ the native vector environment, so that Python code runs only for copies whose ep
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
@@ -18,6 +19,7 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec, load_env_creator
 from gymnasium.vector import AutoresetMode, VectorEnv
 
+from springgym.checks import flag, instance, whole
 from springgym.extras import missing
 
 try:
@@ -27,6 +29,7 @@ except ImportError as error:
     raise ImportError(missing("springgym.envs.sb3", "Stable-Baselines3", "agents")) from error
 
 from springgym.envs.base import SpringVectorEnv, Stateful, _check_keys, _own, get_state, set_state
+from springgym.envs.options import mapping
 from springgym.envs.starts import spawn_seeds
 from springgym.identity import check_sealed, sealed
 
@@ -292,11 +295,21 @@ def make_sb3(
     Monitor
         The adapted environment. Finished episodes have ``info["episode"]``.
 
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument has the wrong type or value; the message names it.
+
     Examples
     --------
     >>> env = make_sb3("SpringTop-v0", num_envs=64, seed=0)
     >>> model = stable_baselines3.PPO("MlpPolicy", env).learn(100_000)
     """
+    instance("env_id", env_id, str, EnvSpec)
+    num_envs = whole("num_envs", num_envs, 1)
+    seed = None if seed is None else whole("seed", seed, high=math.inf)
+    stagger = flag("stagger", stagger)
+    mapping("env_kwargs", {} if env_kwargs is None else env_kwargs)
     mode: dict[str, Any] = {"autoreset_mode": AutoresetMode.SAME_STEP}
     if _has_native_copies(env_id):
         mode |= {"vectorization_mode": "vector_entry_point"}

@@ -21,7 +21,7 @@ from springgym.checks import TINY, chosen, instance, suggestion
 from springgym.envs.arrows import torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.episodes import OF_PAIRS
-from springgym.envs.goals import Goals, GoalTolerance, reach
+from springgym.envs.goals import Goals, GoalTolerance, checked_tolerances, reach
 from springgym.envs.observation import BOUND, Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, RewardedOptions, mapping
 from springgym.envs.task import Factors, ResetOptions, Start, Task
@@ -56,15 +56,6 @@ OF_ALL = (
 RESERVED = (*OF_ALL, "error_bound", *OF_PAIRS)
 """Names that ``info`` and outcomes use already, besides names that begin as below."""
 RESERVED_BEGINNINGS = ("reward_", "pairs_", "step_error", "_")
-
-
-POINTS = {
-    "rings": ("centre",),
-    "balls": ("centre",),
-    "lines": ("start", "end"),
-    "arrows": ("origin", "vector"),
-}
-"""Names of the points and vectors (3,) in each kind of marks, which come first in a mark."""
 
 
 class SceneOptions(RewardedOptions, total=False):
@@ -501,10 +492,6 @@ class SceneTask(Task):
         if "marks" not in self._functions:
             return Marks(arrows=self._acting(self._named(m), s), key=((RED, ", ".join(self._actuators)),))
         given: Marks = instance("what marks gave", self._functions["marks"](self._named(m), s), Marks)
-        for kind, names in POINTS.items():
-            for n, mark in enumerate(getattr(given, kind)):
-                for name, point in zip(names, mark, strict=False):
-                    checks.array(f"{name} of {kind}[{n}] that marks gave", point, (3,))
         return given
 
     def _acting(self, m: MeasuresOfBodies, s: Situation) -> list[Arrow]:
@@ -564,27 +551,12 @@ def _defaulted(function: Callable[..., Any]) -> tuple[str, ...]:
 
 def _checked_tolerances(given: object, goal_size: int) -> tuple[GoalTolerance, ...]:
     """Return tolerances, which may be lists, after checking that their sizes sum to the size of the goal."""
-    if not isinstance(given, Sequence) or isinstance(given, str):
-        raise TypeError(
-            f"goal_tolerances is {checks.shown(given)}; it must be a sequence of "
-            "GoalTolerance(name, size, within)"
-        )
-    tolerances = []
-    for n, each in enumerate(given):
-        if not isinstance(each, (tuple, list)) or len(each) != 3:
-            raise TypeError(
-                f"goal_tolerances[{n}] is {checks.shown(each)}; it must be a "
-                "GoalTolerance(name, size, within)"
-            )
-        name, size, within = each
-        size = checks.whole(f"goal_tolerances[{n}].size", size, 1)
-        within = checks.number(f"goal_tolerances[{n}].within", within, TINY)
-        tolerances.append(GoalTolerance(instance(f"goal_tolerances[{n}].name", name, str), size, within))
+    tolerances = checked_tolerances("goal_tolerances", given)
     if tolerances and (total := sum(own.size for own in tolerances)) != goal_size:
         raise ValueError(
             f"goal_tolerances have {total} numbers, and the goal that start gave has {goal_size}"
         )
-    return tuple(tolerances)
+    return tolerances
 
 
 def _most(name: str, given: ActuatorLimit) -> np.ndarray:
@@ -644,7 +616,7 @@ def _numbers(name: str, given: object, shape: tuple[int | None, ...], m: Measure
 
 def _of_shape(name: str, given: object, shape: tuple[int | None, ...], kinds: str, what: str) -> np.ndarray:
     try:
-        values = np.asarray(given)
+        values = np.array(None) if checks.hides(given) else np.asarray(given)
     except ValueError:  # rows of several lengths
         values = np.array(None)
     if values.dtype.kind not in kinds or not checks.fits(values.shape, (shape,)):

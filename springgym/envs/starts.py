@@ -15,9 +15,12 @@ from numpy.random import Generator
 from springgym.bodies import Body
 from springgym.bodies.equilibrium import StretchedShapes
 from springgym.bodies.rotations import cross, turned
-from springgym.checks import whole
+from springgym.checks import HUGE, TINY, array, instance, number, whole
 from springgym.core.compiling import compiled, kernel
 from springgym.core.lanes import multiply_add
+
+MOST = 10**8
+"""Largest number of seeds that are drawn at once."""
 
 EQUAL = 1e-9
 """Relative difference below which moments count as equal, and their axes are not determined."""
@@ -36,25 +39,42 @@ def spawn_seeds(seed: int, copies: int) -> list[int]:
         If a seed is negative.
     """
     sequence = np.random.SeedSequence(whole("seed", seed, high=math.inf))
-    return [int(own.generate_state(1, np.uint64)[0]) for own in sequence.spawn(whole("copies", copies))]
+    return [
+        int(own.generate_state(1, np.uint64)[0]) for own in sequence.spawn(whole("copies", copies, high=MOST))
+    ]
 
 
 def uniform(rng: Generator, low: Sequence[float], high: Sequence[float]) -> list[float]:
-    """Draw a number between each pair of bounds, bit-identical to NumPy's, in a fifth of the time."""
-    shares = rng.random(len(low)).tolist()
-    return [start + (end - start) * share for start, end, share in zip(low, high, shares, strict=True)]
+    """Draw a number between each pair of bounds, bit-identical to NumPy's, in a fifth of the time.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the bounds are not finite numbers, as many low as high ones; the message names them.
+    """
+    try:
+        shares = rng.random(len(low)).tolist()
+        drawn = [start + (end - start) * share for start, end, share in zip(low, high, shares, strict=True)]
+        total = sum(drawn)
+        sound = isinstance(total, float) and abs(total) <= HUGE
+    except (AttributeError, TypeError, ValueError):
+        sound = False
+    if not sound:  # checks beforehand would take longer than the draw
+        instance("rng", rng, Generator)
+        array("high", high, array("low", low, (None,)).shape)
+    return drawn
 
 
 def direction(rng: Generator) -> np.ndarray:
     """Draw a unit vector (3,); every direction is equally likely."""
-    z, azimuth = uniform(rng, (-1.0, -math.pi), (1.0, math.pi))
+    z, azimuth = uniform(instance("rng", rng, Generator), (-1.0, -math.pi), (1.0, math.pi))
     across = math.sqrt(1 - z * z)
     return np.array([across * math.cos(azimuth), across * math.sin(azimuth), z])
 
 
 def any_rotation(rng: Generator) -> np.ndarray:
     """Draw a rotation (3, 3), all equally likely, by Gram-Schmidt from three random directions."""
-    first, second, third = rng.normal(size=(3, 3)).T.tolist()
+    first, second, third = instance("rng", rng, Generator).normal(size=(3, 3)).T.tolist()
     first = _along(first)
     share = _dot(first, second)
     second = _along([b - share * a for a, b in zip(first, second, strict=True)])
@@ -79,7 +99,8 @@ def tilted(azimuth: float | np.ndarray, tilt: float | np.ndarray) -> np.ndarray:
 
     It equals the product of two `springgym.bodies.rotation` to the bit, where a cosine c is 1 − (1 − c).
     """
-    angles = np.array((azimuth, tilt))
+    azimuth = array("azimuth", azimuth, (), (None,))
+    angles = np.array((azimuth, array("tilt", tilt, azimuth.shape)))
     sines, cosines = np.sin(angles).tolist(), np.cos(angles).tolist()
     if angles.ndim == 1:
         return np.array(turn_of.py_func(*sines, *cosines))
@@ -88,6 +109,12 @@ def tilted(azimuth: float | np.ndarray, tilt: float | np.ndarray) -> np.ndarray:
 
 def headed(shapes: np.ndarray, headings: np.ndarray) -> np.ndarray:
     """Return shapes (…, N, 3) rotated about z by headings (…) [rad]."""
+    shapes = array("shapes", shapes, (None, 3), (None, None, 3), (None, None, None, 3))
+    headings = array("headings", headings, (), (None,), (None, None))
+    try:
+        np.broadcast_shapes(shapes.shape[:-2], headings.shape)
+    except ValueError:
+        raise ValueError(f"headings have shape {headings.shape}; shapes have {shapes.shape}") from None
     return shapes @ turned(np.array([0.0, 0.0, 1.0]), headings).swapaxes(-1, -2)
 
 
@@ -119,7 +146,9 @@ def standing(shape: StretchedShapes, tip: int, poses: np.ndarray) -> tuple[np.nd
     -------
     positions from the tip (k, N, 3) [m], velocities (k, N, 3) [m/s] if that is at rest
     """
-    poses = np.ascontiguousarray(poses)
+    instance("shape", shape, StretchedShapes)
+    tip = whole("tip", tip, high=shape.coefficients.shape[1] - 1)
+    poses = np.ascontiguousarray(array("poses", poses, (None, 5)))
     shapes = shape.at(poses[:, 2] * np.sqrt(poses[:, 4]))
     positions, velocities = np.empty((2, *shapes.shape))
     lean(shapes, tip, poses, positions, velocities)
@@ -155,6 +184,8 @@ def above_bowl(radius: float, away: float, height: float) -> tuple[float, float]
 
     It is ``height`` above the bowl, along the normal of a place that is ``away`` from the axis.
     """
+    radius = number("radius", radius, TINY)
+    away, height = number("away", away, -radius, radius), number("height", height)
     steepness, left = math.asin(away / radius), radius - height
     return left * math.sin(steepness), radius - left * math.cos(steepness)
 
@@ -166,7 +197,7 @@ def principal_axes(body: Body) -> np.ndarray:
     The largest component of each axis is positive, except for the last axis, which makes them right-handed.
     Among equal moments, the first axis is the one nearest to a coordinate axis, and so on.
     """
-    moments, vectors = body.principal()
+    moments, vectors = instance("body", body, Body).principal()
     chosen: list[np.ndarray] = []
     for moment in moments:
         space = vectors[:, np.abs(moments - moment) < EQUAL * moments[2]]

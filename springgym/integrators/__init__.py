@@ -42,10 +42,12 @@ def integrator(name: str) -> Integrator:
 
     Raises
     ------
+    TypeError
+        If the name is not a string.
     ValueError
         If there is no method of that name.
     """
-    return _method(name)[0]
+    return _method(instance("name", name, str))[0]
 
 
 def register(record: Integrator, integrate: Callable[..., None]) -> None:

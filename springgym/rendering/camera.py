@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from springgym.checks import TINY, array, number
+from springgym.checks import TINY, array, number, readings, refusing_unknown, whole_array
 
+POINTS = ((3,), (None, 3), (None, None, 3), (None, None, None, 3))  # shapes of points
+WIDEST_PICTURE = 2**16  # most pixels of a side
+WIDEST_MARGIN = 0.49
+FARTHEST = 1e25  # largest coordinate of points that a camera is fitted to, m
 FAR = 1e9  # largest coordinate of the target in `keeping`, over the camera's distance
+WIDEST = float(np.nextafter(np.pi, 0.0))
 _NEAR = 1e-3  # m; nearer points, and those behind the eye, have no image
 
 
@@ -19,6 +25,13 @@ def _toward(azimuth: float, elevation: float) -> NDArray[np.float64]:
     return np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
 
 
+def _size(size: object) -> tuple[Any, Any]:
+    """Return width and height of a picture [pixels], after checking them."""
+    width, height = array("size", size, (2,), low=1.0, high=WIDEST_PICTURE).tolist()
+    return width, height
+
+
+@refusing_unknown
 @dataclass(frozen=True)
 class Camera:
     """A pinhole camera whose picture keeps the world's z axis upright.
@@ -45,8 +58,7 @@ class Camera:
         for name in ("eye", "target"):
             point = array(f"Camera.{name}", getattr(self, name), (3,))
             object.__setattr__(self, name, tuple(point.tolist()))
-        if not 0.0 < self.fov < np.pi:
-            raise ValueError(f"Camera.fov must lie between 0 and pi rad, got {self.fov}")
+        number("Camera.fov", self.fov, TINY, WIDEST)
         view = np.subtract(self.target, self.eye)
         if np.hypot(view[0], view[1]) < 1e-6 * max(1.0, float(np.linalg.norm(view))):
             raise ValueError(
@@ -84,7 +96,7 @@ class Camera:
         """
         size = number("size", size, TINY)
         azimuth, elevation = number("azimuth", azimuth), number("elevation", elevation)
-        fov = number("fov", fov, TINY, np.pi)
+        fov = number("fov", fov, TINY, WIDEST)
         middle = array("center", center, (3,))
         distance = 0.5 * size / np.sin(0.5 * fov)
         return cls(tuple(middle + distance * _toward(azimuth, elevation)), tuple(middle), fov)
@@ -98,14 +110,15 @@ class Camera:
         Parameters
         ----------
         points : (n, 3) array_like
-            World points, m. Those that are not finite are ignored.
+            World points, m. Those that are not finite, or beyond `FARTHEST`, are ignored.
         size : tuple of 2 ints
             Width and height of the picture, pixels.
         margin : float
             Fraction of the picture at each edge that must stay free.
         """
-        x = np.asarray(points, dtype=float)
-        x = x[(np.abs(x) < 1e100).all(axis=1)]
+        x = readings("points", points, (None, 3))
+        size, margin = _size(size), number("margin", margin, 0.0, WIDEST_MARGIN)
+        x = x[(np.abs(x) < FARTHEST).all(axis=1)]
         pixels, _ = self.project(x, size)
         rim = margin * np.array(size)
         if not len(x) or ((pixels > rim) & (pixels < size - rim)).all():
@@ -139,7 +152,7 @@ class Camera:
         Parameters
         ----------
         points : (..., 3) array_like
-            m; those that are not finite are left out.
+            m; those that are not finite, or beyond `FARTHEST`, are left out.
         size : tuple of 2 ints
             Width and height of the picture, of which only the ratio counts.
         azimuth, elevation : float
@@ -152,12 +165,14 @@ class Camera:
         Raises
         ------
         ValueError
-            If no point is finite.
+            If no point is finite and within `FARTHEST`.
         """
-        x = np.asarray(points, dtype=float).reshape(-1, 3)
-        x = x[np.isfinite(x).all(axis=1)]
+        x = readings("points", points, *POINTS).reshape(-1, 3)
+        size, margin = _size(size), number("margin", margin, 0.0, WIDEST_MARGIN)
+        azimuth, elevation = number("azimuth", azimuth), number("elevation", elevation)
+        x = x[(np.abs(x) < FARTHEST).all(axis=1)]
         if not len(x):
-            raise ValueError("there is no finite point to fit into a picture")
+            raise ValueError(f"points holds no finite point within {FARTHEST:g} m to fit into a picture")
         basis = cls(tuple(_toward(azimuth, elevation)), (0.0, 0.0, 0.0), fov).axes()
         a, b, c = basis @ x.T
         up = np.tan(0.5 * fov) * (1.0 - 2.0 * margin)
@@ -173,6 +188,7 @@ class Camera:
 
     def moved(self, way: ArrayLike) -> Camera:
         """Move the camera by a vector (3,), m."""
+        way = array("way", way, (3,))
         return replace(
             self, eye=tuple(np.add(self.eye, way).tolist()), target=tuple(np.add(self.target, way).tolist())
         )
@@ -187,7 +203,7 @@ class Camera:
 
     def pixels_per_radian(self, height: float) -> float:
         """Return the pixels per radian in the middle of a picture ``height`` pixels high."""
-        return 0.5 * height / float(np.tan(0.5 * self.fov))
+        return 0.5 * number("height", height, TINY) / float(np.tan(0.5 * self.fov))
 
     def project(
         self, points: ArrayLike, size: tuple[int, int]
@@ -209,15 +225,15 @@ class Camera:
         depth : (...) array
             Distance along the view, m; NaN where there is no image.
         """
-        width, height = size
-        local = (np.asarray(points, dtype=float) - self.eye) @ self.axes().T
+        width, height = _size(size)
+        local = (readings("points", points, *POINTS) - self.eye) @ self.axes().T
         depth = np.where(local[..., 2] > _NEAR, local[..., 2], np.nan)
         flat = self.pixels_per_radian(height) * local[..., :2] / depth[..., None]
         return np.array([0.5 * width, 0.5 * height]) + flat * [1.0, -1.0], depth
 
     def rays(self, size: tuple[int, int]) -> NDArray[np.float64]:
         """Return unit vectors from the eye through the centres of the pixels, (height, width, 3)."""
-        width, height = size
+        width, height = whole_array("size", size, (2,), low=1, high=WIDEST_PICTURE).tolist()
         x = (np.arange(width) + 0.5 - 0.5 * width) / self.pixels_per_radian(height)
         y = (np.arange(height) + 0.5 - 0.5 * height) / self.pixels_per_radian(height)
         right, up, forward = self.axes()

@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from springgym.checks import TINY, array, number, whole, whole_array
+from springgym.checks import (
+    TINY,
+    array,
+    direction,
+    instance,
+    number,
+    refusing_unknown,
+    shown,
+    whole,
+    whole_array,
+)
 from springgym.records import read_only
 from springgym.surfaces.surface import Surface
 
@@ -31,6 +41,16 @@ INK: Color = (52, 60, 76)
 GRAPHITE: Color = (110, 120, 138)
 
 
+MOST_SECTORS = 1_000_000
+"""Largest number of sectors that `two_tone` colours."""
+
+
+def _color(name: str, value: object) -> np.ndarray:
+    """Return a colour (3,) as numbers from 0 to 255; errors call it ``name``."""
+    return array(name, value, (3,), low=0.0, high=255.0)
+
+
+@refusing_unknown
 def two_tone(
     count: int, blocks: int = 4, colors: tuple[Color, Color] = (BLUE, IVORY), odd: Color = AMBER
 ) -> NDArray[np.uint8]:
@@ -43,12 +63,21 @@ def two_tone(
     Returns
     -------
     (count, 3) uint8 array
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a number is not whole or out of bounds, or a colour is not one; the message names it.
     """
+    count, blocks = whole("count", count, high=MOST_SECTORS), whole("blocks", blocks, 1, MOST_SECTORS)
+    colors = tuple(array("colors", colors, (2, 3), low=0.0, high=255.0))
+    last = _color("odd", odd)
     run = np.arange(count) * blocks // count
-    table = np.array([colors[n % 2] for n in range(blocks - 1)] + [odd], dtype=np.uint8)
+    table = np.array([colors[n % 2] for n in range(blocks - 1)] + [last], dtype=np.uint8)
     return table[run]
 
 
+@refusing_unknown
 @dataclass(frozen=True, eq=False)
 class Look:
     """The appearance of one body of N particles; it is checked when it is created.
@@ -165,7 +194,7 @@ class Look:
 
 def in_faces(triangles: np.ndarray, springs: np.ndarray, **more: Any) -> Look:
     """Return a `Look` that shows springs and a closed surface. Two triangles at a time have one colour."""
-    colors = two_tone(len(triangles), blocks=len(triangles) // 2)
+    colors = two_tone(len(triangles), blocks=max(1, len(triangles) // 2))
     return Look(triangles=triangles, triangle_colors=colors, springs=springs, **more)
 
 
@@ -220,11 +249,53 @@ def together(looks: Sequence[Look], counts: Sequence[int], trace: int | None = N
     )
 
 
-class Arrow(NamedTuple):
+Part = Callable[[str, Any], object]
+
+PARTS: Mapping[str, Part] = {
+    **dict.fromkeys(
+        ("point", "centre", "start", "end", "foot"), lambda name, value: array(name, value, (3,))
+    ),
+    **dict.fromkeys(("radius", "height"), lambda name, value: number(name, value, 0.0)),
+    "normal": direction,
+    "color": _color,
+    "text": lambda name, value: instance(name, value, str),
+}
+"""Checks of the parts of marks and scenery, by their names."""
+
+
+def _check_each(name: str, given: object, *parts: str) -> None:
+    """Raise TypeError or ValueError unless a list holds tuples of some `PARTS`."""
+    for n, row in enumerate(_list(name, given)):
+        _check_parts(f"{name}[{n}]", row, *parts)
+
+
+def _check_parts(name: str, row: object, *parts: str) -> None:
+    """Raise TypeError or ValueError unless a tuple consists of some `PARTS`."""
+    if not isinstance(row, (Sequence, np.ndarray)) or isinstance(row, str) or len(row) != len(parts):
+        raise TypeError(f"{name} is {shown(row)}; it must be ({', '.join(parts)})")
+    for part, value in zip(parts, row, strict=True):
+        PARTS[part](f"{name}: {part}", value)
+
+
+def _list(name: str, given: Any) -> Sequence[Any]:
+    """Return a list or tuple, after checking that it is one."""
+    if not isinstance(given, (Sequence, np.ndarray)) or isinstance(given, (str, bytes)):
+        raise TypeError(f"{name} is {shown(given)}; it must be a list or tuple")
+    return given  # type: ignore[return-value]
+
+
+@refusing_unknown
+@dataclass(frozen=True, eq=False)
+class Arrow:
     """An arrow from ``origin`` by ``vector`` (both m, world axes): a force, an impulse, a direction.
 
     With a ``radius`` [m] it runs around the axis through ``origin`` along ``vector``, by the right hand, over
     an arc as long as ``vector``: a torque.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a vector, the colour or the radius is not one; the message names it.
     """
 
     origin: Point
@@ -232,7 +303,14 @@ class Arrow(NamedTuple):
     color: Color = RED
     radius: float = 0.0
 
+    def __post_init__(self) -> None:
+        for name in ("origin", "vector"):
+            array(f"Arrow.{name}", getattr(self, name), (3,))
+        for name in ("color", "radius"):
+            PARTS[name](f"Arrow.{name}", getattr(self, name))
 
+
+@refusing_unknown
 @dataclass(frozen=True, eq=False)
 class Scenery:
     """The static surroundings of a body. Surfaces receive the shadow of the body.
@@ -249,6 +327,11 @@ class Scenery:
         Dashed reference line upwards from the point ``foot``, m.
     disks : sequence of (centre, radius, color)
         Horizontal disks on the floor, m; later ones cover earlier ones.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If something has the wrong type, or a number is not finite; the message names it.
     """
 
     floor: float | None = None
@@ -257,7 +340,18 @@ class Scenery:
     vertical: tuple[Point, float] | None = None
     disks: Sequence[Disk] = ()
 
+    def __post_init__(self) -> None:
+        if self.floor is not None:
+            number("Scenery.floor", self.floor)
+        _check_each("Scenery.planes", self.planes, "point", "normal")
+        for n, surface in enumerate(_list("Scenery.surfaces", self.surfaces)):
+            instance(f"Scenery.surfaces[{n}]", surface, Surface)
+        if self.vertical is not None:
+            _check_parts("Scenery.vertical", self.vertical, "foot", "height")
+        _check_each("Scenery.disks", self.disks, "centre", "radius", "color")
 
+
+@refusing_unknown
 @dataclass(frozen=True, eq=False)
 class Marks:
     """Marks besides the body, which may change with every frame.
@@ -280,6 +374,11 @@ class Marks:
         Lines in the top left corner.
     key : sequence of (color, str)
         Legend of the colours of arrows, rings and balls, in the bottom left corner.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If something has the wrong type, or a number is not finite; the message names it.
     """
 
     disks: Sequence[Disk] = ()
@@ -289,3 +388,14 @@ class Marks:
     arrows: Sequence[Arrow] = ()
     text: Sequence[str] = ()
     key: Sequence[tuple[Color, str]] = ()
+
+    def __post_init__(self) -> None:
+        _check_each("Marks.disks", self.disks, "centre", "radius", "color")
+        for name in ("rings", "balls"):
+            _check_each(f"Marks.{name}", getattr(self, name), "centre", "radius")
+        _check_each("Marks.lines", self.lines, "start", "end")
+        for n, arrow in enumerate(_list("Marks.arrows", self.arrows)):
+            instance(f"Marks.arrows[{n}]", arrow, Arrow)
+        for n, line in enumerate(_list("Marks.text", self.text)):
+            instance(f"Marks.text[{n}]", line, str)
+        _check_each("Marks.key", self.key, "color", "text")

@@ -8,19 +8,22 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from springgym.checks import chosen, whole_array
+from springgym.checks import TINY, chosen, instance, number, readings, refusing_unknown, whole_array
 from springgym.rendering.camera import Camera
 from springgym.rendering.canvas import Array, Canvas, import_pygame
 from springgym.rendering.ground import paint_background, paint_disk, paint_ring, paint_shadows
 from springgym.rendering.look import GREEN, INK, ORANGE, Color, Look, Marks, Scenery
 from springgym.rendering.solids import THROUGH, arrow, body, dashes, rail, strain_colors
 
+WIDEST = 2**13
+"""Largest number of pixels of a side of a picture."""
 CHORDS = 4
 """Number of straight pieces of the trace from one moment to the next."""
 BRIGHT: Color = (250, 251, 253)
 AROUND = ((-1, 0), (1, 0), (0, -1), (0, 1))
 
 
+@refusing_unknown
 class Renderer:
     """Draws a body, its scenery and marks, and keeps the trace between frames.
 
@@ -39,6 +42,11 @@ class Renderer:
         Return the picture, or show it in a window.
     fps : float
         Largest number of frames per second in the window.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument has the wrong type or value; the message names it.
     """
 
     def __init__(
@@ -50,14 +58,13 @@ class Renderer:
         mode: Literal["rgb_array", "human"] = "rgb_array",
         fps: float = 50.0,
     ) -> None:
-        chosen("mode", mode, ("rgb_array", "human"))
-        whole_array("size", size, (2,), low=16)
-        self.look = look
-        self.camera = camera
-        self.scenery = scenery if scenery is not None else Scenery()
-        self.size = size
-        self.mode = mode
-        self.fps = fps
+        self.look = instance("look", look, Look)
+        self.camera = instance("camera", camera, Camera)
+        self.scenery = Scenery() if scenery is None else instance("scenery", scenery, Scenery)
+        width, height = whole_array("size", size, (2,), low=16, high=WIDEST).tolist()
+        self.size = (width, height)
+        self.mode = chosen("mode", mode, ("rgb_array", "human"))
+        self.fps = number("fps", fps, TINY)
         self._trace: deque[Array] = deque(maxlen=look.trace_length)
         self._followed = False
         self._drawn_for: tuple[Camera, Scenery] | None = None
@@ -90,13 +97,10 @@ class Renderer:
             If shapes do not fit.
         """
         look = self.look
-        x = np.asarray(positions, dtype=float)
-        if x.ndim != 2 or x.shape[1] != 3 or len(x) < look.particles:
-            raise ValueError(f"positions must have shape (N, 3) with N >= {look.particles}, got {x.shape}")
-        s = None if strain is None else np.asarray(strain, dtype=float)
-        springs = len(np.asarray(look.springs))
-        if s is not None and s.shape != (springs,):
-            raise ValueError(f"strain must have shape ({springs},), got {s.shape}")
+        x = self._places(positions)
+        s = None if strain is None else readings("strain", strain, (len(np.asarray(look.springs)),))
+        if marks is not None:
+            instance("marks", marks, Marks)
         if not self._followed:
             self._leave(x)
         with np.errstate(invalid="ignore", over="ignore"):  # values that are not finite are not drawn
@@ -114,8 +118,19 @@ class Renderer:
         positions : (N, 3) array_like
             Particles, m.
         """
+        x = self._places(positions)
         self._followed = True
-        self._leave(np.asarray(positions, dtype=float))
+        self._leave(x)
+
+    def _places(self, positions: ArrayLike) -> Array:
+        """Return positions (N, 3) of at least the particles of the look; those not finite are not drawn."""
+        x = readings("positions", positions, (None, 3))
+        if len(x) < self.look.particles:
+            raise ValueError(
+                f"positions are {len(x)}; the look draws {self.look.particles} particles, so that there must "
+                "be at least as many"
+            )
+        return x
 
     def _leave(self, x: Array) -> None:
         if self.look.trace is not None:
@@ -137,6 +152,8 @@ class Renderer:
     def _prepared_canvas(self) -> Canvas:
         """Return a canvas that shows only the background."""
         if self._canvas is None or self._drawn_for != (self.camera, self.scenery):
+            instance("camera", self.camera, Camera)
+            instance("scenery", self.scenery, Scenery)
             self._canvas = Canvas(self.size, self.camera)
             paint_background(self._canvas, self.scenery)
             self._canvas.keep()

@@ -10,11 +10,16 @@ import numpy as np
 from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
+from springgym.checks import hides, instance, number, refusing_unknown
 from springgym.extras import missing
 
 Frame = NDArray[np.uint8]
 
+RATES = (1e-3, 1e3)
+"""Least and largest number of frames per second."""
 
+
+@refusing_unknown
 def save_video(frames: Iterable[Frame], path: str | PathLike[str], fps: float) -> None:
     """Write frames to an .mp4 (H.264, streamed) or a looping .gif.
 
@@ -31,24 +36,27 @@ def save_video(frames: Iterable[Frame], path: str | PathLike[str], fps: float) -
 
     Raises
     ------
+    TypeError
+        If an argument has the wrong type.
     ValueError
         For another suffix, no frames, frames that differ in shape or are not pictures, or a rate
-        that is not positive or too high for a GIF.
+        that is out of bounds or too high for a GIF.
     gymnasium.error.DependencyNotInstalled
         Without the packages of the extra ``render``.
     """
-    target = Path(path)
+    target = Path(instance("path", path, str, PathLike))
+    fps = number("fps", fps, *RATES)
     write = {".mp4": _write_mp4, ".gif": _write_gif}.get(target.suffix.lower())
     if write is None:
         raise ValueError(f"cannot write {target.name!r}: use a name that ends in .mp4 or .gif")
-    if not fps > 0.0:
-        raise ValueError(f"fps must be positive, got {fps}")
     write(_checked(frames), target, fps)
 
 
 def _checked(frames: Iterable[Frame]) -> Iterator[Frame]:
     shape: tuple[int, ...] | None = None
-    for index, frame in enumerate(frames):
+    for index, frame in enumerate(instance("frames", frames, Iterable)):
+        if hides(instance(f"frames[{index}]", frame, np.ndarray)):
+            raise ValueError(f"frames[{index}] has hidden values; it must be an array without a mask")
         shape = frame.shape if shape is None else shape
         if frame.dtype != np.uint8 or len(shape) != 3 or shape[2] != 3 or frame.shape != shape:
             raise ValueError(

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from springgym.checks import suggestion
+from springgym.checks import TINY, instance, number, suggestion
 from springgym.core.blocks import set_copies
 from springgym.integrators.record import Integrator
 from springgym.rigid.motion import kernel_reading, move_together
@@ -109,7 +109,7 @@ METHODS = {
 
 def default(scene: Scene) -> str:
     """Return the method for a scene that names none: that of fourth order, unless contact rules it out."""
-    return "verlet" if scene.can_touch else "suzuki"
+    return "verlet" if instance("scene", scene, Scene).can_touch else "suzuki"
 
 
 def integrator(name: str) -> Integrator:
@@ -117,10 +117,12 @@ def integrator(name: str) -> Integrator:
 
     Raises
     ------
+    TypeError
+        If the name is not a string.
     ValueError
         If there is no method of that name for rigid bodies.
     """
-    if name not in METHODS:
+    if instance("name", name, str) not in METHODS:
         raise ValueError(f"unknown integrator {name!r} for rigid dynamics{suggestion(name, METHODS)}")
     return METHODS[name].record
 
@@ -167,7 +169,7 @@ def automatic_step(scene: Scene, method: Integrator, period: float | None = None
     if scene.meetings and fastest > 0:
         longest = min(longest, CLOSER * float(scene.meetings.reach.min()) / fastest)
     step = min(longest, TURN / rate) if rate > 0 else longest
-    return step if period is None else period / math.ceil(period / step - 1e-9)
+    return step if period is None else number("period", period, TINY) / math.ceil(period / step - 1e-9)
 
 
 def terms(

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from springgym.bodies.motion import axes
+from springgym.checks import instance
 from springgym.integrators.record import Integrator, no_node
 from springgym.scene import Scene
 from springgym.surfaces import PaperContact
@@ -136,6 +137,8 @@ def check_rigid(scene: Scene, method: Integrator) -> None:
         all pinned; a drive; surfaces or collisions with a method that steps back in time; surfaces with the
         paper's contact; or a field that rigid dynamics does not support.
     """
+    instance("scene", scene, Scene)
+    instance("method", method, Integrator)
     if scene.meetings and not method.meets_bodies:
         raise ValueError(no_node(method))
     for part in scene.parts:

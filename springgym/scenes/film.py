@@ -14,11 +14,12 @@ import numpy as np
 
 from springgym.bodies import Body
 from springgym.bodies.round import points_of
-from springgym.checks import TINY, instance, number, whole_array
+from springgym.checks import TINY, function, instance, number, readings, refusing_unknown, whole, whole_array
 from springgym.collisions import shape
 from springgym.measures import Measures
 from springgym.rendering import Camera, Look, Marks, Renderer, Scenery, save_video, two_tone
 from springgym.rendering.look import AMBER, BLUE, GREEN, INK, IVORY, ORANGE, STEEL, TEAL, Color, together
+from springgym.rendering.video import RATES
 from springgym.scene import Scene
 from springgym.scenes.plan import SPEEDS
 from springgym.scenes.recording import Progress, Recording
@@ -26,6 +27,8 @@ from springgym.surfaces import Plane
 
 PIXELS = (640, 640)
 FPS = 50.0
+SLOWEST = 1e-6
+"""Least speed of a film: simulated seconds per second."""
 GIF_FPS = 25.0
 """Frames per second of a GIF: browsers show GIFs with many more at the wrong speed."""
 TURN_A_FRAME = 1.05
@@ -54,6 +57,7 @@ CALM = 0.5
 """Time over which the camera's path is smoothed [s]."""
 
 
+@refusing_unknown
 def save_film(
     recording: Recording, path: str | PathLike[str], speed: float | None = None, progress: Progress = iter
 ) -> None:
@@ -76,6 +80,7 @@ def save_film(
     gymnasium.error.DependencyNotInstalled
         Without the packages of the extra ``render``.
     """
+    instance("recording", recording, Recording)
     fps = GIF_FPS if str(path).lower().endswith(".gif") else FPS
     save_video(frames(recording, fps, speed, progress), path, fps)
 
@@ -83,9 +88,19 @@ def save_film(
 def frames(
     recording: Recording, fps: float = FPS, speed: float | None = None, progress: Progress = iter
 ) -> Iterator[np.ndarray]:
-    """Yield pictures (height, width, 3) of a recording, ``fps`` per second of the film, see `save_film`."""
+    """Return pictures (height, width, 3) of a recording, ``fps`` per second of the film, see `save_film`."""
+    instance("recording", recording, Recording)
+    fps = number("fps", fps, *RATES)
+    function("progress", progress)
+    speed = None if speed is None else number("speed", speed, SLOWEST)
+    return _frames(recording, fps, speed, progress)
+
+
+def _frames(
+    recording: Recording, fps: float, speed: float | None, progress: Progress
+) -> Iterator[np.ndarray]:
     plan, x = recording.plan, recording.positions
-    pace = plan.view.speed if speed is None else number("speed", speed, TINY)
+    pace = plan.view.speed if speed is None else speed
     pace = pace or visible_speed(turning(plan.scene, recording.bodies), fps)
     drawn, strain = look(plan.scene, plan.trace), None
     if plan.view.strain:
@@ -124,19 +139,26 @@ def round_up(value: float) -> float:
 
 def told(pace: float) -> str:
     """Return the speed of a film in words, as "1/8 of real time"."""
-    return f"{Fraction(pace).limit_denominator(1000)} {'of' if pace < 1 else '×'} real time"
+    share = Fraction(number("pace", pace, TINY)).limit_denominator(1000)
+    return f"{share} {'of' if pace < 1 else '×'} real time"
 
 
 def visible_speed(fastest: float, fps: float) -> float:
     """Return the fastest of `SPEEDS`, at most real time, at which a film shows ``fastest`` [rad/s]
     correctly."""
+    fastest, fps = float(readings("fastest", fastest, ())), number("fps", fps, *RATES)
     return max((s for s in SPEEDS if s <= 1 and fastest * s <= TURN_A_FRAME * fps), default=SPEEDS[0])
 
 
 def turning(scene: Scene, bodies: Sequence[Measures]) -> float:
     """Return the largest angular velocity of a body [rad/s], from the measures of each; 0 for floppy
     bodies."""
-    pairs = zip(scene.bodies, bodies, strict=True)
+    placed_bodies = instance("scene", scene, Scene).bodies
+    for n, measures in enumerate(instance("bodies", bodies, tuple, list)):
+        instance(f"bodies[{n}]", measures, Measures)
+    if len(bodies) != len(placed_bodies):
+        raise ValueError(f"bodies are measures of {len(bodies)}; the scene has {len(placed_bodies)}")
+    pairs = zip(placed_bodies, bodies, strict=True)
     turns = [m.angular_velocity for placed, m in pairs if not placed.body.floppy]
     return max((float(np.linalg.norm(omega, axis=1).max()) for omega in turns), default=0.0)
 
@@ -146,6 +168,7 @@ def camera(recording: Recording, size: tuple[int, int] = PIXELS, moments: Sequen
 
     Without ``moments``, it shows the body at its start, and has to move along `way`.
     """
+    instance("recording", recording, Recording)
     x, view, scene = recording.positions, recording.plan.view, recording.plan.scene
     along = way(recording)
     if along is not None:
@@ -161,7 +184,7 @@ def camera(recording: Recording, size: tuple[int, int] = PIXELS, moments: Sequen
 
 def way(recording: Recording) -> np.ndarray | None:
     """Return the path (T, 3) [m] of a camera that follows the body; None if the camera does not move."""
-    centre = recording.measures.centre
+    centre = instance("recording", recording, Recording).measures.centre
     size = float(np.ptp(recording.positions[0], axis=0).max())
     if recording.plan.scene.pins or not 0 < FAR * size < np.linalg.norm(np.ptp(centre, axis=0)):
         return None
@@ -176,7 +199,7 @@ def strobe(
     recording: Recording, moments: Sequence[int], seen_by: Camera, size: tuple[int, int]
 ) -> np.ndarray:
     """Return a picture (height, width, 3) of the body at several moments; earlier ones are paler."""
-    plan = recording.plan
+    plan = instance("recording", recording, Recording).plan
     renderer = Renderer(look(plan.scene, None), seen_by, scenery(recording), size)
     ground = np.asarray(renderer.draw(np.full_like(recording.positions[0], np.nan)), np.int16)
     picture = ground.astype(np.float32)
@@ -199,7 +222,10 @@ def poses(recording: Recording, spacing: float = 0.9, most: int = 10, last: int 
     Poses at equal intervals would overlap where the body is slow, or where it returns. The spacing is
     increased if there would be more than ``most`` poses.
     """
+    instance("recording", recording, Recording)
+    spacing, most = number("spacing", spacing, TINY), whole("most", most, 1)
     x, centre = recording.positions, recording.measures.centre
+    last = None if last is None else whole("last", last, high=len(x) - 1)
     end = len(x) - 1 if last is None else last
     size = float(np.ptp(x[0], axis=0).max()) or 0.1 * float(np.ptp(x, axis=(0, 1)).max()) or 1.0
     apart = spacing * size
@@ -215,13 +241,14 @@ def poses(recording: Recording, spacing: float = 0.9, most: int = 10, last: int 
 
 def surfaces(scene: Scene) -> Scenery:
     """Return the surfaces of a scene as scenery."""
+    instance("scene", scene, Scene)
     planes = tuple((s.point, s.normal) for s in scene.surfaces if isinstance(s, Plane))
     return Scenery(planes=planes, surfaces=[s for s in scene.surfaces if not isinstance(s, Plane)])
 
 
 def scenery(recording: Recording) -> Scenery:
     """Return the surfaces of a recording's scene, or a ground below a pinned body."""
-    scene, x = recording.plan.scene, recording.positions
+    scene, x = instance("recording", recording, Recording).plan.scene, recording.positions
     if scene.surfaces or not scene.pins:
         plumb = None
         if any(abs(s.normal[2]) < 0.999 for s in scene.surfaces if isinstance(s, Plane)):
@@ -253,6 +280,7 @@ def look(scene: Scene, trace: int | None = None, colors: Mapping[str, Color] | N
     TypeError, ValueError
         If there is no such body, or a colour is not one.
     """
+    instance("scene", scene, Scene)
     given = {
         scene.number(instance("a name in colors", name, str)): tuple(
             whole_array(f"colors[{name!r}]", color, (3,), high=255).tolist()

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Any, Literal, get_args
 
+from springgym.checks import chosen, flag, instance, number, refusing_unknown, shown, whole
+from springgym.integrators import integrator
 from springgym.scene import Scene
 from springgym.surfaces import PaperContact
 
@@ -14,16 +17,39 @@ Plot = Literal["top", "pendulum", "rope", "drop", "slide", "rotation", "ringing"
 OF_ONE_BODY = ("top", "rope", "ringing")
 """Names of the plots that can only show a scene of one body."""
 
-LEAST = {"duration": 1e-6, "interval": 1e-6, "step": 1e-9}
-"""Least times of a run [s]: in shorter ones, no motion would be visible in a plot or a film."""
+LEAST = {"duration": 1e-6, "interval": 1e-9, "step": 1e-9}
+"""Least times of a run [s]: in a shorter one, no motion would be visible in a plot or a film."""
 
 
 SPEEDS = (1 / 64, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0, 2.0, 4.0, 8.0)
 """Speeds of films: simulated seconds per second of the film."""
 
 
-class View(NamedTuple):
-    """The viewpoint and the speed of a film."""
+def _time(name: str, value: object) -> None:
+    """Raise ValueError for a time that is below that of `LEAST`."""
+    if number(name, value) < LEAST[name]:
+        raise ValueError(f"{name} is {value:g} s; it must be at least {LEAST[name]:g} s")
+
+
+RULES: Mapping[str, Callable[[str, Any], object]] = {
+    "duration": _time,
+    "interval": _time,
+    "step": lambda name, value: None if value is None else _time(name, value),
+    "integrator": lambda name, value: integrator(instance(name, value, str)),
+}
+"""Checks of the settings of a simulation, by their names, which each takes with the value."""
+
+
+@refusing_unknown
+@dataclass(frozen=True)
+class View:
+    """The viewpoint and the speed of a film.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a field has the wrong type or value; the message names it.
+    """
 
     azimuth: float = -1.0
     """azimuth of the eye, counted from x about z [rad]"""
@@ -35,10 +61,25 @@ class View(NamedTuple):
     strain: bool = False
     """whether the film shows the springs, coloured by their strain; for motions too small to be seen"""
 
+    def __post_init__(self) -> None:
+        number("azimuth", self.azimuth)
+        number("elevation", self.elevation)
+        if self.speed is not None and number("speed", self.speed) not in SPEEDS:
+            known = ", ".join(f"{speed:g}" for speed in SPEEDS)
+            raise ValueError(f"speed is {self.speed:g}; it must be one of {known}")
+        flag("strain", self.strain)
 
+
+@refusing_unknown
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """A scene, and the settings for its simulation, checks and pictures."""
+    """A scene, and the settings for its simulation, checks and pictures.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a field has the wrong type or value; the message names it.
+    """
 
     name: str
     title: str
@@ -65,3 +106,37 @@ class Plan:
     """whether contacts are recorded, as a check needs them"""
     parts: tuple[Plan, ...] = ()
     """for several bodies, the plan with the checks of each; ``checks`` are those of all together"""
+
+    def __post_init__(self) -> None:
+        for name, kind in (("name", str), ("title", str), ("scene", Scene), ("paper", PaperContact)):
+            instance(name, getattr(self, name), kind)
+        for name, rule in RULES.items():
+            rule(name, getattr(self, name))
+        for name in ("stretched", "contacts"):
+            flag(name, getattr(self, name))
+        if self.trace is not None:
+            whole("trace", self.trace, high=len(self.scene.masses) - 1)
+        bodies = len(self.scene.bodies)
+        check_plot(self.plot, bodies)
+        for name in instance("checks", self.checks, tuple):
+            instance("a name in checks", name, str)
+        refuse_twice("checks", self.checks)
+        instance("view", self.view, View)
+        for n, part in enumerate(instance("parts", self.parts, tuple)):
+            instance(f"parts[{n}]", part, Plan)
+        if self.parts and len(self.parts) != bodies:
+            raise ValueError(f"parts are {len(self.parts)}; there must be one for each of {bodies} bodies")
+
+
+def check_plot(plot: object, bodies: int) -> None:
+    """Raise TypeError or ValueError for a plot that cannot show so many bodies."""
+    chosen("plot", plot, get_args(Plot))
+    if bodies > 1 and plot in OF_ONE_BODY:
+        raise ValueError(f"plot is {plot!r}, which shows a scene of one body, and there are {bodies}")
+
+
+def refuse_twice(name: str, given: Sequence[object]) -> None:
+    """Raise ValueError if something is in a list twice."""
+    for n, item in enumerate(given):
+        if item in given[:n]:
+            raise ValueError(f"{name} names {shown(item)} twice; it must name each once")

@@ -21,6 +21,7 @@ from typing import Any, Literal
 import numpy as np
 
 from springgym.bodies.elastic import Elastic
+from springgym.checks import instance
 from springgym.extras import missing
 from springgym.rendering import Camera
 from springgym.rendering.ground import round_down
@@ -71,7 +72,7 @@ def draw(recording: Recording) -> Figure:
     gymnasium.error.DependencyNotInstalled
         Without pygame, which draws the body.
     """
-    plan = recording.plan
+    plan = instance("recording", recording, Recording).plan
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(11, 4.6 if plan.plot == "top" else 5.8), dpi=DPI, layout="constrained")
         figure.suptitle(plan.title[:1].upper() + plan.title[1:], fontsize=13)

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from importlib import resources
 from importlib.resources.abc import Traversable
-from os.path import isfile
+from os.path import isdir, isfile
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -17,13 +17,12 @@ from springgym import bodies as makers
 from springgym.bodies import Body, from_mesh, from_points, start, union
 from springgym.bodies.motion import InitialState
 from springgym.bodies.precession import heavy_top
-from springgym.checks import instance, shown, suggestion
+from springgym.checks import instance, refusing_unknown, shown, suggestion
 from springgym.collisions import Collisions, Pair
 from springgym.collisions.meeting import ALL
-from springgym.integrators import METHODS
 from springgym.scene import GRAVITY, Placed, Scene
 from springgym.scenes.checks import CHECKS, TOUCHING, of_all
-from springgym.scenes.plan import LEAST, OF_ONE_BODY, SPEEDS, Plan, Plot, Vector, View
+from springgym.scenes.plan import RULES, Plan, Plot, Vector, View, check_plot, refuse_twice
 from springgym.strict_yaml import Tree, YamlError, build, changed, fit, read_yaml
 from springgym.surfaces import SURFACES, Contact, PaperContact, Plane, Surface, floor, heights, resting
 from springgym.theory.rope import catenary
@@ -39,6 +38,7 @@ def names() -> list[str]:
     )
 
 
+@refusing_unknown
 def load(scene: str | Path, changes: Changes | None = None) -> Plan:
     """Read a scene.
 
@@ -76,6 +76,8 @@ def _file(scene: str | Path) -> Iterator[Path]:
             yield path
         return
     path = Path(scene)
+    if isdir(path):
+        raise ValueError(f"{shown(str(scene))} is a folder; give the name of a scene, or of a YAML file")
     if path.suffix not in (".yaml", ".yml") and not isfile(path):
         raise ValueError(f"no such file, and there is no scene {shown(scene)}{suggestion(scene, names())}")
     yield path
@@ -87,7 +89,7 @@ def _folder() -> Traversable:
 
 def read(path: Path, changes: Changes | None = None) -> Plan:
     """Read a scene file, see `load`."""
-    tree = changed(read_yaml(path), changes or {})
+    tree = changed(read_yaml(path), {} if changes is None else changes)
 
     def plan(
         title: str,
@@ -108,23 +110,25 @@ def read(path: Path, changes: Changes | None = None) -> Plan:
         checks: Sequence[str] = (),
         view: object = None,
     ) -> Plan:
-        for name, value in {"duration": duration, "interval": interval, "step": step}.items():
-            if value is not None and value < LEAST[name]:
-                raise _error(tree, (name,), f"{name} is {value:g} s; it must be at least {LEAST[name]:g} s")
-        if integrator not in METHODS:
-            known = suggestion(integrator, METHODS)
-            raise _error(tree, ("integrator",), f"unknown integrator {shown(integrator)}{known}")
+        settings: dict[str, Any] = {
+            "duration": duration,
+            "interval": interval,
+            "integrator": integrator,
+            "step": step,
+        }
+        for name, value in settings.items():
+            with _at(tree, name):
+                RULES[name](name, value)
         if isinstance(gravity, float) and gravity < 0:
             raise _error(tree, ("gravity",), f"gravity is {gravity:g}; it pulls down if it is positive")
         pull = (0.0, 0.0, -gravity) if isinstance(gravity, float) else gravity
         met, paper = (Contact(), PaperContact())
         if contact is not None:
             met, paper = build(_met, tree, ("contact",), skip=Contact.__dataclass_fields__, file=tree)
-            if not surfaces and not bodies:
-                raise _error(tree, ("contact",), "a single body has no contact without surfaces")
         world: dict[str, Any] = {"gravity": pull, "surfaces": _surfaces(tree), "contact": met}
         begun = _bodies(tree, world, body, bodies, pinned, start)
         meet = _collisions(tree)
+        _refuse_unused(tree, len(begun), meet)
         try:
             scene = Scene(
                 bodies=tuple(one.placed for one in begun),
@@ -134,41 +138,34 @@ def read(path: Path, changes: Changes | None = None) -> Plan:
         except (ValueError, TypeError, ArithmeticError) as error:
             raise YamlError(f"{path}: {error}") from error
         _known_checks(tree, ("checks",), checks)
-        if len(begun) > 1 and plot in OF_ONE_BODY:
-            raise _error(tree, ("plot",), f"{plot!r} shows a scene of one body, and there are {len(begun)}")
+        plot = plot or ("bodies" if len(begun) > 1 else "rotation")
+        with _at(tree, "plot"):
+            check_plot(plot, len(begun))
         whole = Plan(
             name=path.stem,
             title=title,
             scene=scene,
             paper=paper,
             stretched=all(one.stretched for one in begun),
-            duration=duration,
-            interval=interval,
-            integrator=integrator,
-            step=step,
+            **settings,
             trace=_traced(tree, scene, trace),
-            plot=plot or ("bodies" if len(begun) > 1 else "rotation"),
+            plot=plot,
             checks=tuple(checks),
-            view=View() if view is None else _view(tree),
+            view=View() if view is None else build(View, tree, ("view",)),
             contacts=not TOUCHING.isdisjoint(checks),
         )
         if bodies is None:
             return whole
         together = of_all(scene, checks)
         each = tuple(name for name in checks if name not in together)
-        parts = tuple(
-            replace(
-                whole,
-                name=f"{path.stem}: {part.bodies[0].name}",
-                scene=part,
-                stretched=one.stretched,
-                trace=None,
-                plot="rotation",
-                checks=(*each, *one.checks),
-            )
-            for part, one in zip(scene.parts, begun, strict=True)
-        )
-        return replace(whole, checks=tuple(together), parts=parts)
+        parts = []
+        for part, one in zip(scene.parts, begun, strict=True):
+            name = part.bodies[0].name
+            own: dict[str, Any] = {"stretched": one.stretched, "trace": None, "plot": "rotation"}
+            own["checks"] = (*each, *one.checks)
+            with _at(tree, "bodies", name):
+                parts.append(replace(whole, name=f"{path.stem}: {name}", scene=part, **own))
+        return replace(whole, checks=tuple(together), parts=tuple(parts))
 
     return build(plan, tree)
 
@@ -177,11 +174,39 @@ def _error(tree: Tree, path: tuple[str, ...], message: str) -> YamlError:
     return YamlError(f"{tree.where[path]}: {'.'.join(path)}: {message}")
 
 
+@contextmanager
+def _at(tree: Tree, *path: str) -> Iterator[None]:
+    """Return a context in which errors are those of the value at a path of a file."""
+    try:
+        yield
+    except ValueError as error:
+        raise _error(tree, path, str(error)) from error
+
+
 def _known_checks(tree: Tree, path: tuple[str, ...], checks: Sequence[str]) -> None:
+    """Refuse unknown checks, and those given twice."""
     for n, name in enumerate(checks):
+        where = tree.where[*path, str(n)]
         if name not in CHECKS:
-            where = tree.where[*path, str(n)]
             raise YamlError(f"{where}: unknown check {shown(name)}{suggestion(name, CHECKS)}")
+        if name in checks[:n]:
+            raise YamlError(f"{where}: check {name!r} is given twice")
+
+
+def _refuse_unused(tree: Tree, bodies: int, collisions: Collisions) -> None:
+    """Refuse keys of a file without effect: a contact by which nothing can touch, and what belongs to it."""
+    surfaces, several = bool(tree.value.get("surfaces")), bodies > 1
+    if "collisions" in tree.value and not several:
+        raise _error(tree, ("collisions",), "a single body collides with no other")
+    if tree.value.get("contact") is None:
+        return
+    if not several and not surfaces:
+        raise _error(tree, ("contact",), "a single body has no contact without surfaces")
+    pairs = collisions if isinstance(collisions, tuple) else ()
+    if not surfaces and collisions != ALL and all(pair.contact for pair in pairs):
+        raise _error(tree, ("contact",), "no bodies collide by it, and there are no surfaces")
+    if not surfaces and "paper_damping" in tree.value["contact"]:
+        raise _error(tree, ("contact", "paper_damping"), "there are no surfaces, which alone it concerns")
 
 
 def _traced(tree: Tree, scene: Scene, trace: str | int | None) -> int | None:
@@ -191,6 +216,9 @@ def _traced(tree: Tree, scene: Scene, trace: str | int | None) -> int | None:
     number, part = 0, trace
     if "bodies" in tree.value:
         name, _, part = str(trace).partition(".")
+        if not part:
+            must = "it must be body.part, the name of a body and a part of it or the number of a particle"
+            raise _error(tree, ("trace",), f"trace is {shown(trace)}; {must}")
         names = [placed.name for placed in scene.bodies]
         if name not in names:
             raise _error(tree, ("trace",), f"unknown body {shown(name)}{suggestion(name, names)}")
@@ -202,6 +230,10 @@ def _traced(tree: Tree, scene: Scene, trace: str | int | None) -> int | None:
 
 
 # --- Bodies in their places -------------------------------------------------------------------------
+
+
+BESIDE_END = ("end", "position", "velocity", "kick")
+"""Keys of the start of a rope that is held at its end."""
 
 
 class _Standing(NamedTuple):
@@ -252,12 +284,9 @@ def _standing(
 ) -> _Standing:
     """Read a body with its pins and its start at ``path`` of a file."""
     made = _body(tree, (*path, "body"))
-    given: dict[str, Any] = {
-        "body": made,
-        "pinned": _particles(tree, (*path, "pinned"), made, pinned),
-        **world,
-    }
+    given: dict[str, Any] = {"body": made, "pinned": _pinned(tree, (*path, "pinned"), made, pinned), **world}
     begun = _started(**given) if start is None else build(_started, tree, (*path, "start"), **given)
+    _refuse_beside_end(tree, (*path, "start"))
     _known_checks(tree, (*path, "checks"), checks)
     try:
         placed = Placed(made, begun.start.positions, begun.start.velocities, given["pinned"])
@@ -266,12 +295,17 @@ def _standing(
     return _Standing(placed, begun.stretched, tuple(checks))
 
 
-def _view(tree: Tree) -> View:
-    view: View = build(View, tree, ("view",))
-    if view.speed is not None and view.speed not in SPEEDS:
-        known = ", ".join(f"{speed:g}" for speed in SPEEDS)
-        raise _error(tree, ("view",), f"speed is {view.speed:g}; it must be one of {known}")
-    return view
+def _refuse_beside_end(tree: Tree, path: tuple[str, ...]) -> None:
+    """Refuse keys of a start that a rope held at its ``end`` does not heed: it hangs at rest, and may be
+    moved or pushed as a whole, or kicked."""
+    given = tree.at(path) if path in tree.where else None
+    if isinstance(given, dict) and given.get("end") is not None:
+        for name in given:
+            if name not in BESIDE_END:
+                others = ", ".join(BESIDE_END)
+                raise _error(
+                    tree, (*path, name), f"a rope held at its end hangs between its ends; it takes {others}"
+                )
 
 
 # --- Bodies -----------------------------------------------------------------------------------------
@@ -341,6 +375,14 @@ def _part(tree: Tree, path: tuple[str, ...]) -> Body:
     return build(placed, tree, path, skip=tuple(others))
 
 
+def _pinned(tree: Tree, path: tuple[str, ...], body: Body, given: Sequence[str | int]) -> tuple[int, ...]:
+    """Return pinned particles, each named once."""
+    found = _particles(tree, path, body, given)
+    with _at(tree, *path):
+        refuse_twice("pinned", found)
+    return found
+
+
 def _particles(tree: Tree, path: tuple[str, ...], body: Body, given: Sequence[str | int]) -> tuple[int, ...]:
     """Return particles by number or by the name of a part."""
     found: list[int] = []
@@ -371,6 +413,8 @@ def _surfaces(tree: Tree) -> tuple[Surface, ...]:
         if not isinstance(kind, str) or kind not in SURFACES:
             known = suggestion(str(kind), SURFACES)
             raise YamlError(f"{tree.where[path]}: unknown kind of surface {shown(kind)}{known}")
+        if entries in given[:n]:
+            raise _error(tree, path, "this surface is given twice")
         made.append(build(SURFACES[kind], tree, path, skip=("kind",)))
     return tuple(made)
 
@@ -405,6 +449,10 @@ def _collisions(tree: Tree) -> Collisions:
 
 
 # --- Starts -----------------------------------------------------------------------------------------
+
+
+ALONG = 1e-3
+"""A position along a plane may be off it by this fraction, as files round its components."""
 
 
 class _Beginning(NamedTuple):
@@ -460,7 +508,8 @@ def _started(
         stretched=stretched and end is None,
     )
     if height is not None:
-        positions = _lifted(body, positions, gravity, surfaces[0] if surfaces else floor(), contact, height)
+        plane = surfaces[0] if surfaces else floor()
+        positions = _lifted(body, positions, gravity, plane, contact, height, position)
     if end is not None:
         positions = _hung(body, positions[0], np.array(end), gravity)
     for name, change in (kick or {}).items():
@@ -480,10 +529,17 @@ def _lifted(
     surface: Surface,
     contact: Contact,
     height: float | Literal["rest"],
+    position: Vector,
 ) -> np.ndarray:
     """Return positions moved along the normal of a plane to a height of the lowest particle."""
     if not isinstance(surface, Plane):
         raise ValueError("height needs a plane; give a position above other surfaces")
+    away = float(np.dot(position, surface.normal))
+    if abs(away) > ALONG * float(np.linalg.norm(position)):
+        raise ValueError(
+            f"position is {position}, {away:g} m along the normal of the plane, beside a height above the "
+            "plane; it must be along the plane"
+        )
     if height == "rest":
         try:
             return resting(body, positions, contact, surface, gravity)

@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from springgym.checks import chosen, flag, function, instance, refusing_unknown
 from springgym.contact.totals import PairReadings
 from springgym.contacts import Contacts
+from springgym.dynamics import DYNAMICS
 from springgym.integrators.record import Integrator
 from springgym.measures import SIZE, Measures, view
 from springgym.scenes.plan import Plan
@@ -79,6 +81,7 @@ class Recording:
         )
 
 
+@refusing_unknown
 def record(
     plan: Plan, *, dynamics: str = "springs", contacts: bool = False, progress: Progress = iter
 ) -> Recording:
@@ -102,9 +105,15 @@ def record(
     ------
     SimulationDivergedError
         If the simulation diverges.
+    TypeError
+        If an argument has the wrong type.
     ValueError
         If the integrator or the step does not fit the scene, or there are too many steps or states.
     """
+    instance("plan", plan, Plan)
+    chosen("dynamics", dynamics, DYNAMICS)
+    flag("contacts", contacts)
+    function("progress", progress)
     plan = replace(plan, interval=plan.duration / max(1, round(plan.duration / plan.interval)))
     simulator = _simulator(plan, dynamics)
     steps = max(1, round(plan.interval / simulator.step))
@@ -157,7 +166,7 @@ def record(
 
 def contacts_of(simulator: Simulator) -> Contacts | None:
     """Return the current contacts of a simulator; None if `Simulator.contacts` cannot report them."""
-    if not simulator.scene.can_touch:
+    if not instance("simulator", simulator, Simulator).scene.can_touch:
         return None
     try:
         return simulator.contacts()
@@ -221,12 +230,12 @@ def rigid_twin(recording: Recording) -> Recording | None:
     Return None if a body or the scene has no rigid twin, or if bodies collide: after some impacts, springs
     and twin follow different paths.
     """
-    if recording.plan.scene.meetings:
+    if instance("recording", recording, Recording).plan.scene.meetings:
         return None
     interval = float(recording.times[1]) if len(recording.times) > 1 else recording.plan.interval
     duration = float(recording.times[-1])
-    plan = replace(recording.plan, interval=interval, duration=duration, step=recording.step)
     try:
+        plan = replace(recording.plan, interval=interval, duration=duration, step=recording.step)
         return record(plan, dynamics="rigid")
     except ValueError:
         return None

@@ -8,7 +8,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from springgym.checks import TINY, array, number
+from springgym.checks import TINY, array, number, refusing_unknown
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Number, Vector
 from springgym.core.lanes import load, sqrt
@@ -36,6 +36,7 @@ class Bowls(NamedTuple):
         return unit(row(own.centre, k) - place)
 
 
+@refusing_unknown
 @dataclass(frozen=True)
 class Bowl(Surface):
     """The inside of a sphere. Its lower part is a spherical bowl."""

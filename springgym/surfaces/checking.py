@@ -10,7 +10,7 @@ import numpy as np
 from numba import NumbaError, njit
 from numpy.typing import ArrayLike
 
-from springgym.checks import array, instance
+from springgym.checks import array, instance, refusing_unknown
 from springgym.core.blocks import block_array, numbers, set_copies, to_copies
 from springgym.core.lanes import store
 from springgym.core.vectors import row, set_row
@@ -29,6 +29,7 @@ NEWTON = 20
 """Number of Newton iterations from a place to the surface."""
 
 
+@refusing_unknown
 def check_gradient(surface: Surface, places: ArrayLike) -> None:
     """Check that height and gradient of a surface agree at some points, and that its height is the distance.
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from springgym.bodies import Body, vibrations
-from springgym.checks import TINY, array, instance, number
+from springgym.checks import TINY, array, instance, number, refusing_unknown
 from springgym.surfaces.plane import Plane, floor
 from springgym.surfaces.round import heights
 from springgym.surfaces.surface import Surface
@@ -35,6 +35,7 @@ RESISTANCES = ("rolling_resistance", "torsional_resistance")
 """Names of the options of a `Contact` that concern only round features."""
 
 
+@refusing_unknown
 @dataclass(frozen=True)
 class Contact:
     """The contact of bodies with surfaces and each other: a barrier that conserves energy, and friction.
@@ -84,6 +85,7 @@ def without_resistance(contact: Contact | PaperContact) -> Contact | PaperContac
     return contact
 
 
+@refusing_unknown
 @dataclass(frozen=True)
 class PaperContact:
     """The paper's contact with surfaces, see `springgym.forces.paper_contact`; for rk4 only.
@@ -211,6 +213,7 @@ def scales(contact: Contact | PaperContact, body: Body) -> tuple[float, float]:
     return strength, reach
 
 
+@refusing_unknown
 def resting(
     body: Body,
     positions: ArrayLike,

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from springgym.checks import TINY, array, number, whole
+from springgym.checks import TINY, array, number, refusing_unknown, whole
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Number, Vector
 from springgym.core.lanes import load, load_each, maximum, minimum, rounded, sqrt
@@ -144,6 +144,7 @@ def ground(along_x: Any, along_y: Any, k: int, own: HeightFields) -> Any:
     )
 
 
+@refusing_unknown
 @dataclass(frozen=True, repr=False)
 class HeightField(Surface):
     """Uneven ground z = f(x, y): a smooth surface through heights on a grid of square cells.
@@ -258,6 +259,7 @@ def _coefficients(values: np.ndarray) -> np.ndarray:
     return np.concatenate([2.0 * c[:1] - c[1:2], c, 2.0 * c[-1:] - c[-2:-1]])
 
 
+@refusing_unknown
 def waves(amplitude: float, length: float, size: float, spacing: float, level: float = 0.0) -> HeightField:
     """Return ground with waves along x, f = z₀ + a cos(2π x/λ), on a square around the origin.
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from springgym.checks import TINY, array, direction, number
+from springgym.checks import TINY, array, direction, number, refusing_unknown
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Number, Vector
 from springgym.core.lanes import load, sqrt
@@ -45,6 +45,7 @@ def off_axis(place: Vector, k: int, own: Pipes) -> Any:
     return plus_scaled(arm, -1.0 * dot(arm, row(own.axis, k)), row(own.axis, k))
 
 
+@refusing_unknown
 @dataclass(frozen=True)
 class Pipe(Surface):
     """The inside of a round pipe without ends, around an axis through a point. Its lower part is a gutter.

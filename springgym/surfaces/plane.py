@@ -10,7 +10,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from springgym.checks import array, direction, number
+from springgym.checks import array, direction, number, refusing_unknown
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Number, Vector
 from springgym.core.lanes import load
@@ -43,6 +43,7 @@ class Planes(NamedTuple):
         return row(own.normal, k)
 
 
+@refusing_unknown
 @dataclass(frozen=True)
 class Plane(Surface):
     """A plane whose normal points to the free side. A normal of any length is normalised."""
@@ -85,11 +86,13 @@ class Plane(Surface):
         )
 
 
+@refusing_unknown
 def floor(z: float = 0.0) -> Plane:
     """Return a level plane at height z [m]."""
     return Plane((0.0, 0.0, number("z", z)))
 
 
+@refusing_unknown
 def incline(angle: float, point: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Plane:
     """Return a slope that rises towards +x by ``angle`` [rad], through a point."""
     angle = number("angle of an incline [rad]", angle, -math.pi / 2, math.pi / 2)

@@ -16,16 +16,17 @@ import re
 import webbrowser
 from contextlib import redirect_stdout
 from dataclasses import replace
+from os import PathLike
 from os.path import isfile
 from pathlib import Path
 from typing import Any
 
-from springgym.checks import TINY, number
+from springgym.checks import instance, number
 from springgym.cli import check_new
 from springgym.extras import missing
 from springgym.registration import nearest_id
 from springgym.scenes import load, names
-from springgym.scenes.film import told
+from springgym.scenes.film import SLOWEST, told
 from springgym.scenes.recording import Recording, record
 from springgym.stability import automatic_step
 from springgym.view.knobs import knobs
@@ -156,12 +157,16 @@ def save_page(motion: Motion | Recording, path: str | Path, speed: float | None 
 
     Raises
     ------
+    TypeError
+        If an argument has the wrong type.
     ValueError
-        If the name ends in neither .html nor .viser.
+        If the speed is out of bounds, or the name ends in neither .html nor .viser.
     """
     from springgym.view.stage import Stage, look_from, play
 
-    path = Path(path)
+    instance("motion", motion, Motion, Recording)
+    path = Path(instance("path", path, str, PathLike))
+    speed = None if speed is None else number("speed", speed, SLOWEST)
     check_new(path, ENDINGS)
     alone = path.suffix.lower() == ".html"
     if isinstance(motion, Recording):
@@ -175,7 +180,7 @@ def save_page(motion: Motion | Recording, path: str | Path, speed: float | None 
             stage.show(springs=False, forces=False, rotation=False, contacts=False)
         stage.set_up(motion)
         look_from(server.initial_camera, stage.camera(motion))
-        pace = motion.speed(FPS) if speed is None else number("speed", speed, TINY)
+        pace = motion.speed(FPS) if speed is None else speed
         if pace != 1:
             stage.write(told(pace))
         serializer = play(server, stage, motion, FPS, pace)
@@ -197,7 +202,7 @@ def save_viewer(path: str | Path) -> None:
     import viser
 
     page = Path(viser.__file__).parent / "client" / "build" / "index.html"
-    Path(path).write_bytes(page.read_bytes())
+    Path(instance("path", path, str, PathLike)).write_bytes(page.read_bytes())
 
 
 def _server(port: int) -> Any:

@@ -119,7 +119,7 @@ class Stage:
         if self._follows:
             x = x - (motion.centre - motion.centre[0])[every, None]
         aside, share = (ASIDE, 1.0) if aspect >= 1.0 else ((0.0, -SHEET), 1.0 - SHEET)
-        size = (round(1000 * min(1.0, aspect / share)), 1000)
+        size = (max(1, round(1000 * min(1.0, aspect / share))), 1000)
         narrow = 2.0 * float(np.arctan(share * np.tan(0.5 * FOV)))
         camera = replace(Camera.fitting(x, size, *motion.direction, narrow, 0.1), fov=FOV)
         right, up, _ = camera.axes()

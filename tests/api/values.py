@@ -82,6 +82,7 @@ def arrays(shape: tuple[int, ...]) -> list[Any]:
     wrong += [
         right.astype(kind) for kind in (bool, np.int8, np.uint64, np.float16, np.float32, np.longdouble)
     ]
+    wrong += [np.ma.masked_all(shape), [np.ma.masked] * shape[0]]
     return [*wrong, right[::-1], np.asfortranarray(right), right.tolist(), np.broadcast_to(1.0, shape)]
 
 

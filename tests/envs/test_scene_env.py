@@ -16,7 +16,7 @@ from springgym.bodies import box, cube
 from springgym.envs.observation import Situation
 from springgym.envs.sb3 import make_sb3
 from springgym.measures import Measures, MeasuresOfBodies
-from springgym.rendering import Arrow, Marks
+from springgym.rendering import Marks
 from springgym.scene import Placed, Scene, ThrustActuator
 
 UP = np.array([0, 0, 0, 0, 0, 1, 0, 0, 1], np.float32)
@@ -88,17 +88,45 @@ def seen(m: MeasuresOfBodies, s: Situation) -> np.ndarray:
 @pytest.mark.parametrize(
     ("marks", "says"),
     [
-        (Marks(balls=[((0.0, 0.0), 0.1)]), r"centre of balls\[0\] that marks gave is .*shape \(3,\)"),
-        (Marks(arrows=[Arrow((0, 0, 0), (1, 0))]), r"vector of arrows\[0\] that marks gave"),
-        (Marks(lines=[((0, 0, 0), (0, 0, np.nan))]), r"end of lines\[0\] that marks gave\[2\] is nan"),
-        (Marks(rings=[(1.0, 0.1)]), r"centre of rings\[0\] that marks gave is 1\.0"),
+        ({"balls": [((0.0, 0.0), 0.1)]}, r"Marks\.balls\[0\]: centre is .*shape \(3,\)"),
+        ({"arrows": [((0, 0, 0), (1, 0, 0))]}, r"Marks\.arrows\[0\] is .*; it must be Arrow"),
+        ({"lines": [((0, 0, 0), (0, 0, np.nan))]}, r"Marks\.lines\[0\]: end\[2\] is nan"),
+        ({"rings": [(1.0, 0.1)]}, r"Marks\.rings\[0\]: centre is 1\.0"),
     ],
 )
-def test_marks_are_in_space(marks: Marks, says: str) -> None:
-    env = make(render_mode="rgb_array", marks=lambda m, s: marks)
+def test_marks_are_in_space(marks: dict[str, Any], says: str) -> None:
+    env = make(render_mode="rgb_array", marks=lambda m, s: Marks(**marks))
     env.reset(seed=0)
-    with pytest.raises(ValueError, match=says):
+    with pytest.raises((TypeError, ValueError), match=says):
         env.render()
+
+
+def test_marks_of_a_lost_state_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A function of the user is not asked where bodies are that are nowhere."""
+    env = make(render_mode="rgb_array", marks=lambda m, s: Marks(balls=[(s.x[0], 0.1)]))
+    env.reset(seed=0)
+    episodes = env.unwrapped.episodes
+    m, s = episodes.seen_of(0)
+    assert len(episodes.marks(0).balls) == 1
+    for lost in (np.nan, np.inf, 1e40):
+        monkeypatch.setattr(
+            episodes, "seen_of", lambda copy, lost=lost: (m, s._replace(x=lost * np.ones_like(s.x)))
+        )
+        assert episodes.marks(0).balls == ()
+        assert episodes.marks(0).text[0] == "step 0"
+
+
+def test_values_hidden_by_a_mask_are_refused() -> None:
+    """NumPy would use what the mask hides: of actions, and of what functions give."""
+    env = make()
+    env.reset(seed=0)
+    hidden = np.ma.masked_array(np.zeros(env.action_space.shape), mask=True)
+    for action in (hidden, list(hidden)):
+        with pytest.raises(ValueError, match=r"action is .*; it must be an array without hidden values"):
+            env.step(action)
+    env.step(np.ma.masked_array(np.zeros(env.action_space.shape)))
+    with pytest.raises(TypeError, match="observe gave"):
+        make(observe=lambda m, s: np.ma.masked_array(seen(m, s), mask=True))
 
 
 def test_observation_of_ones_own() -> None:

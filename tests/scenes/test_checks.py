@@ -150,10 +150,10 @@ def test_what_theory_leaves_out_is_no_pass():
     fine = Check("a length", 1.0, 1.0, 0.1, "m", 0.1)
     assert fine.passed
     for doubt in (0.11, np.inf, np.nan):
-        assert not fine._replace(doubt=doubt).covered
-        assert not fine._replace(doubt=doubt).passed
-    assert not fine._replace(measured=1.2).passed
-    assert fine._replace(measured=1.2).covered
+        assert not replace(fine, doubt=doubt).covered
+        assert not replace(fine, doubt=doubt).passed
+    assert not replace(fine, measured=1.2).passed
+    assert replace(fine, measured=1.2).covered
 
 
 WITHIN = {

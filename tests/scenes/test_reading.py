@@ -13,6 +13,10 @@ from springgym.theory.top import steady_precession
 ROPE = "title: a rope\nbody: {kind: rope}\nduration: 1\npinned: [top]\n"
 BOX = "title: a box\nbody: {kind: box}\nduration: 1\n"
 SOLID = "title: a box\nbody: {kind: solid_box, sides: [1, 1, 1], material: %s}\nduration: 1\n"
+TWO = (
+    "title: two\nduration: 1\nbodies:\n  a: {body: {kind: cube}}\n"
+    "  b: {body: {kind: cube}, start: {position: [3, 0, 0]}}\n"
+)
 UNION = "title: a\nbody:\n  kind: union\n  parts:\n   - %s\nduration: 1"
 MESH = "title: a ball\nbody: {%s}\nduration: 1"
 CLAY = "{name: clay, young: 2e7, poisson: 0.4, density: 1900, loss: 0.2}"
@@ -55,7 +59,7 @@ def test_what_a_small_file_means(read):
         ("title: a box\nduration: 1", "the file lacks body"),
         ("title: a\nbody: box\nduration: 1", "mine.yaml:2: body must be a mapping with a kind"),
         ("title: a\nbody: {kind: bax}\nduration: 1", "mine.yaml:2: unknown kind 'bax'; did you mean 'box'?"),
-        (BOX + "interval: 1e-99", "mine.yaml:4: interval: interval is 1e-99 s; it must be at least 1e-06 s"),
+        (BOX + "interval: 1e-99", "mine.yaml:4: interval: interval is 1e-99 s; it must be at least 1e-09 s"),
         (BOX + "step: 1e-300", "mine.yaml:4: step: step is 1e-300 s; it must be at least 1e-09 s"),
         (BOX + "gravity: .nan", "mine.yaml:4: gravity: expected a number of size at most 1e+30, got nan"),
         (BOX + "surfaces: false", "mine.yaml:4: surfaces: expected a list of surfaces, got False"),
@@ -74,6 +78,8 @@ def test_what_a_small_file_means(read):
         ),
         (BOX + "pinned: [tip]", "mine.yaml:4: pinned: unknown part 'tip'"),
         (BOX + "pinned: [8]", "mine.yaml:4: pinned: there is no particle 8; there are 0 to 7"),
+        (BOX + "pinned: [0, 1, 0]", "mine.yaml:4: pinned: pinned names 0 twice; it must name each once"),
+        (BOX + "pinned: [top, 0]", "mine.yaml:4: pinned: pinned names"),
         (BOX + "trace: top", "mine.yaml:4: trace: 'top' is 4 particles; trace takes one"),
         (BOX + "contact: {friction: 1}", "mine.yaml:4: contact: a single body has no contact without"),
         (BOX + "plot: pie", "mine.yaml:4: plot: expected one of top, pendulum"),
@@ -111,6 +117,89 @@ def test_error_names_file_line_and_key(read, text, message):
         read(text)
     assert message in str(error.value)
     assert len(str(error.value)) < 400
+
+
+OF_A_PAIR = "[{first: a, second: b, contact: {friction: 3}}]"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        *(
+            (
+                ROPE + f"start:\n  end: [1, 0, 0]\n  {key}",
+                f"mine.yaml:7: start.{key.split(':')[0]}: a rope held at",
+            )
+            for key in (
+                "omega: [0, 1, 0]",
+                "tilt: 1",
+                "spin: 1",
+                "hanging: true",
+                "stretched: true",
+                "height: 1",
+            )
+        ),
+        (ROPE + "start:\n  end: [1, 0, 0]\n  tlt: 1", "mine.yaml:7: unknown key 'tlt'; did you mean 'tilt'?"),
+        (
+            BOX + "start: {height: 1, position: [0, 0, 5]}",
+            "5 m along the normal of the plane, beside a height",
+        ),
+        (
+            BOX + "start: {height: 1, position: [1, 0, 0]}\nsurfaces: [{kind: incline, angle: 0.3}]",
+            "position is (1.0, 0.0, 0.0), ",
+        ),
+        *(
+            (
+                TWO + f"contact: {{friction: 1}}\ncollisions: {how}",
+                "mine.yaml:6: contact: no bodies collide by it",
+            )
+            for how in ("none", "[]", "{friction: 2}", OF_A_PAIR)
+        ),
+        (
+            TWO + "contact:\n  friction: 1\n  paper_damping: 1",
+            "mine.yaml:8: contact.paper_damping: there are no surfaces",
+        ),
+        *(
+            (BOX + f"collisions: {how}", "mine.yaml:4: collisions: a single body collides with no other")
+            for how in ("all", "none", "{friction: 1}")
+        ),
+        (BOX + "checks:\n - energy\n - energy", "mine.yaml:6: check 'energy' is given twice"),
+        (
+            TWO.replace("cube}}", "cube}, checks: [sleep]}", 1) + "checks: [sleep]",
+            "mine.yaml:4: bodies.a: checks names 'sleep' twice",
+        ),
+        (
+            BOX + "surfaces:\n - {kind: floor, z: -2}\n - {kind: floor, z: -2}",
+            "mine.yaml:6: surfaces.1: this surface is given twice",
+        ),
+        *((TWO + f"trace: {part}", f"trace is '{part}'; it must be body.part") for part in ("a", "a.")),
+    ],
+)
+def test_keys_without_effect_are_refused(read, text, message):
+    with pytest.raises(YamlError) as error:
+        read(text)
+    assert message in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        ROPE + "start: {end: [1, 0, 0], position: [0, 0, 2], velocity: [0, 0, 0], kick: {1: [0, 0, 1]}}",
+        BOX + "start: {height: 1, position: [0, 2, 0]}",
+        BOX + "start: {height: 1, position: [0.2, 0, 0.0619]}\nsurfaces: [{kind: incline, angle: 0.3}]",
+        TWO + "contact: {friction: 1}",
+        TWO + "contact: {friction: 1}\ncollisions: [{first: a, second: b}]",
+        TWO + "contact: {friction: 1}\ncollisions: none\nsurfaces: [{kind: floor, z: -2}]",
+        TWO + "trace: a.3",
+    ],
+)
+def test_keys_with_effect_are_taken(read, text):
+    read(text)
+
+
+def test_a_folder_is_no_scene(tmp_path):
+    with pytest.raises(ValueError, match="is a folder; give the name of a scene, or of a YAML file"):
+        load(str(tmp_path))
 
 
 def test_material_of_ones_own(read):

@@ -116,7 +116,7 @@ def test_check_prints_theory_beside_measurement(capsys):
 
 def test_check_that_fails_is_told_by_the_status(capsys, monkeypatch):
     false = Check("a length", 1.0, 2.0, 0.1, "m")
-    monkeypatch.setattr(simulate, "check", lambda recording: [false, false._replace(measured=math.nan)])
+    monkeypatch.setattr(simulate, "check", lambda recording: [false, replace(false, measured=math.nan)])
     monkeypatch.setattr(simulate, "load", lambda name: replace(load(name), duration=0.1))
     assert main(["simulate", "cube-pendulum", "--check"]) == 1
     *_, seen, unseen, told, hint = capsys.readouterr().out.splitlines()
@@ -131,13 +131,13 @@ def test_check_that_fails_is_told_by_the_status(capsys, monkeypatch):
 def test_check_that_is_not_covered_is_no_pass(capsys, monkeypatch):
     """A status of its own, unless another check fails; and the row says by how much theory may be off."""
     doubtful = Check("a length", 1.0, 1.0, 0.1, "m", 0.25)
-    fine = doubtful._replace(doubt=0.0)
+    fine = replace(doubtful, doubt=0.0)
     monkeypatch.setattr(simulate, "load", lambda name: replace(load(name), duration=0.1))
     for checks, status in (
         ([fine], 0),
         ([fine, doubtful], 3),
-        ([fine, doubtful, fine._replace(measured=2.0)], 1),
-        ([fine, doubtful._replace(measured=math.nan)], 1),
+        ([fine, doubtful, replace(fine, measured=2.0)], 1),
+        ([fine, replace(doubtful, measured=math.nan)], 1),
     ):
         monkeypatch.setattr(simulate, "check", lambda recording, checks=checks: checks)
         assert main(["simulate", "cube-pendulum", "--check"]) == status
@@ -505,7 +505,7 @@ def test_film_shows_the_body_in_the_picture(name):
 def test_film_shows_vibrations_that_nobody_could_see():
     """The rim of a struck steel top moves by micrometres: its springs are coloured by their strain."""
     recording = record(replace(load("ringing-top"), duration=2e-3, checks=()))
-    middle, plain = np.s_[60:540, 60:580], recording.plan.view._replace(strain=False)
+    middle, plain = np.s_[60:540, 60:580], replace(recording.plan.view, strain=False)
     still = list(frames(replace(recording, plan=replace(recording.plan, view=plain))))
     shown = list(frames(recording))
     assert len(shown) == len(still) > 4

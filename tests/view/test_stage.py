@@ -1,5 +1,6 @@
 """The stage without a browser: colours, contacts and where it is seen from."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -130,5 +131,5 @@ def test_a_torque_runs_around_its_axis(stage):
     np.testing.assert_array_equal(head[0, 0], arc[-1, 1])
     turn = np.cross(arc[0, 0], head[0, 1] - head[0, 0])
     assert turn[2] > 0  # by the right hand
-    stage._draw_mark("/arrow", arrow._replace(vector=(0.0, 0.0, 0.0)), motion.extent)
+    stage._draw_mark("/arrow", replace(arrow, vector=(0.0, 0.0, 0.0)), motion.extent)
     assert not stage._nodes["/arrow/arc"].visible

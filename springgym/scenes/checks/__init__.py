@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
-from springgym.checks import shown
+from springgym.checks import instance, shown, suggestion
 from springgym.scene import Scene
 from springgym.scenes.checks import billiards, contact, free, rolling, solids, swings, together, tops  # noqa: F401  (they fill CHECKS)
 from springgym.scenes.checks.basis import CHECKS, NEEDS, NOT_COVERED, TOGETHER, TOUCHING, Check
@@ -14,21 +15,26 @@ from springgym.scenes.recording import Recording
 
 def of_all(scene: Scene, names: Sequence[str]) -> list[str]:
     """Return the checks that concern all bodies together: bodies that collide exchange energy."""
+    instance("scene", scene, Scene)
+    for name in instance("names", names, tuple, list):
+        instance("a name in names", name, str)
     of_them = TOGETHER | {"energy", "momentum"} if scene.meetings else TOGETHER
     return [name for name in names if name in of_them]
 
 
 def fitting(plan: Plan) -> None:
-    """Raise ValueError for checks that do not suit the scene.
+    """Raise ValueError for checks that do not exist, or do not suit the scene.
 
     Raises
     ------
     ValueError
-        If a check does not suit the scene; the message says why.
+        If there is no such check, or it does not suit the scene; the message says why.
     """
-    for part in plan.parts:
+    for part in instance("plan", plan, Plan).parts:
         fitting(part)
     for name in plan.checks:
+        if name not in CHECKS:
+            raise ValueError(f"plan has an unknown check {shown(name)}{suggestion(name, CHECKS)}")
         try:
             for need in NEEDS[name]:
                 need(plan)
@@ -44,7 +50,7 @@ def check(recording: Recording) -> list[Check]:
     ValueError, TypeError
         If a check does not suit the scene, or one returns no list of `Check`; the message names it.
     """
-    fitting(recording.plan)
+    fitting(instance("recording", recording, Recording).plan)
     found: list[Check] = []
     for name in recording.plan.checks:
         try:
@@ -57,7 +63,7 @@ def check(recording: Recording) -> list[Check]:
     if recording.plan.parts:
         each = zip(recording.plan.scene.bodies, recording.parts, strict=True)
         found += [
-            result._replace(quantity=f"{placed.name}: {result.quantity}")
+            replace(result, quantity=f"{placed.name}: {result.quantity}")
             for placed, part in each
             for result in check(part)
         ]

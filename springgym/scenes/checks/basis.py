@@ -4,10 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
+from springgym.checks import (
+    array,
+    chosen,
+    flag,
+    function,
+    instance,
+    number,
+    readings,
+    refusing_unknown,
+    shown,
+)
 from springgym.scenes.plan import Plan
 from springgym.scenes.recording import Recording
 
@@ -36,25 +47,37 @@ def applies(*needs: Need, together: bool = False, contacts: bool = False) -> Cal
 
     A check concerns each body by itself, or ``together`` all that collide. Some need the ``contacts``.
     """
+    for need in needs:
+        function("needs", need)
+    flag("together", together)
+    flag("contacts", contacts)
 
-    def add(function: Checking) -> Checking:
-        name = function.__name__
-        CHECKS[name], NEEDS[name] = function, needs
+    def add(check: Checking) -> Checking:
+        name = function("check", check).__name__
+        CHECKS[name], NEEDS[name] = check, needs
         if together:
             TOGETHER.add(name)
         if contacts:
             TOUCHING.add(name)
-        return function
+        return check
 
     return add
 
 
-class Check(NamedTuple):
+@refusing_unknown
+@dataclass(frozen=True)
+class Check:
     """A quantity in theory and as measured.
 
     The tolerance follows from the scene's file, not from measurements, so that a worse run has no larger
     tolerance. The error of theory is estimated from the run, as the ``doubt``; if it exceeds the tolerance,
     theory does not cover the run.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a field has the wrong type, the tolerance or the doubt is negative, or the tolerance or the value
+        of theory is infinite, so that everything would pass; the message names it.
     """
 
     quantity: str
@@ -66,6 +89,17 @@ class Check(NamedTuple):
     unit: str
     doubt: float = 0.0
     """estimated error of theory, which neglects stretch, step and damping; in the same unit"""
+
+    def __post_init__(self) -> None:
+        for name in ("quantity", "unit"):
+            instance(name, getattr(self, name), str)
+        for name in ("theory", "measured", "tolerance", "doubt"):
+            value = float(readings(name, given := getattr(self, name), ()))
+            if name in ("theory", "tolerance") and math.isinf(value):
+                raise ValueError(f"{name} is {shown(given)}; it must be finite")
+            if name in ("tolerance", "doubt") and value < 0:
+                raise ValueError(f"{name} is {shown(given)}; it must not be negative")
+            object.__setattr__(self, name, value)
 
     @property
     def covered(self) -> bool:
@@ -90,15 +124,21 @@ def two_figures(result: Check, difference: float, sign: str = "") -> str:
 
     ``sign`` is "+" to write the sign of positive numbers, too.
     """
+    instance("result", result, Check)
+    readings("difference", difference, ())
+    chosen("sign", sign, ("", "+"))
     share = 100 * difference / abs(result.theory) if result.theory else difference
     return f"{float(f'{share:.2g}'):{sign}g} {'%' if result.theory else result.unit}".rstrip()
 
 
+@refusing_unknown
 def within(
     share: float, quantity: str, theory: float, measured: float, unit: str, doubt: float = 0.0
 ) -> Check:
     """Return a check whose tolerance and doubt are relative to the value of theory."""
-    scale = abs(theory)
+    number("share", share, 0.0)
+    scale = abs(float(readings("theory", theory, ())))
+    doubt = float(readings("doubt", doubt, ()))
     return Check(quantity, theory, measured, share * scale, unit, doubt * scale)
 
 
@@ -109,12 +149,18 @@ def slack(recording: Recording, rate: float) -> float:
     square of lengths. ``rate`` [rad/s] is the fastest rotation: faster vibrations are about an equilibrium
     that every method has exactly.
     """
+    instance("recording", recording, Recording)
+    rate = float(readings("rate", rate, ()))
     strain = float(recording.measures.strain.max())
     return 2 * strain + (abs(rate) * recording.step) ** recording.integrator.order
 
 
 def spread(of: Callable[..., float], *arguments: float, by: float) -> float:
     """Return the sum of the changes of a value if each of its arguments has the relative error ``by``."""
+    function("of", of)
+    for n, argument in enumerate(arguments):
+        readings(f"arguments[{n}]", argument, ())
+    readings("by", by, ())
     value = of(*arguments)
     changed = [
         of(*arguments[:n], argument * (1 + sign * by), *arguments[n + 1 :])
@@ -127,17 +173,25 @@ def spread(of: Callable[..., float], *arguments: float, by: float) -> float:
 
 def gravity(recording: Recording) -> float:
     """Return the acceleration of gravity in a scene, 0 without [m/s²]."""
-    return float(np.linalg.norm(recording.plan.scene.gravity or 0.0))
+    return float(np.linalg.norm(instance("recording", recording, Recording).plan.scene.gravity or 0.0))
 
 
 def turning_rate(recording: Recording) -> float:
     """Return the largest |ω| of the run [rad/s]."""
-    omega = np.linalg.norm(recording.measures.angular_velocity, axis=1)
+    omega = np.linalg.norm(instance("recording", recording, Recording).measures.angular_velocity, axis=1)
     return float(np.nanmax(omega)) if np.isfinite(omega).any() else 0.0
+
+
+def _samples(times: object, values: object) -> tuple[np.ndarray, np.ndarray]:
+    """Return times and values (T,) as arrays, after checking them."""
+    checked = array("times", times, (None,))
+    return checked, readings("values", values, checked.shape)
 
 
 def crossings(times: np.ndarray, values: np.ndarray, rising: bool | None = None) -> np.ndarray:
     """Return times at which samples pass through zero, by cubics through four of them, if there are four.
+
+    Where one of the four is not finite, by a line through the two beside the zero.
 
     Parameters
     ----------
@@ -146,15 +200,21 @@ def crossings(times: np.ndarray, values: np.ndarray, rising: bool | None = None)
     rising
         Whether to return only upward (True) or only downward (False) crossings; both if None.
     """
+    times, values = _samples(times, values)
+    if rising is not None:
+        flag("rising", rising)
     if len(times) < 4:
         return np.zeros(0)
+    seen = np.isfinite(values)
     up, down = (values[:-1] < 0) & (values[1:] >= 0), (values[:-1] > 0) & (values[1:] <= 0)
     wanted = up | down if rising is None else up if rising else down
     found = []
-    for n in np.flatnonzero(wanted).tolist():
+    for n in np.flatnonzero(wanted & seen[:-1] & seen[1:]).tolist():
         first = min(max(n - 1, 0), len(times) - 4)
-        cubic = np.polynomial.Polynomial.fit(np.arange(4.0), values[first : first + 4], 3)
-        roots = cubic.roots()
+        four = slice(first, first + 4)
+        roots: np.ndarray = np.zeros(0)
+        if seen[four].all():
+            roots = np.polynomial.Polynomial.fit(np.arange(4.0), values[four], 3).roots()
         real = roots[np.abs(roots.imag) < 1e-9].real - (n - first)
         inside = real[(real > -1e-6) & (real < 1 + 1e-6)]
         share = inside[0] if len(inside) else values[n] / (values[n] - values[n + 1])
@@ -170,6 +230,7 @@ def period(times: np.ndarray, values: np.ndarray) -> float:
 
 def peaks(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return times and heights of the maxima of samples at equal intervals, by parabolas through three."""
+    times, values = _samples(times, values)
     n = np.flatnonzero((values[1:-1] > values[:-2]) & (values[1:-1] >= values[2:])) + 1
     before, here, after = values[n - 1], values[n], values[n + 1]
     slope, bend = (after - before) / 2, before - 2 * here + after
