@@ -17,7 +17,7 @@ from springgym import bodies as makers
 from springgym.bodies import Body, from_mesh, from_points, start, union
 from springgym.bodies.motion import InitialState
 from springgym.bodies.precession import heavy_top
-from springgym.checks import instance, shown, suggestion
+from springgym.checks import apart, instance, shown, suggestion
 from springgym.collisions import Collisions, Pair
 from springgym.collisions.meeting import ALL
 from springgym.integrators import METHODS
@@ -110,7 +110,8 @@ def read(path: Path, changes: Changes | None = None) -> Plan:
     ) -> Plan:
         for name, value in {"duration": duration, "interval": interval, "step": step}.items():
             if value is not None and value < LEAST[name]:
-                raise _error(tree, (name,), f"{name} is {value:g} s; it must be at least {LEAST[name]:g} s")
+                given, least = apart(value, LEAST[name])
+                raise _error(tree, (name,), f"{name} is {given} s; it must be at least {least} s")
         if integrator not in METHODS:
             known = suggestion(integrator, METHODS)
             raise _error(tree, ("integrator",), f"unknown integrator {shown(integrator)}{known}")
