@@ -462,7 +462,7 @@ LINE = Body("dumbbell", np.array([(0, 0, 0), (1, 0, 0)]), 1.0, [(0, 1)], 1e5, 0.
         (Scene(LINE), {}, "one line"),
         (Scene(BRICK.with_(markers=(0, 1, 0))), {}, "markers"),
         (Scene(BRICK, pinned=(0, 1)), {}, "pin one particle"),
-        (Scene(BRICK, pinned=(0,), drive=DriveActuator(0, 1.0)), {}, "no drive"),
+        (Scene(BRICK, pinned=(0,), drive=DriveActuator(0, 1.0)), {}, "cannot have a drive"),
         (Scene(BRICK), {"integrator": "rk4"}, "'rk4' for rigid dynamics"),
         (ABOVE, {"integrator": "suzuki"}, "back in time"),
         (ABOVE.with_(contact=PaperContact()), {}, "the paper's contact"),
