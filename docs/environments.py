@@ -471,7 +471,9 @@ RANDOMISATION = f"""## Randomisation
 `randomize={{"masses": (0.8, 1.2), …}}` draws a factor from each range at the start of every episode, for each
 environment of a batch. You can randomise {", ".join(f"`{n}`" for n in RANDOMIZABLE)}.
 
-- `scale` is the size of the body. `actuator` is the strength of the actions, including an opponent's.
+- `scale` is the size of the body, of springs or rigid, at the same masses: its inertia grows as `scale`².
+  Balls that meet other bodies keep their radius. `actuator` is the strength of the actions, including an
+  opponent's.
 - `info["randomization"]` holds the factors. `reset(options={{"randomize": {{"masses": 1.1}}}})` sets them.
 - The default step is stable for the stiffest and lightest body in the ranges. springgym checks that a step of
   your choice is, too.

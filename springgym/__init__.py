@@ -5,6 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from springgym.lazy import submodule
 from springgym.registration import register
 
 if TYPE_CHECKING:
@@ -45,9 +46,9 @@ __all__ = [
 if not TYPE_CHECKING:  # for type checkers, every name would exist
 
     def __getattr__(name: str) -> Any:
-        if name not in _PUBLIC:
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        return getattr(import_module(_PUBLIC[name]), name)
+        if name in _PUBLIC:
+            return getattr(import_module(_PUBLIC[name]), name)
+        return submodule(__name__, name)
 
 
 register()

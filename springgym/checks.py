@@ -298,16 +298,27 @@ def hides(value: object) -> bool:
     return isinstance(value, np.ma.MaskedArray) and bool(np.ma.is_masked(value))
 
 
+def apart(*values: float) -> tuple[str, ...]:
+    """Return numbers as texts of six digits, or of so many that none looks like another that it is not."""
+    different = len(set(values))
+    for digits in range(6, 18):
+        texts = tuple(f"{value:.{digits}g}" for value in values)
+        if len(set(texts)) == different:
+            break
+    return texts
+
+
 def _wrong(name: str, value: object, must: str) -> str:
     return f"{name} is {shown(value)}; it must be {must}"
 
 
 def _range(what: str, low: float, high: float) -> str:
     """Return a phrase that describes the allowed numbers."""
+    ends = " to ".join(f"{end:g}" if float(f"{end:g}") == end else repr(float(end)) for end in (low, high))
     if low == TINY:
-        return f"a positive {what}, from {low:g} to {high:g}"
+        return f"a positive {what}, from {ends}"
     if what == "number":
-        return f"a number from {low:g} to {high:g}"
+        return f"a number from {ends}"
     if high in (MANY, math.inf):
         return f"a {what}, at least {low}"
     return f"a {what} from {low} to {high}"

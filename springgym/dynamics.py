@@ -8,9 +8,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from springgym import integrators, packing, rigid, stability
+from springgym.checks import apart
 from springgym.integrators.record import Integrator, refusal
 from springgym.packing import Packed
 from springgym.scene import Scene
+
+UNEVEN = 1e-9
+"""Relative difference from which lengths of springs are not those of a rigid body in another size."""
 
 
 class StepSettings(NamedTuple):
@@ -68,17 +72,41 @@ def _stable(
         own = body.with_(**{name: values[n] for name, values in now.items()})
         limit = stability.largest_step(packed.scene.with_(body=own), settings.method)
         if stability.is_unstable(settings.step, limit):
+            step, most = apart(settings.step, stability.REFUSED * limit)
             raise ValueError(
-                f"these {', '.join(given)} make the step of {settings.step:g} s unstable in copy {index[n]}: "
-                f"{settings.method.name} allows at most {stability.REFUSED * limit:.4g} s there"
+                f"these {', '.join(given)} make the step of {step} s unstable in copy {index[n]}: "
+                f"{settings.method.name} allows at most {most} s there"
             )
 
 
 def _shapes(
     packed: Packed, index: np.ndarray, given: Mapping[str, np.ndarray], settings: StepSettings
 ) -> list[dict[str, np.ndarray]]:
-    """Return the values of rigid bodies of the given masses; raise ValueError if one has no inertia."""
-    return [rigid.shape_values(packed.scene, masses) for masses in given.get("masses", ())]
+    """Return the values of rigid bodies of the given masses and lengths of springs.
+
+    Raises
+    ------
+    ValueError
+        If one has no inertia, or the lengths of one are not those of its body times one factor.
+    """
+    if given.keys().isdisjoint({"masses", "lengths"}):
+        return []
+    masses, lengths = (given.get(name, packing.values(packed, name, index)) for name in ("masses", "lengths"))
+    factors = lengths / packed.scene.body.lengths
+    uneven = np.ptp(factors, axis=1) > UNEVEN * factors[:, 0] if factors.size else np.zeros(len(index), bool)
+    if uneven.any():
+        raise ValueError(
+            f"lengths of body {packed.scene.body.name!r} in copy {index[np.argmax(uneven)]} are not those of "
+            "the body times one factor; a rigid body can only be larger or smaller as a whole"
+        )
+    scales = packing.sizes(packed, lengths)
+    return [rigid.shape_values(packed.scene, *own) for own in zip(masses, scales, strict=True)]
+
+
+def _settled(packed: Packed, x: np.ndarray, index: np.ndarray) -> np.ndarray:
+    """Return the positions (k, N, 3) of particles of copies (k,) moved onto their rigid shapes [m]."""
+    masses, lengths = (packing.values(packed, name, index) for name in ("masses", "lengths"))
+    return rigid.settled(packed.scene, x, masses, packing.sizes(packed, lengths), index)
 
 
 DYNAMICS = {
@@ -101,9 +129,7 @@ DYNAMICS = {
         advance_kernel=rigid.advance_kernel,
         largest_step=rigid.largest_step,
         automatic_step=rigid.automatic_step,
-        settled=lambda packed, x, index: rigid.settled(
-            packed.scene, x, packing.values(packed, "masses", index), index
-        ),
+        settled=_settled,
         follow=_shapes,
     ),
 }

@@ -24,6 +24,7 @@ from springgym.core.vectors import (
     row,
     solve_symmetric,
     triad,
+    vec,
 )
 from springgym.forces import potential_energy
 from springgym.forces.ledger import ENTRIES, WORK
@@ -59,8 +60,8 @@ class Measures(NamedTuple):
     angular_velocity: np.ndarray
     """angular velocity ω of a rigid body with the same inertia I and angular momentum, I ω = L [rad/s]
 
-    If a drive moves the pivot, L is that of the motion relative to the pivot. For particles on a line, I
-    about the line is round-off, and so is this component of ω."""
+    If a drive moves the pivot, L is that of the motion relative to the pivot. What no particle defines is
+    zero: ω of a single particle, and the component of ω along a line on which all particles lie."""
     side: np.ndarray
     """first axis of the body's triad, a unit vector; zero while its markers lie on a line"""
     axis: np.ndarray
@@ -205,7 +206,10 @@ def measure_block(x: Rows, v: Rows, ledger: Ledger, out: Numbers, markers: Marke
     write(out, AT.centre_velocity, velocity)
     write(out, AT.momentum, total * velocity)
     write(out, AT.angular_momentum, momentum)
-    write(out, AT.angular_velocity, solve_symmetric(inertia(x, mass, about), turning))
+    if mass.size > 1:
+        write(out, AT.angular_velocity, solve_symmetric(inertia(x, mass, about), turning))
+    else:  # r is only round-off of the centre of mass
+        write(out, AT.angular_velocity, vec(0.0 * total, 0.0 * total, 0.0 * total))
     write(out, AT.side, e1)
     write(out, AT.axis, e3)
     balance = energy

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
 from springgym import rigid
-from springgym.bodies.elasticity import elastic_energy, spring_forces
+from springgym.bodies.elasticity import changed_forces, spring_forces
 from springgym.checks import HUGE, TINY
 from springgym.contact.cone import resistance_of
 from springgym.contact.lists import new_lists
@@ -180,7 +180,7 @@ def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Optio
     rigid_body: tuple[Any, ...] = ()
     if twin:
         rigid_body = rigid.terms(
-            part, options.method, options.varying, lambda value: parameter({"masses"}, value)
+            part, options.method, options.varying, lambda value: parameter({"masses", "lengths"}, value)
         )
     dampers = None
     if any(of.body.damping.any() for of in scene.bodies) or "damping" in options.varying:
@@ -404,7 +404,7 @@ def _asymmetric(twin: tuple[Any, ...], parts: list[Packed], options: Options) ->
     """Return a rigid body with an asymmetry, even if it is 0, where another body has one."""
     body, asymmetry = twin
     if asymmetry is None and any(part.twin[1] is not None for part in parts):
-        asymmetry = options.parameter({"masses"}, np.zeros(1))
+        asymmetry = options.parameter({"masses", "lengths"}, np.zeros(1))
     return body, asymmetry
 
 
@@ -463,6 +463,12 @@ def values(packed: Packed, name: str, index: np.ndarray) -> np.ndarray:
     return found
 
 
+def sizes(packed: Packed, lengths: np.ndarray) -> np.ndarray:
+    """Return the sizes (k,) of a rigid body whose springs have ``lengths`` (k, S), as factors of its own."""
+    of_body = packed.scene.body.lengths[:1]
+    return lengths[:, 0] / of_body if len(of_body) else np.ones(len(lengths))
+
+
 def reset_flags(terms: Terms) -> list[np.ndarray]:
     """Return the arrays whose zeros mark a copy as just reset: only its positions and velocities count."""
     kept: list[np.ndarray | Ragged] = [] if terms.cycle is None else [terms.cycle.marks]
@@ -483,23 +489,22 @@ def renew(terms: Terms, index: np.ndarray) -> None:
 def shadow_difference(packed: Packed, x: np.ndarray, v: np.ndarray, step: float, nodes: bool) -> np.ndarray:
     """Return the shadow energy of steps h [s] less the energy of a body in copies (k, N, 3) [J].
 
-    Steps that kick, drift and kick conserve H − (h²/8) Σ m |a|². Steps that drift to a node and on, with the
-    springs' energy V, conserve H + V(x) − (V(x − h v/2) + V(x + h v/2))/2, except for contact. Both are exact
-    for small vibrations.
+    With the springs' energy V and the forces F of springs and gravity, it is (h²/12) v·V″v − (h²/24) Σ |F|²/m
+    for steps that kick, drift and kick, and (h²/12) Σ |F|²/m − (h²/24) v·V″v for steps that drift to a node
+    and on: the first terms of the modified Hamiltonian (Hairer, Lubich and Wanner, Geometric Numerical
+    Integration, IX.3, by the formula of Baker, Campbell and Hausdorff in III.4).
     """
     index = np.arange(len(x))
     masses, stiffness, lengths = (values(packed, name, index) for name in ("masses", "stiffness", "lengths"))
     springs, terms = packed.scene.body.springs, packed.terms
-    if nodes:
-        places = x, x - step / 2 * v, x + step / 2 * v
-        here, before, after = (elastic_energy(springs, stiffness, lengths, place) for place in places)
-        return here - (before + after) / 2
-    gravity = np.zeros((len(x), 3))
+    force = spring_forces(springs, stiffness, lengths, x)
     if terms.gravity is not None:
-        gravity[:] = get_copies(terms.gravity, index) if varies(packed, "gravity") else terms.gravity
-    pull = spring_forces(springs, stiffness, lengths, x)
-    acceleration = (pull / masses[..., None] + gravity[:, None]) * packed.scene.free[:, None]
-    return np.asarray(-(step**2) / 8 * (masses[..., None] * acceleration**2).sum(axis=(1, 2)))
+        gravity = get_copies(terms.gravity, index) if varies(packed, "gravity") else terms.gravity[None]
+        force += masses[..., None] * gravity[:, None]
+    pushed = (packed.scene.free / masses * (force**2).sum(axis=2)).sum(axis=1)
+    stretched = -(v * changed_forces(springs, stiffness, lengths, x, v)).sum(axis=(1, 2))
+    of_both = 2 * pushed - stretched if nodes else 2 * stretched - pushed
+    return np.asarray(step**2 / 24 * of_both)
 
 
 def vary_pairs(
@@ -540,7 +545,7 @@ def vary(
     given
         Checked values by name, each (k, …).
     shapes
-        `rigid.shape_values` of each copy in rigid dynamics, if masses are given.
+        `rigid.shape_values` of each copy in rigid dynamics, if masses or lengths are given.
     """
     terms = packed.terms
     renew(terms, index)
@@ -554,8 +559,8 @@ def vary(
         set_copies(PARAMETERS[name].stored(terms), index, value)
     if "masses" in given:
         set_copies(terms.particles.inverse_mass, index, terms.particles.free / given["masses"])
-        if packed.twin:
-            rigid.set_shapes(packed.twin, index, shapes)
+    if packed.twin and shapes:
+        rigid.set_shapes(packed.twin, index, shapes)
     if terms.dampers and given.keys() & {"masses", "damping"}:
         damping, masses = values(packed, "damping", index), values(packed, "masses", index)
         of = decays(packed.scene, packed.order, time, damping, masses)

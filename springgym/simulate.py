@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from springgym.checks import apart
 from springgym.cli import INTERRUPTED, check_new, whole_file
 from springgym.contact.totals import PairReadings
 from springgym.integrators import METHODS
@@ -105,7 +106,8 @@ def _changed(plan: Plan, args: argparse.Namespace) -> Plan:
     """Return the plan with the changes of the options."""
     for option in ("duration", "step"):
         if (seconds := getattr(args, option)) is not None and not LEAST[option] <= seconds < np.inf:
-            raise ValueError(f"--{option} {seconds:g}: it must be at least {LEAST[option]:g} s, and finite")
+            given, least = apart(seconds, LEAST[option])
+            raise ValueError(f"--{option} {given}: it must be at least {least} s, and finite")
     if args.integrator is not None and args.preset == "paper":
         raise ValueError(
             f"--integrator {args.integrator}: the paper's settings have rk4; leave one of them out"

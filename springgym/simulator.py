@@ -811,7 +811,8 @@ class Simulator:
             n = int(np.argmax(diverged))
             what = "not finite"
             if strained[n]:
-                what = f"strain {strain[n]:g}, strain_limit {self.strain_limit:g}"
+                found, most = checks.apart(strain[n], self.strain_limit)
+                what = f"strain {found}, strain_limit {most}"
             raise SimulationDivergedError(
                 f"copy {n} diverged before t = {self.time[n]:g} s: {what}; step {self.step:g} s, "
                 f"stability limit {self.largest_step:g} s"
@@ -943,13 +944,16 @@ class Simulator:
 
     @guarded
     def shadow_energy(self) -> np.ndarray:
-        """Compute the energy (copies,) [J] that steps of velocity Verlet conserve, H − (h²/8) Σ m |a|².
+        """Compute the energy (copies,) [J] that undamped free motion conserves up to terms of order h⁴.
 
-        H is the `energy` of `Measures`, and a is a particle's acceleration by springs and gravity. A
-        vibration conserves this energy to rounding, while H oscillates: for a vibration at ω, it is off by up
-        to (ω h)²/4 of its energy. Where bodies can touch something, steps conserve H + V − V̄ instead, with
-        the energy V of the springs and its mean V̄ at the nodes before and after, x ∓ h v/2. Dampers, contact
-        and friction reduce both by their losses in the ledger.
+        It is H + (h²/12) v·V″v − (h²/24) Σ |F|²/m, with the `energy` H of `Measures`, the springs' energy V,
+        and the forces F of springs and gravity on free particles. Where bodies can touch something, steps
+        have another order, and it is H − (h²/24) v·V″v + (h²/12) Σ |F|²/m.
+
+        H itself oscillates by terms of order h²: for a vibration at ω, by up to (ω h)²/4 of its energy; the
+        shadow energy by up to (ω h)⁴/24. Impulses of contact, dampers and actuators change H as the ledger
+        says, and the other terms, too, which the ledger does not hold: an impact that lets a body vibrate at
+        ω adds (ω h)²/6 of the energy of that vibration, and dampers take it out again.
 
         Raises
         ------
@@ -1166,15 +1170,16 @@ class Simulator:
         step = checks.number("step", step, low=TINY)
         if not stability.is_unstable(step, self.largest_step):
             return step
-        most = f"at most {stability.REFUSED * self.largest_step:.4g} s"
+        given, limit = checks.apart(step, stability.REFUSED * self.largest_step)
+        most = f"at most {limit} s"
         if self.integrator.controlled:
             raise ValueError(
-                f"a step of {step:g} s is unstable: {self.integrator.name} chooses its own steps of at most "
+                f"a step of {given} s is unstable: {self.integrator.name} chooses its own steps of at most "
                 f"that length, which must be {most} on this body. To go farther "
                 "in one call, advance by more steps"
             )
         raise ValueError(
-            f"a step of {step:g} s is unstable: {self.integrator.name} on this body allows {most}. Take a "
+            f"a step of {given} s is unstable: {self.integrator.name} on this body allows {most}. Take a "
             f"smaller step{'' if self._kind.rigid else ', softer springs or heavier particles'}"
         )
 

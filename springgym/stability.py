@@ -245,7 +245,7 @@ def steps_in(period: float, step: float) -> int:
     steps = round(period / step)
     if steps < 1 or abs(steps * step - period) > 1e-9 * period:
         raise ValueError(
-            f"a period of {period:g} s is not a whole number of steps of {step:g} s; "
-            f"take a step of {period / math.ceil(period / step)!r} s"
+            f"a period of {period:g} s is not a whole number of steps of {float(step)!r} s; "
+            f"take a step of {float(period) / math.ceil(period / step)!r} s"
         )
     return steps

@@ -13,6 +13,8 @@ import io
 import json
 import re
 import shlex
+import subprocess
+import sys
 import tomllib
 from collections.abc import Iterator
 from importlib import import_module
@@ -217,6 +219,41 @@ def test_names_of_a_page_are_there(page: Path) -> None:
         assert env_id in gym.registry, env_id
     for path in set(re.findall(r"`((?:springgym|docs|tests|agents|benchmarks|configs)/[\w/.-]+)`", text)):
         assert (ROOT / path).exists() or path.startswith("docs/_build"), path
+
+
+BY_PACKAGE = """
+import sys
+for names in sys.argv[1:]:
+    for module in [module for module in sys.modules if module.partition(".")[0] == "springgym"]:
+        del sys.modules[module]
+    import springgym
+    for name in names.split():
+        try:
+            eval(name)
+        except AttributeError as error:
+            print(error)
+"""
+"""Evaluates the names of each package after ``import springgym`` alone, and prints what is not there."""
+
+
+def package_of(name: str) -> str:
+    """Return the innermost package that a dotted name looks into."""
+    inner, _, _ = name.rpartition(".")
+    while not (ROOT.joinpath(*inner.split(".")) / "__init__.py").is_file():
+        inner, _, _ = inner.rpartition(".")
+    return inner
+
+
+def test_names_of_all_pages_work_after_import_springgym() -> None:
+    """As in ``import springgym; springgym.envs.parallel(…)``; in code as in sentences."""
+    texts = [page.read_text(encoding="utf-8") for page in PAGES]
+    found = {name for text in texts for name in re.findall(r"(?<![\w/.-])springgym(?:\.[A-Za-z_]\w*)+", text)}
+    packages: dict[str, list[str]] = {}
+    for name in sorted(found):
+        packages.setdefault(package_of(name), []).append(name)
+    assert {"springgym", "springgym.envs", "springgym.scenes.checks"} <= packages.keys()
+    command = [sys.executable, "-c", BY_PACKAGE, *map(" ".join, packages.values())]
+    assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == ""
 
 
 POSTER = re.compile(

@@ -13,7 +13,7 @@ def spring_force_and_jacobian(body: Body, x: np.ndarray) -> tuple[np.ndarray, np
     outer = along[:, :, None] * along[:, None, :]
     across = (tension / length)[:, None, None] * (np.eye(3) - outer)
     stiff = body.stiffness[:, None, None] * outer + across
-    return _added(body.springs, tension, along, x), assembled(-stiff, body.springs, len(x))
+    return _added(body.springs, tension[:, None] * along, x), assembled(-stiff, body.springs, len(x))
 
 
 def spring_forces(
@@ -21,15 +21,24 @@ def spring_forces(
 ) -> np.ndarray:
     """Return spring forces (k, N, 3) [N] on copies at positions ``x``, for stiffness and lengths (k, S)."""
     along, _, tension = _pulls(springs, stiffness, lengths, x)
-    return _added(springs, tension, along, x)
+    return _added(springs, tension[..., None] * along, x)
 
 
-def elastic_energy(
-    springs: np.ndarray, stiffness: np.ndarray, lengths: np.ndarray, x: np.ndarray
+def changed_forces(
+    springs: np.ndarray, stiffness: np.ndarray, lengths: np.ndarray, x: np.ndarray, shift: np.ndarray
 ) -> np.ndarray:
-    """Return the energy (k,) [J] of springs on copies at ``x``, with stiffness and lengths (k, S)."""
-    tension = _pulls(springs, stiffness, lengths, x)[2]
-    return np.asarray((tension**2 / stiffness).sum(axis=-1) / 2)
+    """Return (∂F/∂x) s (k, N, 3), the first-order change of spring forces by a ``shift`` s of the particles.
+
+    Like `spring_force_and_jacobian`, without a matrix, for copies at ``x``: a spring with tension T pulls
+    with k û û·d + (T/L) (d − û û·d) more, where d is the shift of one end relative to the other. For
+    velocities in place of a shift, the change is one per second.
+    """
+    along, length, tension = _pulls(springs, stiffness, lengths, x)
+    first, second = springs.T
+    apart = shift[..., second, :] - shift[..., first, :]
+    longer = (along * apart).sum(axis=-1)[..., None] * along
+    change = stiffness[..., None] * longer + (tension / length)[..., None] * (apart - longer)
+    return _added(springs, change, x)
 
 
 def _pulls(
@@ -42,9 +51,9 @@ def _pulls(
     return apart / length[..., None], length, stiffness * (length - lengths)
 
 
-def _added(springs: np.ndarray, tension: np.ndarray, along: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Return forces (…, N, 3) of springs on their ends."""
-    pull = np.moveaxis(tension[..., None] * along, -2, 0)
+def _added(springs: np.ndarray, pull: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Return forces (…, N, 3) of springs on their ends, from their pull (…, S, 3) on the first."""
+    pull = np.moveaxis(pull, -2, 0)
     force = np.zeros_like(np.moveaxis(x, -2, 0))
     np.add.at(force, springs[:, 0], pull)
     np.add.at(force, springs[:, 1], -pull)

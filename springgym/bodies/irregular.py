@@ -26,6 +26,9 @@ the search for braces takes a time that grows as the third power of their number
 MOST_POINTS = 10_000
 """Largest number of points of a hull: more take minutes."""
 
+MERGED = 1e-6
+"""Distance of corners of a mesh file below which they are one, relative to its size: many have six digits."""
+
 MANY_PAIRS = 10_000
 """Number of pairs that are processed at once: 100 MB of numbers at `MOST_VERTICES`."""
 
@@ -98,7 +101,11 @@ def from_mesh(
     to each corner. The centre is a particle with springs to all vertices, so the centre of mass is that of
     the solid. By area, each triangle gives a third of its mass to each corner. There is no centre, and a
     spring joins each vertex to the farthest one. In both cases, springs are added until the body is rigid.
-    The inertia is larger than the solid's, because the mass is at the vertices.
+    The inertia is larger than the solid's, because the mass is at the vertices. It also depends on how the
+    file divides the surface into triangles: another diagonal of a square gives its corners other shares.
+
+    Corners nearer to each other than `MERGED` of the size are one. Triangles with two corners in one place,
+    and those that are there already, are left out.
 
     Parameters
     ----------
@@ -120,9 +127,9 @@ def from_mesh(
     OSError
         If the file cannot be read.
     ValueError
-        If the file is not a mesh; the mesh is too fine, is not closed, has triangles of both orientations, or
-        consists of several solids; a vertex would have no mass by volume, because the mesh is far from
-        convex; or `Body` refuses the body.
+        If the file holds no triangles; the mesh is too fine, is not closed, has triangles of both
+        orientations, or consists of several solids; a vertex would have no mass by volume, because the mesh
+        is far from convex; or `Body` refuses the body.
     """
     mass = number("mass", mass, low=TINY)
     chosen("by", by, ("volume", "area"))
@@ -159,17 +166,28 @@ def read_mesh(path: str | Path, scale: float) -> tuple[str, np.ndarray, np.ndarr
     if why := unreadable(path, LARGEST):
         raise FileNotFoundError(f"mesh file {path}: {why}")
     try:
-        mesh = trimesh.load_mesh(path)
+        mesh = trimesh.load_mesh(path, process=False)
     except Exception as error:  # its readers raise errors of any kind
         raise ValueError(f"{path} cannot be read as a mesh: {error}") from error
-    mesh.merge_vertices(merge_tex=True, merge_norm=True)
-    if len(mesh.vertices) > MOST_VERTICES:
-        raise ValueError(f"{path} has {len(mesh.vertices)} vertices; simplify it to at most {MOST_VERTICES}")
-    if not mesh.is_watertight:
-        raise ValueError(f"{path} is not a closed surface")
-    vertices, triangles = scale * np.array(mesh.vertices), np.array(mesh.faces)
+    if not len(mesh.faces):
+        raise ValueError(
+            f"{path} holds no triangles: it is empty, or not a mesh of the kind that its name says"
+        )
+    corners, triangles = _cleaned(array(f"{path}: vertices", np.array(mesh.vertices), (None, 3)), mesh.faces)
+    if len(corners) > MOST_VERTICES:
+        raise ValueError(f"{path} has {len(corners)} vertices; simplify it to at most {MOST_VERTICES}")
+    edges, counts = surface.edges_and_counts(triangles)
+    if (counts != 2).any():
+        n = int(np.argmax(counts != 2))
+        i, j = corners[edges[n]].tolist()
+        there = "is 1 triangle" if counts[n] == 1 else f"are {counts[n]} triangles"
+        raise ValueError(
+            f"{path} is not a closed surface: at the edge from {i} to {j} there {there}; there must be 2 at "
+            "each edge"
+        )
+    vertices, solid = scale * corners, trimesh.Trimesh(corners, triangles, process=False)
     if len(edges := surface.same_sense(triangles)):
-        i, j = mesh.vertices[edges[0]].tolist()
+        i, j = corners[edges[0]].tolist()
         raise ValueError(
             f"{path} has triangles that face inwards beside others that face outwards, such as one at the "
             f"edge from {i} to {j}; reverse them, as trimesh.repair.fix_winding does"
@@ -187,7 +205,28 @@ def read_mesh(path: str | Path, scale: float) -> tuple[str, np.ndarray, np.ndarr
             f"{path} is {len(solids)} solids that share no edge; it must be one. Make a body of each, and "
             "join them by springs, or by their union if they touch"
         )
-    return path.stem, vertices, triangles, np.array(mesh.center_mass) * scale
+    return path.stem, vertices, triangles, scale * np.array(solid.center_mass)
+
+
+def _cleaned(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return corners (n, 3) and triangles (T, 3) of a mesh without what repeats another or has no area.
+
+    Corners are one if each of their coordinates differs by less than `MERGED` of the size.
+    """
+    near = MERGED * np.ptp(vertices, axis=0).max()
+    place = np.empty(vertices.shape, int)
+    for axis, values in enumerate(vertices.T):
+        order = np.argsort(values)
+        steps = np.diff(values[order], prepend=values[order[:1]])
+        place[order, axis] = np.cumsum(steps > near)
+    _, first, corner = np.unique(place, axis=0, return_index=True, return_inverse=True)
+    triangles = first[corner.ravel()][triangles]
+    ordered = np.sort(triangles, axis=1)
+    wide = (ordered[:, 0] < ordered[:, 1]) & (ordered[:, 1] < ordered[:, 2])
+    _, once = np.unique(ordered, axis=0, return_index=True)
+    kept = triangles[np.intersect1d(np.flatnonzero(wide), once)]
+    used, triangles = np.unique(kept, return_inverse=True)
+    return vertices[used], triangles.reshape(-1, 3)
 
 
 @refusing_unknown

@@ -101,7 +101,12 @@ def normals(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 def all_edges(triangles: np.ndarray) -> np.ndarray:
     """Return the edges of triangles (T, 3) as pairs of particles (E, 2), each once."""
-    return np.unique(np.sort(_runs(triangles), axis=1), axis=0)
+    return edges_and_counts(triangles)[0]
+
+
+def edges_and_counts(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the edges (E, 2) of triangles (T, 3), each once, and the number of triangles at each (E,)."""
+    return np.unique(np.sort(_runs(triangles), axis=1), axis=0, return_counts=True)
 
 
 def sharp_edges(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:

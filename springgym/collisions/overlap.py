@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from springgym.checks import apart
 from springgym.collisions import distance
 from springgym.collisions.meeting import Meetings
 from springgym.collisions.shape import Shape
@@ -164,12 +165,13 @@ def _refuse(found: list[Found], names: tuple[str, str], reach: float, of: str) -
     deep = min(float(each.apart.min()) for each in others) < 0
     kind = min(others if deep else found, key=lambda each: float(each.apart.min()))
     d, feature = float(kind.apart.min()), kind.members[int(kind.apart[0].argmin())].tolist()
-    where = f"{-d:g} m deep in each other" if d < 0 else f"only {abs(d):g} m apart"
+    distance, least = apart(abs(d), NEAREST * reach)
+    where = f"{distance} m deep in each other" if d < 0 else f"only {distance} m apart"
     what = f"{'particle' if len(feature) == 1 else 'the edge'} {'–'.join(map(str, feature))}"
     raise ValueError(
         f"bodies {names[0]!r} and {names[1]!r} start {where}{of}, by "
         f"{what} of {names[kind.own]!r}; "
-        f"they must be at least {NEAREST * reach:g} m apart; their contact ends at {reach:g} m. "
+        f"they must be at least {least} m apart; their contact ends at {reach:g} m. "
         "Move one, or say collisions=None to let bodies pass through each other"
     )
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from springgym.bodies import Body, Round, surface
-from springgym.checks import instance
+from springgym.checks import apart, instance
 
 ABOUT = 1e-9
 """Tolerance of a sphere's position and shape, as a fraction of its extent."""
@@ -152,13 +152,15 @@ def _unfit(body: Body, reach: float, held: bool) -> str | None:
         lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
         if lengths.min() < reach:
             i, j = lines[int(np.argmin(lengths))]
+            length, least = apart(lengths.min(), reach)
             return (
-                f"its edge from particle {i} to {j} is {lengths.min():g} m long, and must not be shorter "
-                f"than the reach of the contact, {reach:g} m"
+                f"its edge from particle {i} to {j} is {length} m long, and must not be shorter "
+                f"than the reach of the contact, {least} m"
             )
     if len(given.triangles) and body.thickness < THIN * reach:
+        thickness, least = apart(body.thickness, THIN * reach)
         return (
-            f"it is {body.thickness:g} m thick at its thinnest, and must be at least {THIN * reach:g} m, "
+            f"it is {thickness} m thick at its thinnest, and must be at least {least} m, "
             f"{THIN} times the reach of the contact"
         )
     return None

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
+
+from springgym.lazy import submodule
+from springgym.registration import PARALLEL
 
 if TYPE_CHECKING:
     from springgym.envs.players import ParallelDuel, ParallelOptions
 
-from springgym.registration import PARALLEL
+
+if not TYPE_CHECKING:  # for type checkers, every name would exist
+
+    def __getattr__(name: str) -> Any:
+        return submodule(__name__, name)
 
 
 def parallel(env_id: str, **options: Unpack[ParallelOptions]) -> ParallelDuel:

@@ -208,6 +208,10 @@ class SingleEnv(_Common):
         rng, known = (self.np_random, self._np_random_seed) if given is None else seeding.np_random(given)
         self.episodes.begin(np.array([0]), [rng], options)
         self._np_random, self._np_random_seed = rng, known
+        self._show_begin()
+
+    def _show_begin(self) -> None:
+        """Show the state from which to go on. A film begins anew, as its pictures are of other steps."""
         self._show_new([0])
         self._film = ()
         self._show()
@@ -259,7 +263,7 @@ class SingleEnv(_Common):
         for name in self.also_stored:
             setattr(self, name, list(state[name]))
         self.episodes.unready = "" if state["ready"] else NOT_BEGUN
-        self._show_new([0])
+        self._show_begin()
 
     def close(self) -> None:
         self.close_extras()
@@ -275,7 +279,7 @@ class SpringEnv(SingleEnv, gym.Env[np.ndarray, np.ndarray]):
     ----------
     render_mode
         None, "rgb_array", "human", or "rgb_array_list": the pictures of all control periods since the last
-        call of ``render`` or ``reset``.
+        call of ``render``, ``reset`` or ``set_state``. Fetch them in time: each takes some MB.
     integrator, step, damping_every, dynamics, dtype
         See `springgym.simulator.Simulator`. The control period must be a whole number of steps, and a whole
         number of cycles of ``damping_every`` steps.

@@ -222,7 +222,7 @@ class SpringBilliardsEnv(SpringEnv, gym.Env, task=SpringBilliards):
     `min_distance` e [m], `pairs_…`.
 
     ## Arguments
-    None beyond the [shared ones](../environments.md#shared-definitions).
+    - `randomize`: the balls keep their radius, so the factor `scale` changes nothing.
     """
 
     if TYPE_CHECKING:

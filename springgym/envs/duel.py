@@ -11,7 +11,7 @@ import gymnasium as gym
 import numpy as np
 
 from springgym.bodies import Body, stretched_shapes, top
-from springgym.checks import chosen, hides, shown
+from springgym.checks import apart, chosen, hides, shown
 from springgym.core.compiling import compiled, kernel
 from springgym.envs import observation as observing
 from springgym.envs.base import SpringEnv, SpringVectorEnv
@@ -231,7 +231,7 @@ class SpringDuel(Task, kernels=(evaluate, observe_features)):
     def draw(self, rng: np.random.Generator, options: ResetOptions, factors: Factors) -> Drawn:
         if (found := factors["scale"]) > LARGEST:
             raise ValueError(
-                f"randomize allows tops of scale {found:.4g}; it must be at most {LARGEST}, "
+                f"randomize allows tops of scale {apart(found, LARGEST)[0]}; it must be at most {LARGEST}, "
                 "or two tops do not fit into the ring"
             )
         bearing = rng.uniform(-math.pi, math.pi)

@@ -218,6 +218,9 @@ class Episodes:
         if self.ranges:
             bodies = (replace(placed, body=fastest(placed.body)) for placed in scene.bodies)
             scene = scene.with_(bodies=tuple(bodies))
+        if kind.rigid and scene.gravity is not None:  # a body swings about its pin as √(g/l)
+            pull = factor["gravity"][1] / factor["scale"][0]
+            scene = scene.with_(gravity=tuple((pull * np.array(scene.gravity)).tolist()))
         method = kind.integrator(kind.default(scene) if integrator is None else integrator)
         if reason := kind.refusal(method, scene, randomisation.varying(self.ranges, scene)):
             raise ValueError(reason)
@@ -227,9 +230,10 @@ class Episodes:
         if step is not None:
             step = checks.number("step", step, TINY)
             if stability.is_unstable(step, limit := kind.largest_step(scene, method)):
+                given, most = checks.apart(step, stability.REFUSED * limit)
                 raise ValueError(
-                    f"a step of {step:g} s is unstable: {method.name} on this body{ranges} allows at most "
-                    f"{stability.REFUSED * limit:.4g} s. Take a smaller one"
+                    f"a step of {given} s is unstable: {method.name} on this body{ranges} allows at most "
+                    f"{most} s. Take a smaller one"
                 )
             if period / step > MOST_STEPS:
                 raise ValueError(

@@ -419,7 +419,8 @@ class SpringLabyrinthEnv(SpringEnv, gym.Env, task=SpringLabyrinth):
 
     ## Arguments
     - `hard=True`: a board that tilts at up to 0.24 rad/s, and holes of 6 cm.
-    - `randomize`: the factor `actuator` multiplies the force along the board.
+    - `randomize`: the factor `scale` multiplies the radius of the ball, and `actuator` the force along the
+      board.
     """
 
     if TYPE_CHECKING:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from typing import Any, ClassVar, Literal, Unpack
 
 import numpy as np
@@ -87,9 +88,9 @@ class ParallelDuel(SingleEnv, ParallelEnv):
         self._make(1, opponent=self._answer, max_episode_steps=limit, **options)
         self.possible_agents = list(AGENTS)
         self.agents: list[str] = []
-        self.observation_spaces = dict.fromkeys(AGENTS, self.task.observation_space)
-        self.action_spaces = dict.fromkeys(AGENTS, self.task.action_space)
-        self.state_space = self.task.observation_space
+        self.observation_spaces = {agent: deepcopy(self.task.observation_space) for agent in AGENTS}
+        self.action_spaces = {agent: deepcopy(self.task.action_space) for agent in AGENTS}
+        self.state_space = deepcopy(self.task.observation_space)
 
     @property
     def task(self) -> SpringDuel:

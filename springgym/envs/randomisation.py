@@ -20,8 +20,9 @@ RANDOMIZABLE = ("masses", "stiffness", "damping", "scale", "gravity", "friction"
 NOMINAL: Mapping[str, float] = dict.fromkeys(RANDOMIZABLE, 1.0)
 """The factors of an episode without randomisation: 1 for each parameter."""
 
-OF_SPRINGS = ("stiffness", "damping", "scale")
-"""Names that a rigid body does not have; ``scale`` multiplies the lengths of springs, see `stretched`."""
+OF_SPRINGS = ("stiffness", "damping")
+"""Names that a rigid body does not have; ``scale`` multiplies the lengths of springs, see `stretched`, and
+thereby the size of a rigid body."""
 
 Ranges = dict[str, tuple[float, float]]
 """(low, high) of factors by name, out of `RANDOMIZABLE`."""
@@ -61,8 +62,9 @@ def varying(ranges: Mapping[str, Any], scene: Scene) -> set[str]:
     if scene.surfaces and isinstance(scene.contact, Contact) and "restitution" in ranges:
         highest = scene.contact.restitution * ranges["restitution"][1]
         if highest > 1:
+            given, _ = checks.apart(highest, 1.0)
             raise ValueError(
-                f"randomize['restitution'] allows a restitution of {highest:g}; it must be at most 1"
+                f"randomize['restitution'] allows a restitution of {given}; it must be at most 1"
             )
     if "gravity" in ranges and scene.gravity is None:
         raise ValueError("cannot randomize 'gravity': the scene has no gravity")

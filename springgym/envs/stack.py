@@ -10,6 +10,7 @@ import gymnasium as gym
 import numpy as np
 
 from springgym.bodies import Body, box, rolling_ball
+from springgym.checks import apart
 from springgym.core.compiling import compiled, kernel
 from springgym.envs import shove
 from springgym.envs.base import SpringEnv, SpringVectorEnv
@@ -179,7 +180,7 @@ class SpringStack(Task, kernels=(evaluate, observe_features, remember)):
     def draw(self, rng: np.random.Generator, options: ResetOptions, factors: Factors) -> Drawn:
         if (scale := factors["scale"]) < SMALLEST:
             raise ValueError(
-                f"randomize allows bodies of scale {scale:.4g}; it must be at least "
+                f"randomize allows bodies of scale {apart(scale, SMALLEST)[0]}; it must be at least "
                 f"{SMALLEST}, or the ball does not fit"
             )
         low = (-0.9, -0.3, -0.5, 0.35, 2 * math.pi / 3, GAPS[0], -0.3)

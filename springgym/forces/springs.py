@@ -119,7 +119,7 @@ def damped_pull(pull: Number, c: Number, rate: Number, inverse_length: Number) -
 def spring_energy(x: Rows, springs: Springs) -> tuple[Number, Number]:
     """Return Σ k (L − L₀)²/2 [J] and the largest |L/L₀ − 1|² [1]."""
     energy = 0.0 * load(x, (0, 0))
-    largest = energy
+    largest = energy * energy  # +0, also where the coordinate is negative
     if springs is not None:
         for s in range(springs.first.size):
             apart = row(x, springs.second[s]) - row(x, springs.first[s])

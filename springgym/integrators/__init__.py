@@ -9,6 +9,7 @@ import importlib
 import inspect
 from collections.abc import Callable
 from functools import cache
+from typing import TYPE_CHECKING, Any
 
 from springgym.checks import instance, shown, suggestion
 from springgym.core.blocks import at
@@ -17,6 +18,7 @@ from springgym.core.kinds import Nested, Number
 from springgym.core.lanes import bodies_of, of_body
 from springgym.integrators.clock import Clock, tick
 from springgym.integrators.record import Control, Integrator, Phase
+from springgym.lazy import submodule
 from springgym.terms import Terms
 
 METHODS = (
@@ -31,6 +33,12 @@ METHODS = (
     "tr_bdf2",
     "rodas3",
 )
+
+
+if not TYPE_CHECKING:  # for type checkers, every name would exist
+
+    def __getattr__(name: str) -> Any:
+        return submodule(__name__, name)
 
 
 TAKEN = ("x", "v", "ledger", "workspace", "h", "steps", "terms")

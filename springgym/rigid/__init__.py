@@ -184,15 +184,8 @@ def terms(
     varying
         Names of parameters that differ from copy to copy.
     parameter
-        Makes an array that depends on the masses: of one value, or of blocks of copies.
-
-    Raises
-    ------
-    ValueError
-        If the lengths of springs vary.
+        Makes an array that depends on masses and size: of one value, or of blocks of copies.
     """
-    if "lengths" in varying:
-        raise ValueError("lengths cannot vary in rigid dynamics: the shape is that of the body's positions")
     values = shape_values(scene, None)
     rigid = Rigid(
         shape=parameter(values["shape"]),
@@ -209,25 +202,29 @@ def terms(
 
 
 def set_shapes(
-    twin: tuple[Rigid, np.ndarray], copies: np.ndarray, shapes: list[dict[str, np.ndarray]]
+    twin: tuple[Rigid, np.ndarray | None], copies: np.ndarray, shapes: list[dict[str, np.ndarray]]
 ) -> None:
     """Set the `shape_values` of some copies (k,)."""
     rigid, asymmetry = twin
     arrays = {**rigid._asdict(), "asymmetry": asymmetry}
     for copy, values in zip(copies, shapes, strict=True):
         for name, value in values.items():
-            set_copies(arrays[name], copy[None], value)
+            if (
+                array := arrays[name]
+            ) is not None and array.dtype.names:  # a symmetric body is so in any size
+                set_copies(array, copy[None], value)
 
 
-def shape_values(scene: Scene, masses: np.ndarray | None) -> dict[str, np.ndarray]:
-    """Return the values of a rigid body that depend on its masses (N,) [kg], by default those of the scene.
+def shape_values(scene: Scene, masses: np.ndarray | None, scale: float = 1.0) -> dict[str, np.ndarray]:
+    """Return the values of a rigid body that depend on its masses (N,) [kg], by default those of the scene,
+    and on its size, ``scale`` times that of the scene's body.
 
     Raises
     ------
     ValueError
         If a moment of inertia is zero to rounding.
     """
-    shape = principal_shape(scene, masses)
+    shape = principal_shape(scene, masses).scaled(scale)
     return {
         "shape": shape.positions,
         "moments": shape.moments,

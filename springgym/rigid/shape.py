@@ -34,6 +34,11 @@ class Shape(NamedTuple):
             return np.eye(3)
         return np.ascontiguousarray(axes(self.positions, markers).T)
 
+    def scaled(self, factor: float) -> Shape:
+        """Return the shape in another size, with the same masses: I grows as the square of the factor."""
+        never = self.moments[0] == NEVER
+        return Shape(factor * self.positions, self.moments if never else factor**2 * self.moments)
+
 
 def turns(scene: Scene) -> bool:
     """Return whether a scene's body can rotate."""
@@ -74,7 +79,9 @@ def principal_shape(scene: Scene, masses: np.ndarray | None = None) -> Shape:
     return Shape((body.positions - about) @ principal, moments)
 
 
-def settled(scene: Scene, positions: np.ndarray, masses: np.ndarray, copies: np.ndarray) -> np.ndarray:
+def settled(
+    scene: Scene, positions: np.ndarray, masses: np.ndarray, scales: np.ndarray, copies: np.ndarray
+) -> np.ndarray:
     """Return the positions (k, N, 3) of particles moved onto the rigid shape by the body's markers [m].
 
     Parameters
@@ -85,6 +92,8 @@ def settled(scene: Scene, positions: np.ndarray, masses: np.ndarray, copies: np.
         [m]
     masses : (k, N)
         [kg]
+    scales : (k,)
+        Sizes, as factors of that of the scene's body.
     copies : (k,)
         The numbers of the copies, for error messages.
 
@@ -117,7 +126,7 @@ def settled(scene: Scene, positions: np.ndarray, masses: np.ndarray, copies: np.
         here = np.einsum("kn,knx->kx", masses, positions) / total
         about = masses @ body / total
     turn = axes(body, scene.body.markers) @ triad
-    return here[:, None] + (body - about[:, None]) @ turn
+    return here[:, None] + scales[:, None, None] * (body - about[:, None]) @ turn
 
 
 UNDERSTOOD = {

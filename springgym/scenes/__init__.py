@@ -5,8 +5,9 @@ The reader is imported on first use: films and plots of scenes made in Python do
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
+
+from springgym.lazy import submodule
 
 if TYPE_CHECKING:
     from springgym.scenes.plan import Plan
@@ -16,6 +17,6 @@ __all__ = ["Plan", "load", "names"]
 
 
 def __getattr__(name: str) -> Any:
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{'plan' if name == 'Plan' else 'reading'}"), name)
+    if name in __all__:
+        return getattr(submodule(__name__, "plan" if name == "Plan" else "reading"), name)
+    return submodule(__name__, name)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
-from springgym.checks import chosen, flag, instance, number, refusing_unknown, shown, whole
+from springgym.checks import apart, chosen, flag, instance, number, refusing_unknown, shown, whole
 from springgym.integrators import integrator
 from springgym.scene import Scene
 from springgym.surfaces import PaperContact
@@ -27,8 +27,10 @@ SPEEDS = (1 / 64, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0, 2.0, 4.0, 8.0)
 
 def _time(name: str, value: object) -> None:
     """Raise ValueError for a time that is below that of `LEAST`."""
-    if number(name, value) < LEAST[name]:
-        raise ValueError(f"{name} is {value:g} s; it must be at least {LEAST[name]:g} s")
+    time = number(name, value)
+    if time < LEAST[name]:
+        given, least = apart(time, LEAST[name])
+        raise ValueError(f"{name} is {given} s; it must be at least {least} s")
 
 
 RULES: Mapping[str, Callable[[str, Any], object]] = {

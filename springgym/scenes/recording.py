@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from springgym.checks import chosen, flag, function, instance, refusing_unknown
+from springgym.checks import apart, chosen, flag, function, instance, refusing_unknown
 from springgym.contact.totals import PairReadings
 from springgym.contacts import Contacts
 from springgym.dynamics import DYNAMICS
@@ -185,7 +185,8 @@ def _check_size(plan: Plan, step: float, steps: int, count: int) -> None:
     """Raise ValueError for runs that would take too many steps, or not fit into memory."""
     bodies = [placed.body for placed in plan.scene.bodies]
     if step > plan.duration * (1 + 1e-9):
-        raise ValueError(f"a step of {step:g} s is longer than the run of {plan.duration:g} s")
+        given, most = apart(step, plan.duration)
+        raise ValueError(f"a step of {given} s is longer than the run of {most} s")
     if steps > MOST_STEPS:
         why = "take a longer one"
         if plan.step is None:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from springgym.bodies import Body, vibrations
-from springgym.checks import TINY, array, instance, number, refusing_unknown
+from springgym.checks import TINY, apart, array, instance, number, refusing_unknown
 from springgym.surfaces.plane import Plane, floor
 from springgym.surfaces.round import heights
 from springgym.surfaces.surface import Surface
@@ -282,14 +282,15 @@ def check_surfaces(surfaces: tuple[Surface, ...], reach: float) -> None:
         if dot < -1 + 1e-12:
             gap = -(first.offset + second.offset)
             if gap < 4 * reach:
+                given, least = apart(gap, 4 * reach)
                 raise ValueError(
-                    f"surfaces {i} and {j} face each other {gap:g} m apart; because each of them reaches "
-                    f"{reach:g} m, they must be at least {4 * reach:g} m apart"
+                    f"surfaces {i} and {j} face each other {given} m apart; because each of them reaches "
+                    f"{reach:g} m, they must be at least {least} m apart"
                 )
         elif dot < -1e-9:
             angle = 180 - math.degrees(math.acos(max(-1.0, dot)))
             raise ValueError(
-                f"surfaces {i} and {j} meet at {angle:.3g}°; they must meet at 90° or more, "
+                f"surfaces {i} and {j} meet at {apart(angle, 90.0)[0]}°; they must meet at 90° or more, "
                 "because particles could pass through a sharper notch"
             )
 
@@ -340,9 +341,10 @@ def check_heights(
             *row, part = first = np.argwhere(wrong)[0].tolist()
             h = found[tuple(first)]
             of = f" of copy {copies[row[0]]}" if row and copies is not None else ""
-            where = f"{-h:g} m behind" if h < 0 else f"only {h:g} m above"
+            height, least = apart(abs(h), NEAREST * reach)
+            where = f"{height} m behind" if h < 0 else f"only {height} m above"
             hint = ". springgym.surfaces.resting finds where it rests" if isinstance(surface, Plane) else ""
             raise ValueError(
                 f"{what} {part}{owner}{of} starts {where} surface {n}, {surface}; it must be at least "
-                f"{NEAREST * reach:g} m above; the surface's force ends at {reach:g} m{hint}"
+                f"{least} m above; the surface's force ends at {reach:g} m{hint}"
             )

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+import re
 from decimal import Decimal
 from fractions import Fraction
 
 import numpy as np
 import pytest
 
+from springgym.bodies import cube
 from springgym.checks import (
     HUGE,
     TINY,
+    apart,
     array,
     chosen,
     flag,
@@ -22,6 +26,12 @@ from springgym.checks import (
     whole,
     whole_array,
 )
+from springgym.envs import duel
+from springgym.envs.randomisation import varying
+from springgym.scene import Scene
+from springgym.simulator import Simulator
+from springgym.stability import REFUSED, steps_in
+from springgym.surfaces import NEAREST, Contact, Plane, floor
 
 NO_NUMBERS = (None, "1", b"1", True, np.True_, 1j, [1.0], (), {}, object(), np.array([1.0]), np.array(True))
 NOT_WHOLE = (*NO_NUMBERS, 1.0, math.nan, np.float64(2), Fraction(4, 2), Decimal(2))
@@ -170,3 +180,61 @@ def test_what_is_shown_is_short_and_never_fails():
     assert shown(10**5000) == "a int"
     assert shown(np.float64(2)) == "2.0"
     assert len(shown(np.zeros((100, 100)))) <= 80
+
+
+def test_numbers_apart():
+    assert apart(0.5, 2.0) == ("0.5", "2")
+    assert apart(1.0, 1.0) == ("1", "1")
+    assert apart(1.6 * (1 + 1e-9), 1.6) == ("1.600000002", "1.6")
+    assert apart(0.1 + 0.2, 0.3) == ("0.30000000000000004", "0.29999999999999999")
+    assert len(set(apart(math.nan, 0.5))) == 2
+
+
+BODY = cube()
+LIMIT = REFUSED * Simulator(Scene(BODY)).largest_step
+
+
+def low(gap):
+    lowest = BODY.positions[:, 2].min()
+    return Scene(
+        BODY, BODY.positions - [0, 0, lowest - gap], surfaces=(floor(),), contact=Contact(reach=0.01)
+    )
+
+
+def facing(reach):
+    planes = Plane((0, 0, -0.2)), Plane((0, 0, 0.2), (0, 0, -1))
+    return Scene(BODY, surfaces=planes, contact=Contact(reach=reach))
+
+
+def bouncy(restitution):
+    x = np.add(BODY.positions, (0, 0, 2))
+    scene = Scene(BODY, x, surfaces=(floor(),), contact=Contact(restitution=0.5))
+    return varying({"restitution": (1.0, restitution / 0.5)}, scene)
+
+
+BARELY_WRONG = {
+    "step": lambda: Simulator(Scene(BODY), step=LIMIT * (1 + 1e-9)),
+    "period": lambda: steps_in(0.02, float(np.float32(0.0005))),
+    "start": lambda: low(NEAREST * 0.01 * (1 - 1e-8)),
+    "planes": lambda: facing(0.1 * (1 + 1e-9)),
+    "range": lambda: number("x", 0.3, low=0.1 + 0.2),
+    "array": lambda: array("x", [0.3], (1,), high=0.3 - 1e-12),
+    "restitution": lambda: bouncy(1 + 1e-9),
+    "duel": lambda: duel.SpringDuel().draw(None, {}, {"scale": duel.LARGEST * (1 + 1e-9)}),
+}
+"""What is refused for a number that is its bound, but for a digit far behind."""
+
+
+@pytest.mark.parametrize("what", BARELY_WRONG)
+def test_a_number_and_its_bound_never_look_the_same(what):
+    with pytest.raises(ValueError, match=r"\d") as refusal:
+        BARELY_WRONG[what]()
+    message = str(refusal.value)
+    numbers = re.findall(r"(?<![\w.])\d+(?:\.\d+)?(?:e[-+]\d+)?", message)
+    near = [
+        (one, other)
+        for one, other in itertools.combinations(numbers, 2)
+        if float(other) and abs(float(one) / float(other) - 1) < 1e-5
+    ]
+    assert near, message
+    assert all(one != other for one, other in near), message

@@ -148,6 +148,83 @@ def test_mesh_errors_name_the_file(tmp_path, mesh, monkeypatch):
         from_mesh(tmp_path / "nothing.stl")
 
 
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [("a.stl", ""), ("a.stl", "solid a\nendsolid a\n"), ("a.obj", "a letter\n"), ("a.obj", "v 0 0 0\n")],
+    ids=["empty", "solid of nothing", "text", "corners alone"],
+)
+def test_files_without_triangles_are_told_as_such(tmp_path, name, text):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(ValueError, match=r"a\.(stl|obj) holds no triangles"):
+        from_mesh(tmp_path / name)
+
+
+SOUP = trimesh.creation.box(extents=(1.0, 2.0, 3.0)).triangles.reshape(-1, 3)
+"""Corners of the twelve triangles of a box, each on its own: (36, 3)."""
+
+
+def soup(*more, noise=0.0, unit=1.0):
+    """Return the text of an OBJ file of a box, each triangle with corners of its own, and ``more`` faces."""
+    corners = unit * (SOUP + noise * np.random.default_rng(0).uniform(-1, 1, SOUP.shape))
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in corners.tolist()]
+    faces = [*np.arange(36).reshape(-1, 3).tolist(), *more]
+    return "\n".join([*lines, *("f " + " ".join(str(corner + 1) for corner in face) for face in faces)])
+
+
+@pytest.mark.parametrize(
+    ("text", "unit"),
+    [
+        (soup((0, 0, 1)), 1.0),
+        (soup((0, 0, 0)), 1.0),
+        (soup((0, 1, 2)), 1.0),
+        (soup((1, 2, 0), (0, 2, 1)), 1.0),
+        *((soup((3, 3, 4), noise=1e-7, unit=unit), unit) for unit in (1e-9, 1e-3, 1.0, 1e6)),
+    ],
+    ids=["corner twice", "one corner", "face twice", "face thrice", "nm", "mm", "m", "km"],
+)
+def test_faces_without_area_and_faces_again_are_left_out(tmp_path, text, unit):
+    """As programs export them; corners in one place are one, whatever the unit."""
+    path = tmp_path / "box.obj"
+    path.write_text(soup())
+    clean = from_mesh(path)
+    path.write_text(text)
+    body = from_mesh(path, scale=1 / unit)
+    np.testing.assert_array_equal(body.springs, clean.springs)
+    np.testing.assert_array_equal(body.triangles, clean.triangles)
+    np.testing.assert_allclose(body.positions, clean.positions, atol=1e-6)
+    np.testing.assert_allclose(body.masses, clean.masses, rtol=1e-6)
+
+
+def test_where_a_surface_is_open_is_told(tmp_path):
+    """At the first edge; a wall inside, with three triangles at an edge, is as wrong as a hole."""
+    path = tmp_path / "box.obj"
+    path.write_text("\n".join(soup().split("\n")[:-1]))
+    with pytest.raises(
+        ValueError, match=r"at the edge from \[.*\] to \[.*\] there is 1 triangle; there must"
+    ):
+        from_mesh(path)
+    corners = {tuple(corner): n for n, corner in enumerate(SOUP.tolist())}
+    across = [corners[0.5 * i, 1.0 * j, 1.5 * k] for i, j, k in ((1, 1, 1), (1, 1, -1), (-1, -1, 1))]
+    path.write_text(soup(across))
+    with pytest.raises(ValueError, match=r"not a closed surface: at the edge from .* there (is 1|are 3) tri"):
+        from_mesh(path)
+
+
+SIDES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+"""Sides of a box whose corner 4 i + 2 j + k lies at (i, j, k), anticlockwise as seen from outside."""
+
+
+def test_inertia_depends_on_the_diagonals_of_a_file(mesh):
+    """As `from_mesh` says: the same box, divided along the one diagonal or the other of each side."""
+    corners = np.array(list(np.ndindex(2, 2, 2))) * [1.0, 2.0, 3.0]
+    moments = []
+    for first in (0, 1):
+        turned = [np.roll(side, first) for side in SIDES]
+        faces = [side[list(own)] for side in turned for own in ((0, 1, 2), (0, 2, 3))]
+        moments.append(from_mesh(mesh(trimesh.Trimesh(corners, faces, process=False), "obj")).principal()[0])
+    assert np.abs(moments[1] / moments[0] - 1).max() > 1e-3
+
+
 def shifted(shape, *shift):
     shape = shape.copy()
     shape.apply_translation(shift)

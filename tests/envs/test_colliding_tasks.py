@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import pickle
 import warnings
 from dataclasses import replace
@@ -499,6 +500,23 @@ def test_pettingzoo_s_registry_makes_it() -> None:
     assert type(env) is type(parallel("SpringDuel-v0"))
     assert (env.episodes.max_episode_steps, env.observation_space("first").shape) == (7, (22,))
     assert pettingzoo.make("parallel", "SpringDuel").episodes.max_episode_steps == 500
+
+
+@pytest.mark.parametrize("kind", ["action_space", "observation_space"])
+def test_each_player_draws_from_spaces_of_its_own(kind: str) -> None:
+    """What seeds one space leaves the others, the state's and those of other environments alone."""
+    both, again = (parallel("SpringDuel-v0") for _ in range(2))
+    first, second = (getattr(both, kind)(agent) for agent in both.possible_agents)
+    others = [second, both.state_space, getattr(again, kind)("first")]
+    for n, space in enumerate(others):
+        space.seed(n)
+    expected = [copy.deepcopy(space).sample() for space in others]
+    first.seed(0)
+    first.sample()
+    for space, sample in zip(others, expected, strict=True):
+        np.testing.assert_array_equal(space.sample(), sample)
+    assert first == second
+    assert first is getattr(both, kind)("first")
 
 
 def test_refusals_of_two_agents() -> None:

@@ -15,10 +15,11 @@ from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
 
 from springgym import measures
+from springgym.core.blocks import to_copies
 from springgym.envs import billiards
 from springgym.envs.episodes import Episodes
 from springgym.envs.observation import Situation
-from springgym.envs.randomisation import OF_SPRINGS, RANDOMIZABLE
+from springgym.envs.randomisation import OF_SPRINGS, RANDOMIZABLE, stretched
 from springgym.scene import Scene
 from springgym.simulator import Simulator
 from springgym.surfaces import scales
@@ -459,7 +460,7 @@ def test_randomised_copy_is_another_scene(env_id: str) -> None:
         for action in actions:
             assert follows(episodes, own, push, action), name
         differs = bool((episodes.particles[0][0] != episodes.particles[0][1]).any())
-        springless = name in OF_SPRINGS and not len(scene.springs)
+        springless = name in (*OF_SPRINGS, "scale") and not len(scene.springs)
         assert differs != springless, f"{name} changes {'something' if springless else 'nothing'}"
 
 
@@ -469,9 +470,46 @@ def test_ranges_nothing_answers_to_are_refused(env_id: str) -> None:
         with pytest.raises(ValueError, match=f"{name}.*(no surfaces|no gravity)"):
             make(env_id, randomize={name: (0.9, 1.2)})
     if env_id not in TWINLESS:
-        for name in ("stiffness", "damping", "scale"):
+        for name in OF_SPRINGS:
             with pytest.raises(ValueError, match=f"'{name}': a rigid body has no springs"):
                 make(env_id, randomize={name: (0.9, 1.2)}, dynamics="rigid")
+
+
+@pytest.mark.parametrize(
+    "env_id",
+    [
+        pytest.param(own, marks=slow_unless(own in QUICK))
+        for own in IDS
+        if own not in FLOPPY and len(task_type(own)().scene.springs)
+    ],
+)
+def test_rigid_bodies_are_scaled_with_their_inertia(env_id: str) -> None:
+    """A copy starts, and stays, in the shape of its body times the factor, and I is Σ m r²."""
+    factor = 1.2
+    options = {"dynamics": "rigid", "randomize": {"scale": (0.9, factor)}}
+    envs = make_vec(env_id, 2, "native", "Disabled", **options)
+    envs.reset(seed=4, options={"randomize": {"scale": factor}})
+    simulator = envs.unwrapped.episodes.simulator
+    scene = simulator.scene
+    sizes = stretched(scene, factor)
+    masses = np.split(scene.masses, scene.starts[1:-1])
+    free = np.isin(scene.springs, scene.pins).all(axis=1)
+
+    def lengths() -> np.ndarray:
+        ends = simulator.positions[:, scene.springs]
+        return np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
+
+    for _ in range(5):
+        expected = np.where(free, lengths()[0], sizes * scene.of_bodies("lengths"))
+        np.testing.assert_allclose(lengths(), np.tile(expected, (2, 1)), rtol=1e-9)
+        envs.step(np.zeros(envs.action_space.shape))
+    for n, packed in enumerate(simulator._packed):
+        twin = packed.twin[0]
+        if twin.turns and len(packed.scene.body.springs):
+            r = to_copies(twin.shape, 2)[0].reshape(-1, 3)
+            about = np.sum(masses[n] * (r * r).sum(axis=1)) * np.eye(3) - (masses[n] * r.T) @ r
+            moments = to_copies(twin.moments, 2)[0].ravel()
+            np.testing.assert_allclose(about, np.diag(moments), rtol=1e-9, atol=1e-9 * moments.max())
 
 
 def driven_off(simulator: Simulator, copy: int, speed: float) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -170,3 +172,23 @@ def test_tasks_of_scenes_show_what_their_actions_drive() -> None:
     own = SceneTask(scene, lambda m, s: s.time, actuators, marks=lambda m, s: Marks(text=("own",)))
     assert own.marks(m, s).text == ("own",)
     assert not own.marks(m, s).arrows
+
+
+@pytest.mark.usefixtures("small_pictures")
+def test_a_film_forgets_what_another_state_undid() -> None:
+    """It begins anew with a picture of the state; the same actions then give the same film."""
+    env: Any = make("SpringPendulum-v0", render_mode="rgb_array_list").unwrapped
+    env.reset(seed=0)
+    state = env.get_state()
+    films = []
+    for _ in range(2):
+        for _ in range(3):
+            env.step(np.full(env.action_space.shape, 0.5))
+        films.append(env.render())
+        env.set_state(state)
+    assert [len(film) for film in films] == [4, 4]
+    np.testing.assert_array_equal(*films)
+    env.step(np.zeros(env.action_space.shape))
+    env.reset(seed=0)
+    env.set_state(state)
+    assert len(env.render()) == 1

@@ -113,9 +113,9 @@ def momentum(recording: Recording) -> list[Check]:
 def energy(recording: Recording) -> list[Check]:
     """Check that kinetic and potential energy plus losses are constant.
 
-    The tolerance is `BALANCED` times the energy at stake. Verlet conserves a shadow energy, H − (h²/8) Σ m
-    |a|² to leading order, so that H varies with vibrations by (ω h)²/8 of their energy. The tolerance is far
-    smaller for a stiff body that only turns about a pin, see `of_turning`.
+    The tolerance is `BALANCED` times the energy at stake. H varies with vibrations by (ω h)²/4 of their
+    energy, see `Simulator.shadow_energy`. The tolerance is far smaller for a stiff body that only turns about
+    a pin, see `of_turning`.
     """
     m, plan = recording.measures, recording.plan
     drift = float(np.abs(m.balance - m.balance[0]).max())
@@ -127,9 +127,10 @@ def energy(recording: Recording) -> list[Check]:
 def of_turning(plan: Plan, step: float) -> float:
     """Return a bound on the variation of H [J] for a stiff body that rotates about a pin; otherwise ∞.
 
-    (h²/8) Σ m |a|² varies by (Ω h)² of the energy that changes its form, plus `BALANCED` of the energy that
-    is not rotation at the start. Ω is the fastest possible rotation: Ω² is at most ω² + 4 g/l, with ω at the
-    start, and l from the pin to the centre of mass. The energy of a symmetric top's spin keeps its form.
+    The terms of order h² of the shadow energy are at most (h²/8) Σ m |a|² there, which varies by (Ω h)² of
+    the energy that changes its form, plus `BALANCED` of the energy that is not rotation at the start. Ω is
+    the fastest possible rotation: Ω² is at most ω² + 4 g/l, with ω at the start, and l from the pin to the
+    centre of mass. The energy of a symmetric top's spin keeps its form.
     """
     scene, body = plan.scene, plan.scene.bodies[0].body
     if len(scene.bodies) > 1 or scene.can_touch or body.floppy or not plan.stretched or not scene.pinned:
