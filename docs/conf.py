@@ -54,6 +54,8 @@ copybutton_exclude = ".linenos, .gp, .go"
 # --- Reference ----------------------------------------------------------------------------------------
 
 autosummary_generate = True
+autosummary_ignore_module_all = False
+autosummary_context = {"public": springgym._PUBLIC}
 autodoc_member_order = "bysource"
 autodoc_inherit_docstrings = False
 autodoc_typehints = "none"  # the docstrings say shapes and units

@@ -26,6 +26,7 @@ import numpy as np
 
 from springgym import load_agent
 from springgym.envs.agent import Policy
+from springgym.envs.trained import PUBLISHED
 from springgym.registration import ENVIRONMENTS
 from springgym.rendering import Marks, save_video
 from springgym.scenes import film, load, names
@@ -90,12 +91,14 @@ def viewer(folder: Path) -> None:
 
 
 def rows(checks: Iterable[Check]) -> list[list[str]]:
-    """Return theory beside what was measured."""
-    told = [["", "theory", "measured", "", "off by", "allowed", ""]]
+    """Return verdicts, and theory beside what was measured. Units have a column of their own."""
+    told = [["", "", "theory", "measured", "", "off by", "allowed"]]
     for each in checks:
         numbers = [f"{each.theory:.5g}", f"{each.measured:.5g}", each.unit]
         off, allowed = (two_figures(each, x) for x in (each.measured - each.theory, each.tolerance))
-        told.append([each.quantity, *numbers, off, allowed, each.verdict])
+        if each.unit and not each.theory:  # then these are no %
+            off, allowed = off.removesuffix(f" {each.unit}"), allowed.removesuffix(f" {each.unit}")
+        told.append([each.verdict, each.quantity, *numbers, off, allowed])
     return told
 
 
@@ -147,7 +150,8 @@ def write(frames: Iterable[np.ndarray], path: Path, rate: float, pixels: int = P
         subprocess.run([*ffmpeg, *shrink, *film], check=True)
 
 
-MAKERS = dict.fromkeys(names(), scene) | {row.id: environment for row in ENVIRONMENTS}
+AGENTS = [row.id for row in ENVIRONMENTS if (PUBLISHED / row.id).is_dir()]
+MAKERS = dict.fromkeys(names(), scene) | dict.fromkeys(AGENTS, environment)
 """Functions that make the film of a scene or of an environment, by its name."""
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from __future__ import annotations
 import html
 import json
 import re
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -119,10 +120,37 @@ def table(checks: list[list[str]]) -> str:
     """Return the rows of `media.rows` as a table."""
     head, *rows = checks
     cells = "".join(f"<th>{html.escape(text)}</th>" for text in head)
+    rows = [[text.replace(" %", "\N{NO-BREAK SPACE}%") for text in row] for row in rows]
     lines = [f'<table class="checks"><thead><tr>{cells}</tr></thead><tbody>']
     for row in rows:
         lines.append("<tr>" + "".join(f"<td>{html.escape(text)}</td>" for text in row) + "</tr>")
     return "\n".join([*lines, "</tbody></table>\n"])
+
+
+# --- Numbers ------------------------------------------------------------------------------------------
+
+UNIT = (
+    r"(?:%|°|× C\+\+|(?:thousand|million)\b|(?:[munµkM]?(?:rad|mol|min|Hz|Pa|m|s|g|N|J|W)|GB|MB|kB|h)"
+    r"(?![\w'’]|[.-]\w))"
+)
+BROKEN = re.compile(rf"(?<=\d) (?={UNIT})")
+BEGINS_WITH_A_UNIT = re.compile(rf"^ (?={UNIT})")
+
+
+def keep_units(app: Sphinx, doctree: nodes.document) -> None:
+    """Put a space that does not break between each number and its unit."""
+    for text in list(doctree.findall(nodes.Text)):
+        parent = text.parent
+        if isinstance(parent, (nodes.FixedTextElement, nodes.literal, nodes.raw, nodes.math)):
+            continue
+        place = parent.index(text)
+        before = parent[place - 1] if place else None
+        told = str(text)
+        if isinstance(before, nodes.raw) and before.astext() == "<!--/n-->":  # of a measured number
+            told = BEGINS_WITH_A_UNIT.sub("\N{NO-BREAK SPACE}", told)
+        told = BROKEN.sub("\N{NO-BREAK SPACE}", told)
+        if told != text:
+            parent.replace(text, nodes.Text(told))
 
 
 # --- Pages ------------------------------------------------------------------------------------------------
@@ -148,6 +176,8 @@ def describe(app: Sphinx, page: str, template: str, context: dict[str, Any], tre
 
 LINKED = re.compile(r"(?<![`:])`(springgym[\w.]*|[A-Z]\w*(?:\.\w+)*)`(?!`)")
 """Names in backticks that are links in the reference: full ones, and those of classes."""
+REFERENCE = "api/"
+"""Folder of the pages of modules."""
 
 
 def process_docstring(app: Sphinx, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
@@ -159,9 +189,29 @@ def process_docstring(app: Sphinx, what: str, name: str, thing: Any, options: An
     lines[:] = [LINKED.sub(r":py:obj:`\1`", line).replace("|", r"\|") for line in lines]
 
 
+def keep_first_line(app: Sphinx, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
+    """Keep napoleon from reading "what it is: more of it" as a type and its description.
+
+    It does so in docstrings of constants, attributes and properties. None of them begins with a type.
+    """
+    if what in ("data", "attribute", "property") and lines:
+        lines[0] = f": {lines[0]}"
+
+
+def put_last(app: Sphinx, what: str, name: str, thing: Any, skip: bool, options: Any) -> bool | None:
+    """Leave constants out where a module's members are listed: the template lists them at the end."""
+    if not app.env.docname.startswith(REFERENCE):  # while the template's lists are made, no page is read
+        return None
+    module = import_module(app.env.docname.removeprefix(REFERENCE))
+    return True if name.isupper() and name in vars(module) else None
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
     app.add_html_math_renderer("svg", (inline_formula, None), (display_formula, None))
     app.connect("doctree-read", show_films, priority=100)  # before Sphinx collects the pictures
+    app.connect("doctree-read", keep_units)
     app.connect("html-page-context", describe, priority=900)  # after the theme
+    app.connect("autodoc-process-docstring", keep_first_line, priority=400)  # before napoleon
     app.connect("autodoc-process-docstring", process_docstring)
+    app.connect("autodoc-skip-member", put_last)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
