@@ -27,6 +27,7 @@ from agent import ALGORITHMS, save_agent
 from config import ConfigError
 from evaluate import Evaluation, evaluate, task_kwargs
 from learner import Falling, native_env, network_config
+from results import COLORS, LINES
 from runs import PROGRESS_SEED, Run, time_limit, write_atomically
 from stable_baselines3 import HerReplayBuffer
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -366,23 +367,26 @@ def plot_learning_curve(run: Run, end: int, evaluations: Sequence[Evaluation]) -
 
     trained, *baselines = evaluations
     figure, (top, bottom) = plt.subplots(
-        2, 1, figsize=(7, 6), sharex=True, layout="constrained", height_ratios=(3, 2)
+        2, 1, figsize=(7, 6.6), sharex=True, layout="constrained", height_ratios=(3, 2)
     )
-    top.plot(*curve("reward_per_step"), color="0.6", lw=1, label="training steps")
-    top.plot(*curve("return_per_step"), color="C0", lw=2, label="last 100 training episodes")
-    top.plot(end, trained.return_per_step, "o", color="k", clip_on=False, label="trained agent")
-    for i, baseline in enumerate(baselines, start=1):
-        top.axhline(baseline.return_per_step, color=f"C{i}", ls="--", label=baseline.agent)
-    top.set(ylabel="return per step", title=f"{run.env_id}, {run.algo.upper()}, seed {run.seed}")
+    color = COLORS[run.algo]
+    top.plot(*curve("reward_per_step"), color="0.8", lw=1, label="while training, each step")
     for axes, column, scale in ((top, "return_per_step", 1.0), (bottom, "success_rate", 100.0)):
+        told = "while training, last 100 episodes"
+        axes.plot(*curve(column, scale), color=color, lw=1, alpha=0.6, label=told)
         if any(row[column] for row in progress):
             steps = [int(row["timesteps"]) for row in progress]
             reached = [scale * float(row[column]) for row in progress]
-            axes.plot(steps, reached, "k.-", label="evaluation, without exploration")
-    top.legend()
-    bottom.plot(*curve("success_rate", 100), color="C0", lw=2)
-    if trained.success_rate is not None:
-        bottom.plot(end, 100 * trained.success_rate, "o", color="k", clip_on=False)
+            axes.plot(steps, reached, ".-", color=color, lw=2.5, label="evaluation, without exploration")
+        level = getattr(trained, column)
+        if level is not None:
+            dot = {"color": color, "markeredgecolor": "k", "clip_on": False, "zorder": 3}
+            axes.plot(end, scale * level, "o", **dot, label="trained agent, held-out episodes")
+    for baseline in baselines:
+        style = LINES[baseline.agent]
+        top.axhline(baseline.return_per_step, color="0.25", ls=style, lw=1.5, label=baseline.agent)
+    top.set(ylabel="return per step", title=f"{run.env_id}, {run.algo.upper()}, seed {run.seed}")
+    figure.legend(*top.get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False)
     bottom.set(xlabel="environment steps", ylabel="success, %", xlim=(0, None), ylim=(-5, 105))
     bottom.xaxis.set_major_formatter(EngFormatter())
     for axes in (top, bottom):

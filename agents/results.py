@@ -47,6 +47,10 @@ SECONDS, SAMPLES = 300.0, 50_000
 """Budgets at which they are compared: seconds of learning on one core, and environment steps."""
 REFERENCES = ("classical", "planner")
 """The better of them in a task scores 1, random actions 0."""
+COLORS = {"linear": "C0", "ppo": "C1", "sac": "C2", "tqc": "C3", "her": "C4", "iql": "C5"}
+"""Colours of what learns, in all figures."""
+LINES: dict[str, Any] = {"classical": "--", "planner": ":", "random": "-.", "noop": (0, (1, 4))}
+"""Dark lines of what does not learn, in all figures."""
 EPISODES = 100
 """Number of held-out episodes that a row reports at least."""
 FORM: dict[str, tuple[type, ...]] = {
@@ -389,20 +393,24 @@ def scale_of(task: str, rows: Iterable[Row]) -> tuple[float, float] | None:
     return (mean["random"], max(references)) if references and "random" in mean else None
 
 
-def reached(row: Row, column: int, budget: float) -> float | None:
-    """Return the return per step that a run had reached after a budget of steps (column 0) or seconds (1).
+CURVE = ("steps", "seconds", "mean_return", "success_rate")
+"""Columns of a learning curve; entries of a row give their values at its end."""
+
+
+def reached(row: Row, column: int, budget: float, what: str = "mean_return") -> float | None:
+    """Return an entry of `CURVE` that a run had reached after a budget of steps (column 0) or seconds (1).
 
     At its end, and if it learns nothing, it is that of the held-out episodes; before, that of the learning
     curve, interpolated between its points. None if the run was shorter than the budget, or its curve begins
     later.
     """
-    spent = row[("steps", "seconds")[column]]
+    spent = row[CURVE[column]]
     if not row["steps"] or abs(spent / budget - 1.0) <= ENOUGH:
-        return float(row["mean_return"])
-    points = np.array([point[:3] for point in row["curve"]], float)
+        return float(row[what])
+    points = np.array([point[: len(CURVE)] for point in row["curve"]], float)
     if spent < budget or not len(points) or budget < points[0, column]:
         return None
-    return float(np.interp(budget, points[:, column], points[:, 2]))
+    return float(np.interp(budget, points[:, column], points[:, CURVE.index(what)]))
 
 
 def scores(rows: Sequence[Row], column: int, budget: float) -> dict[tuple[str, ...], dict[str, np.ndarray]]:

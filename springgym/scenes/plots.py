@@ -34,6 +34,7 @@ try:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.gridspec import SubplotSpec
+    from matplotlib.ticker import MaxNLocator, ScalarFormatter
 except ImportError as error:
     raise ImportError(missing("a plot", "matplotlib", "plot")) from error
 
@@ -174,8 +175,13 @@ def _ruler(axes: Axes, camera: Camera, pixels: tuple[int, int]) -> None:
 def _panel(figure: Figure, place: SubplotSpec, title: str, across: str, up: str, **options: Any) -> Axes:
     axes = figure.add_subplot(place, **options)
     axes.set(title=title, xlabel=across, ylabel=up)
-    if across in ("", "t [s]"):
-        axes.margins(x=0)  # of time series
+    series = across in ("", "t [s]")
+    if series:
+        axes.margins(x=0)
+    axes.xaxis.set_major_locator(MaxNLocator(6 if series else 3, steps=[1, 2, 5, 10]))  # labels that fit
+    across_format = ScalarFormatter()
+    across_format.set_powerlimits((-2, 4))
+    axes.xaxis.set_major_formatter(across_format)
     return axes
 
 

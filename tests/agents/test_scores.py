@@ -41,6 +41,17 @@ def test_scores_are_shares_of_the_way_to_the_reference():
     assert found == {("ppo",): pytest.approx([1 / 6, 1 / 6]), ("ppo", "imitation"): pytest.approx([1 / 6])}
 
 
+@pytest.mark.parametrize(
+    ("what", "at_its_end", "between"), [("success_rate", 0.7, 0.25), ("steps", 400_000, 200_000)]
+)
+def test_what_a_run_had_reached_after_a_budget(what, at_its_end, between):
+    run = row("ppo", 0.4, 400_000, 600.0) | {"success_rate": 0.7}
+    run["curve"] = [[100_000, 240.0, 0.1, 0.0], [300_000, 480.0, 0.3, 0.5]]
+    assert results.reached(run, 1, 600.0, what) == at_its_end
+    assert results.reached(run, 1, 360.0, what) == pytest.approx(between)
+    assert results.reached(run, 1, 700.0, what) is None
+
+
 @pytest.mark.parametrize("runs", [1, 3, 400])
 def test_interval_of_a_mean_of_runs_and_episodes(runs):
     """Of one run, ±1.96 times the error of its episodes; of many, the scatter of runs counts besides."""

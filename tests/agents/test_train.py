@@ -12,6 +12,7 @@ import subprocess
 import sys
 import zipfile
 from pathlib import Path
+from types import SimpleNamespace
 
 import agent
 import config
@@ -20,6 +21,7 @@ import learner
 import numpy as np
 import pytest
 import recorder
+import results
 import runs
 import toy_env
 import train
@@ -102,6 +104,33 @@ def test_a_run_learns_and_leaves_everything(finished):
     assert run.config.learning_rate == 3e-3
     assert PPO.load(finished / "model.zip").num_timesteps == 12288
     assert not list(finished.glob("*.tmp*"))
+
+
+def test_the_figure_of_a_run_shows_what_counts(tmp_path, monkeypatch):
+    """The evaluation is the thickest line; colours are those of the site, and each line has a name."""
+    counted = [{"timesteps": n, "return_per_step": r, "success_rate": r} for n, r in ((0, 0.1), (9000, 0.5))]
+    with open(tmp_path / "metrics.csv", "w") as file:
+        file.write("timesteps,reward_per_step,return_per_step,success_rate\n0,0.2,,\n9000,0.7,0.5,0.4\n")
+    with open(tmp_path / "progress.csv", "w") as file:
+        writer = csv.DictWriter(file, counted[0])
+        writer.writeheader()
+        writer.writerows(counted)
+    drawn = []
+    monkeypatch.setattr(recorder.plt, "close", drawn.append)
+    ends = [
+        SimpleNamespace(agent=name, return_per_step=0.1 * n, success_rate=0.1 * n)
+        for n, name in enumerate(("ppo", "noop", "random", "classical"))
+    ]
+    run = SimpleNamespace(folder=tmp_path, env_id="Toy-v0", algo="ppo", seed=0)
+    recorder.plot_learning_curve(run, 9000, ends)
+    (figure,) = drawn
+    for axes in figure.axes:
+        thickest = max(axes.get_lines(), key=lambda line: line.get_linewidth())
+        assert thickest.get_label() == "evaluation, without exploration"
+        assert thickest.get_color() == results.COLORS["ppo"]
+    lines = {line.get_label(): line for line in figure.axes[0].get_lines()}
+    assert len(lines) == len(figure.axes[0].get_lines()) == len(figure.legends[0].get_texts()) == 7
+    assert {lines[end.agent].get_linestyle() for end in ends[2:]} == {"-.", "--"}
 
 
 def test_a_run_tells_what_its_agent_reaches_without_noise(finished):

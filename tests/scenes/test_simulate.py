@@ -3,6 +3,7 @@
 import csv
 import errno
 import io
+import itertools
 import math
 import os
 import re
@@ -465,6 +466,31 @@ def test_every_kind_of_plot_of_any_body(kind, monkeypatch):
     for name in BODIES:
         recording = brief(name)
         draw(replace(recording, plan=replace(recording.plan, plot=kind))).draw_without_rendering()
+
+
+@pytest.mark.parametrize("size", [1e-3, 0.02, 0.1, 0.3, 1.0, 37.0])
+@pytest.mark.parametrize("kind", ["top", "pendulum"])
+def test_labels_of_ticks_do_not_collide(kind, size, monkeypatch):
+    """Whatever the size of what is drawn: the labels of an axis are apart by half a digit at least."""
+    monkeypatch.setattr(plots, "FINER", 0.2)
+    recording = whirled()
+    moved = recording.measures._replace(centre=size * recording.measures.centre)
+    plan = replace(recording.plan, plot=kind)
+    figure = draw(replace(recording, positions=size * recording.positions, measures=moved, plan=plan))
+    figure.draw_without_rendering()
+    for axis in (axis for axes in figure.axes if axes.axison for axis in (axes.xaxis, axes.yaxis)):
+        low, high = sorted(axis.get_view_interval())
+        ticks = zip(axis.get_majorticklabels(), axis.get_majorticklocs(), strict=True)
+        boxes = [label.get_window_extent() for label, place in ticks if low <= place <= high]
+        assert len(boxes) >= 2
+        for box, other in itertools.pairwise(boxes):
+            assert max(other.x0 - box.x1, other.y0 - box.y1) > 6, axis.axes.get_title("left")
+
+
+@cache
+def whirled():
+    """Return a short recording of the paper's top."""
+    return record(replace(load("top"), duration=2.0, checks=()))
 
 
 @pytest.mark.parametrize("name", BODIES)
