@@ -39,7 +39,9 @@ APART, WAY = (0.5, 0.8), (0.4, 0.7)  # from ball to ball, and from the second on
 CUT = 0.7  # the largest angle between the two ways [rad]
 ARENA = 7.0  # radius of the drawn table, larger than the range of any stroke [m]
 SOFT, SLOWING = 200.0, 25.0  # of the net in the pocket: stiffness and damping per mass [1/s²], [1/s]
+FRAMED = 1.5  # part of the table that pictures show, along x and y [m]
 FELT, CUSHION, WOOD = (146, 182, 196), (104, 144, 162), (158, 116, 80)  # colours of the table
+WHITE = (240, 240, 235)  # colour of the first ball
 WAY_UNIT = 0.5  # of the observation [m]
 
 
@@ -141,33 +143,39 @@ class SpringBilliards(Task, kernels=(evaluate, observe_features, remember)):
         return {"cue.thrust": cue, "ball.thrust": net}
 
     def look(self) -> Look:
-        colors = np.array([(240, 240, 235), ORANGE])
+        colors = np.array([WHITE, ORANGE])
         return replace(film.look(self.scene), radii=np.full(2, RADIUS), ball_colors=colors)
 
     def camera(self) -> Camera:
         return Camera.framing((0.0, 0.0, 0.0), 0.8, elevation=0.65)
 
     def framed(self, s: Situation) -> np.ndarray:
-        return np.vstack([s.x, (*s.goal[:2], 0.0)])
+        balls = np.clip(s.x, -FRAMED, FRAMED)  # lest a ball that rolls away makes all of them tiny
+        return np.vstack([balls, (*s.goal[:2], 0.0)])
 
     def scenery(self) -> Scenery:
         inside = ARENA + RADIUS
-        disks = ((inside + 0.15, WOOD), (inside + 0.05, CUSHION), (inside, FELT))
+        disks = [(inside + 0.15, WOOD), (inside + 0.05, CUSHION), (inside, FELT)]
+        for metres in range(int(ARENA) - 1, 0, -1):  # marks of distance, as the table has no cushions
+            disks += [(metres + 0.004, CUSHION), (metres - 0.004, FELT)]
         return replace(super().scenery(), disks=[((0.0, 0.0, 0.0), *disk) for disk in disks])
 
     def marks(self, m: Measures, s: Situation) -> Marks:
+        cue, ball = m.centre
+        pocket = np.array([*s.goal[:2], ball[2]])
         stroke = np.append(0.3 * s.action, 0.0)
         behind = stroke * (1.0 + 1.5 * RADIUS / max(float(np.linalg.norm(stroke)), 1e-9))
+        away = math.dist(pocket, ball)
+        impact = ball + 2.0 * RADIUS / max(away, 1e-9) * (ball - pocket)  # the first ball must be here
+        aiming = not m.centre_velocity[OBJECT].any() and m.centre_velocity[CUE] @ (impact - cue) >= 0.0
         return Marks(
             disks=[((*s.goal[:2], 0.0), POCKET, INK)],
             rings=[((*s.goal[:2], 0.0), POCKET)],
-            arrows=[Arrow(m.centre[CUE] - behind, stroke)],  # it ends at the ball, as a cue does
-            key=((GREEN, "pocket for the orange ball"), (RED, "stroke")),
-            text=(
-                "potted"
-                if s.memory[0] < POCKET
-                else f"{100 * math.dist(s.goal[:2], m.centre[OBJECT, :2]):3.0f} cm",
-            ),
+            balls=[(impact, RADIUS)] if aiming else [],
+            edges=[(ball, pocket, ORANGE), *([(cue, impact, WHITE)] if aiming else [])],
+            arrows=[Arrow(cue - behind, stroke)],  # it ends at the ball, as a cue does
+            key=((ORANGE, "way to the pocket"), (GREEN, "aim of the white ball"), (RED, "stroke")),
+            text=("potted" if s.memory[0] < POCKET else f"{100 * away:.0f} cm from the pocket",),
         )
 
 

@@ -22,7 +22,7 @@ from springgym.envs.starts import headed, uniform
 from springgym.envs.task import Drawn, Factors, ResetOptions, Start, Task, at_rest
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks
-from springgym.rendering.look import BLUE, GREEN, RED, STEEL, TEAL
+from springgym.rendering.look import BLUE, GREEN, ORANGE, RED, STEEL, TEAL
 from springgym.scene import GRAVITY, Placed, Scene, ThrustActuator
 from springgym.scenes import film
 from springgym.surfaces import Contact, floor
@@ -233,15 +233,23 @@ class SpringTower(Task, kernels=(evaluate, observe_features, move)):
         corners = s.x[CORNERS * (held - 1) : CORNERS * held] + SIDES[2] * m.axis[held - 1]
         middle = hook.mean(axis=0)
         opening = np.array([0.0, 0.0, s.action[3]])
+        block = s.x[CORNERS * held : CORNERS * (held + 1)]
+        upper = [(n, (n + 1) % 4) for n in range(4)]
+        lower, upright = [(4 + a, 4 + b) for a, b in upper], [(n, 4 + n) for n in range(4)]
         return Marks(
+            edges=[(block[a], block[b], ORANGE) for a, b in (*upper, *lower, *upright)],
             lines=[
                 *((corners[n], corners[(n + 1) % 4]) for n in range(4)),
                 (middle, middle + np.array([0.0, 0.0, 2.0])),
             ],
             rings=[(tuple(corners[:4].mean(axis=0)), CLOSE)],
             arrows=[Arrow(middle, 0.3 * s.action[:3]), torque_arrow(middle, opening, 0.1)],
-            key=((GREEN, "target of the hook"), (RED, "crane force (arc: release)")),
-            text=(f"block {held} of {self.blocks - 1}",),
+            key=(
+                (ORANGE, "held block"),
+                (GREEN, "where its top must be"),
+                (RED, "crane force (arc: release)"),
+            ),
+            text=(f"holds block {held} of {self.blocks - 1}",),
         )
 
 

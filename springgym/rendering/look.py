@@ -368,6 +368,8 @@ class Marks:
         Translucent target balls, m.
     lines : sequence of (start, end)
         Rails and other slender straight objects, m.
+    edges : sequence of (start, end, color)
+        Coloured straight lines, m: outlines, ways to go.
     arrows : sequence of Arrow
         Forces, torques, directions to reach.
     text : sequence of str
@@ -385,6 +387,7 @@ class Marks:
     rings: Sequence[tuple[Point, float]] = ()
     balls: Sequence[tuple[Point, float]] = ()
     lines: Sequence[tuple[Point, Point]] = ()
+    edges: Sequence[tuple[Point, Point, Color]] = ()
     arrows: Sequence[Arrow] = ()
     text: Sequence[str] = ()
     key: Sequence[tuple[Color, str]] = ()
@@ -394,6 +397,7 @@ class Marks:
         for name in ("rings", "balls"):
             _check_each(f"Marks.{name}", getattr(self, name), "centre", "radius")
         _check_each("Marks.lines", self.lines, "start", "end")
+        _check_each("Marks.edges", self.edges, "start", "end", "color")
         for n, arrow in enumerate(_list("Marks.arrows", self.arrows)):
             instance(f"Marks.arrows[{n}]", arrow, Arrow)
         for n, line in enumerate(_list("Marks.text", self.text)):

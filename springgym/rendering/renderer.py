@@ -12,15 +12,15 @@ from springgym.checks import TINY, chosen, instance, number, readings, refusing_
 from springgym.rendering.camera import Camera
 from springgym.rendering.canvas import Array, Canvas, import_pygame
 from springgym.rendering.ground import paint_background, paint_disk, paint_ring, paint_shadows
-from springgym.rendering.look import GREEN, INK, ORANGE, Color, Look, Marks, Scenery
+from springgym.rendering.look import GREEN, INK, ORANGE, Look, Marks, Scenery
 from springgym.rendering.solids import THROUGH, arrow, body, dashes, rail, strain_colors
 
 WIDEST = 2**13
 """Largest number of pixels of a side of a picture."""
 CHORDS = 4
 """Number of straight pieces of the trace from one moment to the next."""
-BRIGHT: Color = (250, 251, 253)
-AROUND = ((-1, 0), (1, 0), (0, -1), (0, 1))
+PLATE = (250, 251, 253, 190)
+"""Colour and opacity of the plates behind words, on which dark words can be read before any background."""
 
 
 @refusing_unknown
@@ -175,6 +175,8 @@ class Renderer:
             paint_ring(canvas, center, radius)
         for ends in marks.lines:
             rail(canvas, *ends)
+        for edge in marks.edges:
+            rail(canvas, *edge)
         for mark in marks.arrows:
             arrow(canvas, mark)
         if self.scenery.vertical is not None:
@@ -201,19 +203,23 @@ class Renderer:
         unit = max(height // 32, 11)  # then an em is at least 11 pixels: pygame's font has 0.69 of its size
         font = pygame.font.Font(None, round(1.5 * unit))
 
-        def write(line: str, **place: tuple[int, int]) -> None:
-            """Write dark text with a bright rim, which is legible on any background."""
-            for aside, color in [*((way, BRIGHT) for way in AROUND), ((0, 0), INK)]:
-                word = font.render(line, True, color)
-                picture.blit(word, word.get_rect(**place).move(aside))
+        def write(line: str, left: int = 0, **place: tuple[int, int]) -> None:
+            """Write dark text on a bright plate, which begins ``left`` pixels before it."""
+            word = font.render(line, True, INK)
+            box = word.get_rect(**place)
+            under = pygame.Rect(box.left - left, box.top, box.width + left, box.height).inflate(unit // 2, 0)
+            plate = pygame.Surface(under.size, pygame.SRCALPHA, 32)
+            pygame.draw.rect(plate, PLATE, plate.get_rect(), border_radius=unit // 4)
+            picture.blit(plate, under)
+            picture.blit(word, box)
 
         for row, line in enumerate(marks.text):
-            write(line, topleft=(unit, round(unit * (1.0 + 1.4 * row))))
+            write(line.strip(), topleft=(unit, round(unit * (1.0 + 1.4 * row))))
         bottom = height - (4 if legend else 1) * unit
         for row, (color, line) in enumerate(reversed(marks.key)):
             middle = (round(1.35 * unit), round(bottom - 1.4 * unit * row - 0.4 * unit))
+            write(line, left=unit, midleft=(2 * unit, middle[1]))
             pygame.draw.circle(picture, color, middle, round(0.4 * unit))
-            write(line, midleft=(2 * unit, middle[1]))
         if legend:
             scale = self.look.strain_scale
             steps = np.linspace(-scale, scale, 11 * unit)

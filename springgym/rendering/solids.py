@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from springgym.rendering.canvas import Array, Canvas, light_on
-from springgym.rendering.look import GRAPHITE, GREEN, STEEL, Arrow, Look, Point
+from springgym.rendering.look import GRAPHITE, GREEN, STEEL, Arrow, Color, Look, Point
 
 THROUGH = 0.4
 """Factor of the opacity of a trace, an arrow or a target ball where a body hides it."""
@@ -100,9 +100,9 @@ def mesh(
         canvas.strokes(ends[drawn], 1.5, dark[drawn])
 
 
-def rail(canvas: Canvas, start: ArrayLike, stop: ArrayLike) -> None:
-    """Paint a slender bar that belongs to the surroundings."""
-    canvas.bars(np.array([[start, stop]], float), 0.006 * canvas.extent, STEEL)
+def rail(canvas: Canvas, start: ArrayLike, stop: ArrayLike, color: Color = STEEL) -> None:
+    """Paint a slender bar, of steel if it belongs to the surroundings."""
+    canvas.bars(np.array([[start, stop]], float), 0.006 * canvas.extent, color)
 
 
 def dashes(canvas: Canvas, foot: ArrayLike, height: float) -> None:

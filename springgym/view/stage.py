@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -37,6 +38,8 @@ BEFORE, AFTER = np.linalg.inv(TO_ACES).T, np.linalg.inv(FROM_ACES).T
 EXPOSURE = 1 / 0.6
 ASIDE = (-0.25, -0.1)
 """Shift of the camera right and up, in half heights of the picture: the graph is at the lower left."""
+MARK = re.compile(r"/world/marks/(?P<kind>[a-z]+)(?P<n>\d+)")
+"""Names of the nodes of marks: a field of `Marks`, and a number."""
 SHEET = 0.5
 """Fraction of a narrow picture, as on a phone held upright, that the panel takes at the bottom."""
 MOMENTS = 300
@@ -393,17 +396,19 @@ class Stage:
     def _draw_marks(self, motion: Motion, marks: Marks) -> None:
         extent = motion.extent
         for n, disk in enumerate(marks.disks):
-            name = f"/world/marks/disk{n}"
+            name = f"/world/marks/disks{n}"
             if name not in self._nodes:
                 self._nodes[name] = self._add_disk(name, 9, *disk)
         for n, (centre, radius) in enumerate(marks.rings):
             points = circle(centre, radius, 73)
             ring = np.stack([points, np.roll(points, -1, axis=0)], axis=1)
-            self._marked_lines(f"/world/marks/ring{n}", ring, GREEN, 4.0)
+            self._marked_lines(f"/world/marks/rings{n}", ring, GREEN, 4.0)
         for n, (start, stop) in enumerate(marks.lines):
-            self._marked_lines(f"/world/marks/line{n}", np.array([[start, stop]]), STEEL, 3.0)
+            self._marked_lines(f"/world/marks/lines{n}", np.array([[start, stop]]), STEEL, 3.0)
+        for n, (start, stop, color) in enumerate(marks.edges):
+            self._marked_lines(f"/world/marks/edges{n}", np.array([[start, stop]]), color, 3.0)
         for n, (centre, radius) in enumerate(marks.balls):
-            name = f"/world/marks/ball{n}"
+            name = f"/world/marks/balls{n}"
             if name not in self._nodes:
                 self._nodes[name] = self._scene.add_icosphere(
                     name,
@@ -414,7 +419,12 @@ class Stage:
                 )
             self._nodes[name].position = np.asarray(centre, float)
         for n, arrow in enumerate(marks.arrows):
-            self._draw_mark(f"/world/marks/arrow{n}", arrow, extent)
+            self._draw_mark(f"/world/marks/arrows{n}", arrow, extent)
+        for name in self._nodes:
+            if of := MARK.match(name):
+                beyond = int(of["n"]) >= len(getattr(marks, of["kind"]))  # another moment has more of them
+                if beyond or of["kind"] != "arrows":  # arrows are shown by their length
+                    self._hide(name, beyond)
 
     def _draw_mark(self, name: str, arrow: Arrow, extent: float) -> None:
         """Draw an arrow, or hide one that is too short; one around an axis as an arc with a head."""

@@ -66,10 +66,12 @@ def test_the_key_says_what_is_there(env_id: str, action: str) -> None:
     marked = {arrow.color for arrow in marks.arrows}
     marked |= {GREEN} if (*marks.rings, *marks.balls) else set()
     look = task.look()
-    drawn = np.concatenate([look.triangle_colors, look.ball_colors]).tolist()
-    assert marked <= set(key) <= marked | {tuple(color) for color in drawn}
+    drawn = {tuple(color) for color in np.concatenate([look.triangle_colors, look.ball_colors]).tolist()}
+    lined = {color for *_, color in marks.edges}
+    assert marked <= set(key) <= marked | lined | drawn
+    assert lined <= set(key) | drawn
     assert RED in key
-    assert not {GREEN, RED} & {tuple(color) for color in drawn}  # bodies are neither targets nor actions
+    assert not {GREEN, RED} & drawn  # bodies are neither targets nor actions
 
 
 @pytest.mark.parametrize(("env_id", "action"), [("SpringTop-v0", "torque"), ("SpringShove-v0", "push")])
@@ -133,6 +135,48 @@ def test_juggle_says_how_high_this_flight_goes() -> None:
         (line,) = task.marks(*seen).text
         assert line.startswith("apex 20.")
         assert line.endswith(f"cm too {word}")
+
+
+def test_billiards_shows_where_to_aim() -> None:
+    """A ball at the target touches the other one on its line to the pocket; there is none once that moves."""
+    env = make("SpringBilliards-v0")
+    env.reset(seed=1)
+    episodes = env.unwrapped.episodes
+    m, s = episodes.seen_of(0)
+    marks = episodes.task.marks(m, s)
+    (cue, ball), pocket = m.centre, np.array([*s.goal, m.centre[1, 2]])
+    ((aim, radius),) = marks.balls
+    assert np.linalg.norm(aim - ball) == pytest.approx(2 * radius)
+    assert (aim - ball) @ (pocket - ball) == pytest.approx(-2 * radius * np.linalg.norm(pocket - ball))
+    np.testing.assert_allclose([edge[:2] for edge in marks.edges], [(ball, pocket), (cue, aim)])
+    assert marks.text == (f"{100 * np.linalg.norm(pocket - ball):.0f} cm from the pocket",)
+    env.step(((aim - cue)[:2] / np.linalg.norm(aim - cue)).astype(np.float32))
+    assert not episodes.task.marks(*episodes.seen_of(0)).balls
+
+
+def test_a_ball_that_rolls_away_does_not_make_all_tiny() -> None:
+    env = make("SpringBilliards-v0", render_mode="rgb_array")
+    env.reset(seed=3)
+    env.step(np.array([0.9, -0.9], np.float32))
+    env.render()
+    episodes = env.unwrapped.episodes
+    assert np.abs(episodes.seen_of(0)[0].centre).max() > 3.0
+    camera = env.unwrapped._canvases[0].camera
+    assert camera.pixels_per_radian(640) / camera.distance * 0.06 > 8
+
+
+def test_tower_outlines_the_block_that_it_holds() -> None:
+    env = make("SpringTower-v0")
+    episodes = env.unwrapped.episodes
+    env.reset(seed=1)
+    for held in (1, 2):
+        m, s = episodes.seen_of(0)
+        lines = episodes.task.marks(m, s).edges
+        lengths = [np.linalg.norm(line[1] - line[0]) for line in lines]
+        np.testing.assert_allclose(sorted(lengths), [0.16] * 8 + [0.24] * 4, rtol=0.02)
+        ends = np.unique(np.array([line[:2] for line in lines]).reshape(-1, 3), axis=0)
+        np.testing.assert_array_equal(ends, np.unique(s.x[8 * held : 8 * held + 8], axis=0))
+        env.step(np.array([0, 0, 0, 1], np.float32))
 
 
 def test_tasks_of_scenes_show_what_their_actions_drive() -> None:

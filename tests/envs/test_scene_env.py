@@ -91,6 +91,7 @@ def seen(m: MeasuresOfBodies, s: Situation) -> np.ndarray:
         ({"balls": [((0.0, 0.0), 0.1)]}, r"Marks\.balls\[0\]: centre is .*shape \(3,\)"),
         ({"arrows": [((0, 0, 0), (1, 0, 0))]}, r"Marks\.arrows\[0\] is .*; it must be Arrow"),
         ({"lines": [((0, 0, 0), (0, 0, np.nan))]}, r"Marks\.lines\[0\]: end\[2\] is nan"),
+        ({"edges": [((0, 0, 0), (0, 0, 1), (0, 0, 300))]}, r"Marks\.edges\[0\]: color\[2\] is 300"),
         ({"rings": [(1.0, 0.1)]}, r"Marks\.rings\[0\]: centre is 1\.0"),
     ],
 )

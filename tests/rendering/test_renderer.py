@@ -280,6 +280,30 @@ def test_marks_are_where_they_should_be():
         assert strongest(pixel(ring, edge, above)) == 1
 
 
+def test_edges_have_their_colour():
+    ends = ((-0.5, 0, 0.5), (0.5, 0, 0.5))
+    given = draw(Look(), np.zeros((0, 3)), Marks(edges=[(*ends, BLUE)]))
+    assert strongest(pixel(given, (0.4, 0, 0.5))) == 2
+    plain = draw(Look(), np.zeros((0, 3)), Marks(lines=[ends]))
+    assert np.ptp(pixel(plain, (0.4, 0, 0.5))) < 40
+
+
+@pytest.mark.parametrize("tone", [0, 60, 128, 255])
+@pytest.mark.parametrize("where", ["text", "key"])
+def test_words_can_be_read_before_any_background(tone, where):
+    """The contrast of WCAG 2 between the words and what is just around them is 4.5 at least."""
+    ground = Scenery(disks=[((0, 0, -5), 60.0, (tone, tone, tone))])
+    above = Camera.framing((0, 0, 0), 2.0, elevation=1.2)
+    marks = Marks(text=["spin 49.8 rad/s"]) if where == "text" else Marks(key=[(BLUE, "spin 49.8 rad/s")])
+    picture = draw(Look(), np.zeros((0, 3)), marks, None, above, ground, (200, 200))
+    without = draw(Look(), np.zeros((0, 3)), Marks(), None, above, ground, (200, 200))
+    changed = np.abs(picture - without).max(axis=2) > 0
+    shares = np.where(picture <= 10, picture / 3294.6, ((picture / 255 + 0.055) / 1.055) ** 2.4)
+    light = (shares @ (0.2126, 0.7152, 0.0722))[changed]
+    dark, bright = np.percentile(light, 2), np.percentile(light, 60)
+    assert (bright + 0.05) / (dark + 0.05) >= 4.5
+
+
 @pytest.mark.parametrize("sign", [1, -1])
 def test_an_arrow_around_an_axis(sign):
     """Half a turn about the upright, the middle of it nearest to the eye, by the right hand."""

@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("viser")
 
 from springgym import view
-from springgym.rendering import look
+from springgym.rendering import Arrow, Marks, look
 from springgym.view.stage import FOV, FROM_ACES, LIT, SHEET, TO_ACES, Stage, toned
 
 
@@ -48,6 +48,32 @@ def test_colors_are_those_of_the_films(light, linear):
     white = seen(toned((255, 255, 255), light, linear), light, linear)
     assert white.min() > 220  # as bright as it gets
     assert np.ptp(white) < 3
+
+
+def test_marks_of_another_moment_are_hidden(stage):
+    """A crane that has let go of its last block has no target, and balls that are apart no aim."""
+    motion = simulated("block-holds")
+    spot, beside = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)
+    many = Marks(
+        disks=[(spot, 0.1, look.INK)],
+        rings=[(spot, 0.1)],
+        balls=[(spot, 0.1)],
+        lines=[(spot, beside), (spot, beside)],
+        edges=[(spot, beside, look.ORANGE)],
+        arrows=[Arrow(spot, beside)],
+    )
+    one = Marks(lines=[(spot, beside)])
+    stage.set_up(motion)
+    for marks, shown in (
+        (many, {"disks0", "rings0", "balls0", "lines0", "lines1", "edges0", "arrows0"}),
+        (one, {"lines0"}),
+    ):
+        stage._draw_marks(motion, marks)
+        nodes = {name: node for name, node in stage._nodes.items() if name.startswith("/world/marks/")}
+        found = {name.split("/")[3] for name, node in nodes.items() if node.visible}
+        assert found == shown
+    stage._draw_marks(motion, many)
+    assert stage._nodes["/world/marks/lines1"].visible
 
 
 def test_contacts_are_those_of_the_simulator():
