@@ -1,4 +1,4 @@
-"""The figures of `benchmarks.accuracy` and `benchmarks.speed`. Needs Matplotlib.
+"""The figures of measurements on the site. Needs Matplotlib.
 
 Every curve has its name beside its end. Methods of springgym are coloured, each in the same colour in all
 figures; other programs are grey.
@@ -6,7 +6,7 @@ figures; other programs are grey.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -347,6 +347,45 @@ def _sizes(axes: Axes, rows: list[dict[str, Any]]) -> None:
     axes.set(xscale="log", xlabel="number", ylabel="ns a spring and step", ylim=(0, None))
     axes.set_title("Cost against size", fontsize=10, loc="left")
     name_ends(axes, ends)
+
+
+class Bar(NamedTuple):
+    """A bar of a chart, with its interval."""
+
+    name: str
+    value: float
+    low: float
+    high: float
+    color: str
+
+
+def draw_bars(panels: Mapping[str, Sequence[Bar]], label: str, path: Path) -> None:
+    """Draw a panel of bars with intervals for each title, from 0 to 100, on a figure as wide as a phone."""
+    lines = [len(bars) for bars in panels.values()]
+    tall = 0.3 * sum(lines) + 0.45 * len(panels) + 0.55
+    figure = canvas(4.8, tall)
+    top = tall
+    for title, bars in panels.items():
+        height = 0.3 * len(bars)
+        top -= 0.4 + height
+        axes = plain(
+            figure, 0.13, top / tall, 0.81, height / tall, xlim=(min(0.0, *(b.low for b in bars)), 105)
+        )
+        for line, bar in enumerate(reversed(bars)):
+            axes.barh(line, bar.value, 0.62, color=bar.color)
+            axes.plot([bar.low, bar.high], [line, line], color=INK, linewidth=2)
+            told = f"{bar.value:.0f} %"
+            axes.annotate(told, (bar.high, line), (5, 0), textcoords="offset points", va="center", color=INK)
+        axes.axvline(100, color=INK, linestyle="--", linewidth=1)
+        axes.set_xticks(range(0, 101, 20))
+        axes.set_yticks(range(len(bars)), [bar.name for bar in reversed(bars)])
+        axes.tick_params(axis="y", length=0)
+        axes.grid(visible=False, axis="y")
+        axes.set_title(title, fontsize=10, loc="left")
+        axes.tick_params(labelbottom=False)
+    axes.tick_params(labelbottom=True)
+    figure.text(0.13, 0.02, label, fontsize=SMALL + 0.5, color=INK)
+    save(figure, path)
 
 
 ACROSS = 3

@@ -18,6 +18,7 @@ from typing import Any
 
 import matplotlib
 import numpy as np
+from matplotlib.ticker import EngFormatter
 
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE), str(HERE.parent / "agents"), str(HERE.parent / "agents" / "studies")]
@@ -28,7 +29,10 @@ from evaluate import percent  # noqa: E402
 from generalize import table as worlds  # noqa: E402
 from learning_time import shown as times  # noqa: E402
 from results import (  # noqa: E402
+    COLORS,
+    LINES,
     PROTOCOL,
+    REFERENCES,
     SAMPLES,
     SECONDS,
     SUITE,
@@ -38,6 +42,7 @@ from results import (  # noqa: E402
     interval_of_mean,
     is_old,
     probe,
+    reached,
     refusal,
     same_probe,
     scores,
@@ -55,24 +60,39 @@ ELSEWHERE = HERE / "generalization.json"
 """Rows of ``agents/studies/generalize.py``."""
 OFFLINE = HERE / "offline.json"
 """Rows of agents that learned from data, which enter no table of those that play to learn."""
+COLUMNS = ("ppo", "classical", "planner")
+"""Algorithms with columns of their own in the tables of tiers."""
+NOTHING = ("random", "noop")
+ALWAYS = {("classical", "model"), ("planner", "planning")}
+"""What algorithms use by their nature, see `results.USED`."""
 TRAINED = ("linear", "ppo", "sac", "tqc", "her")
 TIMES = HERE / "learning_time.json"
 """What ``agents/studies/learning_time.py`` measured."""
 CARDS = HERE.parent / "agents" / "trained"
+NARROW = (4.8, 5.6)
+"""Size of a figure of learning curves [inches]: a phone shows it whole, and its text can be read there."""
 TASKS: tuple[Row | Variant, ...] = (*ENVIRONMENTS, *VARIANTS)
 INTRODUCTION = """# Baselines
 
-This page lists the score of each algorithm on each task, under one [protocol](benchmark.md). Each cell gives
+![Scores on the suite](figures/baselines.svg)
 
-- the return per step (at most 1) or, where the cell says so, per episode, averaged over training seeds, with
-  its 95 % interval and, for several seeds, their number (for one seed, the interval is over its episodes);
-- the share of held-out episodes that succeed. Agents play without exploration.
+Mean scores on the [suite](#suite): 0 % is random play, 100 % the better of classical control and a planner.
+Bars show interquartile means over tasks and seeds, with 95 % intervals.
 
-**Bold** marks the best known return of a task. A dash means "not run" (or, under *used*, "nothing"). *Sparse*
-is PPO with the sparse reward. *Used* names what an algorithm used in addition to the rewards of its own
-episodes: `model` is a hand-written controller, and [the protocol](benchmark.md#what-is-reported) lists the
-others. *Planner* searches with the exact simulator. [Environments](environments.md#tiers-and-harder-variants)
-describes the variants. You can [submit results](benchmark.md#submit-results).
+This page lists the score of each algorithm on each task, under one [protocol](benchmark.md). In the tables of
+tiers, each cell gives
+
+- the return per step (at most 1), or per episode where the task says so, averaged over training seeds;
+- the share of held-out episodes that succeed. Agents play without exploration;
+- the return's 95 % interval and, for several seeds, their number (for one seed, the interval is over its
+  episodes);
+- what an algorithm used in addition to the rewards of its own episodes, if it did:
+  [the protocol](benchmark.md#what-is-reported) lists these.
+
+**Bold** marks the best known return of a task. A dash means "not run". *Sparse* is PPO with the sparse
+reward. *Classical* is a hand-written controller with a model of the task. *Planner* searches with the exact
+simulator. [Environments](environments.md#tiers-and-harder-variants) describes the variants. You can
+[submit results](benchmark.md#submit-results).
 """
 OLD = """† Some results of this task predate the current protocol, physics or reward. This applies to {old} of
 all {all} results.
@@ -113,12 +133,14 @@ tasks have fewer or shorter plans. Classical control earns more in most of these
 COMPARISON = """## Suite
 
 Algorithms are compared on {tasks} tasks at equal budgets. A score is the return, rescaled from random actions
-(0 %) to the better of classical control and the planner (100 %), which plays 10 episodes. Cells give the mean
-score over {seeds} seeds and, in brackets, the lowest and the highest. *Zero* does nothing. The last row gives
-the interquartile mean over all runs and, for several seeds, its 95 % interval, a bootstrap over seeds
-stratified by task. An algorithm that used more than the rewards of its own episodes has its own column. A
-dash means that there is no result, or that its run was shorter than the budget. The [protocol](benchmark.md)
-asks for five seeds; learned results without a seed count come from a single seed.
+(0 %) to the better of classical control and the planner (100 %), which plays 10 episodes. *Reference* gives
+its return per step (per episode where the task says so), its success, and which of the two it is. Cells give
+the mean score over {seeds} seeds and, in brackets, the lowest and the highest; below, the success rate and,
+for a budget of time, the number of steps that it bought. *Noop* does nothing. The last row gives the
+interquartile mean over all runs and, for several seeds, its 95 % interval, a bootstrap over seeds stratified
+by task. An algorithm that used more than the rewards of its own episodes has its own column. A dash means
+that there is no result, or that its run was shorter than the budget. The [protocol](benchmark.md) asks for
+five seeds; learned results without a seed count come from a single seed.
 """
 WORLDS = """## Generalization
 
@@ -227,55 +249,110 @@ def sparse_of(task: str) -> str | None:
 
 
 def table_of(tier: str, rows: Sequence[dict[str, Any]]) -> list[str]:
-    """The tasks of a tier with what was reached."""
+    """The tasks of a tier with what was reached: in columns what most tasks have, and the others in one."""
     tasks = [task.id for task in TASKS if task.tier == tier]
     everything = cells([*rows, *planned()])
-    by_cell = {of: runs for of, runs in everything.items() if of[0] in tasks}
-    present = [name for name in ALGORITHMS if any(algorithm == name for _, algorithm in by_cell)]
-    sparse = any((sparse_of(task), "ppo") in everything for task in tasks)
-    columns = [*present, *(["sparse"] if sparse else []), "used"]
-    lines = [f"| task | {' | '.join(columns)} |", "|---" * (len(columns) + 1) + "|"]
+    lines = [f"| task | {' | '.join(COLUMNS)} | others | random; noop |", "|---" * (len(COLUMNS) + 3) + "|"]
     for task in tasks:
-        if any(name == task for name, _ in by_cell):
-            best = best_known(task, by_cell)[0]["algorithm"]
-            results = [shown(by_cell.get((task, name), [])) for name in present]
-            results[present.index(best)] = f"**{results[present.index(best)].replace('<br>', '**<br>')}"
-            if sparse:
-                results.append(shown(everything.get((sparse_of(task) or "", "ppo"), [])))
-            told = [
-                f"{name}: {', '.join(means_of(by_cell[task, name]))}".replace(" ", "\N{NO-BREAK SPACE}")
-                for name in present
-                if (task, name) in by_cell and means_of(by_cell[task, name])
-            ]
-            mark = " †" if any(row["task"] == task and is_old(row) for row in rows) else ""
-            lines.append(f"| `{task}`{mark} | {' | '.join([*results, '<br>'.join(told)])} |")
+        by_name = {name: runs for (of, name), runs in everything.items() if of == task}
+        if not by_name:
+            continue
+        best = best_known(task, everything)[0]["algorithm"]
+        results = [result(name, by_name.get(name, []), name == best) for name in COLUMNS]
+        others = [name for name in ALGORITHMS if name in by_name and name not in (*COLUMNS, *NOTHING)]
+        told = [f"{name} {result(name, by_name[name], name == best)}" for name in others]
+        if sparse := everything.get((sparse_of(task) or "", "ppo")):
+            told.append(f"sparse {result('ppo', sparse)}")
+        idle = [shown(by_name[name]).partition("<br>")[0] for name in NOTHING if name in by_name]
+        mark = " †" if any(row["task"] == task and is_old(row) for row in rows) else ""
+        line = [named(task, mark), *results, "<br>".join(told), "<br>".join(idle)]
+        lines.append(f"| {' | '.join(line)} |")
     return lines
+
+
+def named(task: str, mark: str = "") -> str:
+    """Return the first cell of a task."""
+    return f"`{task}`{mark}{'<br>per episode' if measure(task)[1] else ''}"
+
+
+def result(name: str, runs: Sequence[dict[str, Any]], best: bool = False) -> str:
+    """Return a cell of an algorithm's runs, and what it used, but for what it uses by its nature."""
+    if not runs:
+        return ""
+    beside = [what for what in means_of(runs) if (name, what) not in ALWAYS]
+    return "<br>".join([shown(runs, best), *beside])
 
 
 def suite(rows: Sequence[dict[str, Any]]) -> list[str]:
     """Return the section that compares algorithms at equal seconds and at equal steps."""
     current = [row for row in [*rows, *planned()] if not is_old(row)]
-    tables = {
-        f"{SECONDS:,.0f} seconds of one core": scores(current, 1, SECONDS),
-        f"{SAMPLES:,.0f} steps": scores(current, 0, SAMPLES),
-    }
-    learned = [own for found in tables.values() for name, own in found.items() if name != ("noop",)]
+    tables = scores_at(rows)
+    learned = [own for _, found in tables for name, own in found.items() if name != ("noop",)]
     seeds = sorted({len(scores) for own in learned for scores in own.values()})
     lines = [COMPARISON.format(tasks=len(SUITE), seeds=" or ".join(map(str, seeds)))]
-    for budget, found in tables.items():
-        names = sorted(found)
-        lines += [f"### After {budget}\n"]
+    for column, (budget, found) in ((1, tables[0]), (0, tables[1])):
+        names = list(found)
+        lines += [f"### After {told(column, budget)}\n"]
         if not names:
             lines.append("There are no results for this protocol yet.\n")
             continue
-        lines.append(f"| task | {' | '.join(', '.join(name) for name in names)} |")
-        lines.append("|---" * (len(names) + 1) + "|")
+        lines.append(f"| task | reference | {' | '.join(', '.join(name) for name in names)} |")
+        lines.append("|---" * (len(names) + 2) + "|")
         for task in SUITE:
-            own = [found[name].get(task, np.array([])) for name in names]
-            lines.append(f"| `{task}` | {' | '.join(map(spread, own))} |")
-        means = [f"{quartiles([*found[name].values()])}, {len(found[name])} tasks" for name in names]
-        lines += [f"| all | {' | '.join(means)} |", ""]
+            own = [
+                scored(found[name].get(task, np.array([])), name, task, current, column, budget)
+                for name in names
+            ]
+            lines.append(f"| {named(task)} | {reference(task, current)} | {' | '.join(own)} |")
+        means = [f"{quartiles([*found[name].values()])}<br>{len(found[name])} tasks" for name in names]
+        lines += [f"| all | 100 % | {' | '.join(means)} |", ""]
     return lines
+
+
+def scores_at(rows: Sequence[dict[str, Any]]) -> list[tuple[float, dict[tuple[str, ...], Any]]]:
+    """Return the budgets of the suite, seconds and steps, each with the scores that were reached in it.
+
+    What learns comes first.
+    """
+    current = [row for row in [*rows, *planned()] if not is_old(row)]
+    tables = []
+    for column, budget in ((1, SECONDS), (0, SAMPLES)):
+        found = scores(current, column, budget)
+        order = sorted(found, key=lambda name: (name[0] in NOTHING, name))
+        tables.append((budget, {name: found[name] for name in order}))
+    return tables
+
+
+def told(column: int, budget: float) -> str:
+    """Return a budget of steps (column 0) or seconds (1) as text."""
+    return f"{budget:,.0f} {('steps', 'seconds of one core')[column]}"
+
+
+def reference(task: str, rows: Sequence[dict[str, Any]]) -> str:
+    """Return what scores 100 % in a task: its return and success, and who reached them."""
+    known = cells(row for row in rows if row["algorithm"] in REFERENCES)
+    best = best_known(task, known)
+    return f"{shown(best).partition('<br>')[0]}<br>{best[0]['algorithm']}" if best else ""
+
+
+def scored(
+    found: np.ndarray,
+    name: tuple[str, ...],
+    task: str,
+    rows: Sequence[dict[str, Any]],
+    column: int,
+    budget: float,
+) -> str:
+    """Return a cell of the suite: scores (seeds,); below, success and steps, of algorithms that learn."""
+    runs = [row for row in rows if row["task"] == task and (row["algorithm"], *row.get("used", ())) == name]
+    success, steps = (
+        [value for row in runs if row["steps"] and (value := reached(row, column, budget, what)) is not None]
+        for what in ("success_rate", "steps")
+    )
+    if not success:
+        return spread(found)
+    taken = f", {EngFormatter()(float(f'{np.mean(steps):.2g}'))}" if column else ""
+    return f"{spread(found)}<br>{100 * np.mean(success):.0f} %{taken}".replace(" ", "\N{NO-BREAK SPACE}")
 
 
 def spread(scores: np.ndarray) -> str:
@@ -447,7 +524,7 @@ def older(rows: Sequence[dict[str, Any]]) -> str:
 def draw_curves(rows: Sequence[dict[str, Any]], folder: Path) -> None:
     """Draw the learning curves of every environment of which rows have some, and remove the others."""
     from matplotlib import pyplot as plt
-    from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
+    from matplotlib.ticker import LogLocator, NullFormatter
 
     folder.mkdir(exist_ok=True)
     by_cell = cells([*rows, *planned()])
@@ -460,31 +537,50 @@ def draw_curves(rows: Sequence[dict[str, Any]], folder: Path) -> None:
         if not any(curves.values()):
             path.unlink(missing_ok=True)
             continue
-        figure, axes = plt.subplots(1, 2, figsize=(8, 3.2), sharey=True, layout="constrained")
+        figure, axes = plt.subplots(2, 1, figsize=NARROW, sharey=True, layout="constrained")
         scale, unit = measure(row.id)
         for column, own in enumerate(axes):
-            for n, name in enumerate(TRAINED):
+            for name in TRAINED:
                 if curves[name]:
-                    draw_curve(own, curves[name], column, scale, name, f"C{n}")
-            for name, style in (("classical", "--"), ("planner", ":")):
+                    draw_curve(own, curves[name], column, scale, name)
+            for name in REFERENCES:
                 if runs := by_cell.get((row.id, name)):
                     level = scale * np.mean([run["mean_return"] for run in runs])
-                    own.axhline(level, color="0.25", ls=style, lw=1.5, label=name)
+                    own.axhline(level, color="0.25", ls=LINES[name], lw=1.5, label=name)
             own.margins(y=0.1)
             own.grid(alpha=0.3)
-        axes[0].set(xlabel="samples", xscale="log", ylabel=f"return{unit or ' per step'}", title=row.id)
+            own.set_ylabel(f"return{unit or ' per step'}")
+        axes[0].set(xlabel="samples", xscale="log", title=row.id)
         axes[0].set_ylim(bottom=min(0.0, axes[0].get_ylim()[0]))
         axes[0].xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
         axes[0].xaxis.set_major_formatter(EngFormatter(sep=""))
         axes[0].xaxis.set_minor_formatter(NullFormatter())
         axes[1].set(xlabel="seconds of one core")
-        figure.legend(*axes[1].get_legend_handles_labels(), loc="outside right upper", frameon=False)
+        figure.legend(
+            *axes[1].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False
+        )
         figure.savefig(path, metadata={"Date": None})
         plt.close(figure)
 
 
+def draw_suite(rows: Sequence[dict[str, Any]], path: Path) -> None:
+    """Draw the interquartile means of the suite, a panel for each budget, see `benchmarks.figures`."""
+    from benchmarks.figures import Bar, draw_bars
+
+    panels = {}
+    for column, (budget, found) in zip((1, 0), scores_at(rows), strict=True):
+        bars = []
+        for name in found:
+            own = [*found[name].values()]
+            low, high = (100 * end for end in interval(own, interquartile_mean))
+            mean = 100 * interquartile_mean(np.concatenate(own))
+            bars.append(Bar(", ".join(name), mean, low, high, COLORS.get(name[0], "0.6")))
+        panels[f"after {told(column, budget)}"] = bars
+    draw_bars(panels, "interquartile mean of scores, % (dashes: the reference)", path)
+
+
 def draw_curve(
-    axes: Any, curves: Sequence[Sequence[Sequence[float]]], column: int, scale: float, name: str, color: str
+    axes: Any, curves: Sequence[Sequence[Sequence[float]]], column: int, scale: float, name: str
 ) -> None:
     """Draw the median of curves against samples (column 0) or seconds (1), and the band of all.
 
@@ -496,8 +592,8 @@ def draw_curve(
     values = scale * np.array([np.interp(at, table[:, column], table[:, 2]) for table in tables])
     middle = np.median(values, axis=0)
     told = f"{name}, {len(curves)} seed{'s' * (len(curves) > 1)}"
-    axes.plot(at, middle, color=color, lw=2, label=told)
-    axes.fill_between(at, values.min(axis=0), values.max(axis=0), color=color, alpha=0.3, lw=0)
+    axes.plot(at, middle, color=COLORS[name], lw=2, label=told)
+    axes.fill_between(at, values.min(axis=0), values.max(axis=0), color=COLORS[name], alpha=0.3, lw=0)
 
 
 def apart(rows: Iterable[dict[str, Any]]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
@@ -555,6 +651,7 @@ def main() -> None:
     matplotlib.use("svg")
     matplotlib.rcParams["svg.hashsalt"] = "springgym"
     draw_curves(kept, CURVES)
+    draw_suite(kept, HERE / "figures" / "baselines.svg")
 
 
 if __name__ == "__main__":

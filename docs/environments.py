@@ -37,6 +37,11 @@ FEATURES = HERE / "features.md"
 FOLDER = PAGE.with_suffix("")
 NUMBERS = HERE / "numbers.json"
 CARDS = HERE.parent / "agents" / "trained"
+NEW: frozenset[str] = frozenset()
+"""Ids of environments and variants whose results and pictures are still to be made: see CONTRIBUTING.md.
+
+They have their pages, and stand in no table or test of what was measured. None is left at a release."""
+MEASURED = tuple(row for row in ENVIRONMENTS if row.id not in NEW)
 SEEDS = 100
 FEWEST = 3
 """Number of training seeds from which an interval is drawn, if rows do not hold their episodes."""
@@ -70,38 +75,67 @@ def docstring(row: Row) -> str:
 
 
 def describe(row: Row, report: Report) -> str:
-    """Return the page of an environment: film, spaces, error, docstring and baselines."""
-    return "\n".join(
-        [f"# {row.id}\n", *film(row), *in_short(row, report), docstring(row), "", *baselines(row, report)]
+    """Return the page of an environment: film, spaces, error, docstring, baselines and versions."""
+    told = [*film(row), *in_short(row, report), docstring(row), "", *baselines(row, report)]
+    versions = (
+        [] if "## Version History\n" in docstring(row) else ["## Version History\n", "v0: first version.\n"]
     )
+    return "\n".join([f"# {row.id}\n", *told, *versions])
 
 
 def film(row: Row) -> list[str]:
     """Return the poster of the trained agent's film; the site puts the film in its place."""
+    if row.id in NEW:
+        return []
     card = json.loads((CARDS / row.id / "card.json").read_text(encoding="utf-8"))
     caption = f"The published agent, trained by {card['algorithm'].upper()}."
     return [f"![{caption}](../figures/posters/{row.id}.webp)\n"]
 
 
 def in_short(row: Row, report: Report) -> list[str]:
-    """Return the shapes of an environment's spaces, its tier and the error of its steps."""
-    first, *others = (environment(row, "")(observation=kind) for kind in environment(row, "").observations)
-    measured = [
-        f"; sub-step {own['step_ms']:.3g} ms; median [error](../features.md#error-of-a-control-period) "
-        f"of a step {own['median']:.1e}"
-        for env_id, options, own in _errors(report)
-        if env_id == row.id and not options
-    ]
-    seen = [str(first.observation_space.shape)]
-    seen += [f'{task.observation_space.shape} as `"{task.observation}"`' for task in others]
-    return [
-        f"Action shape {first.action_space.shape}; observation shape {', '.join(seen)}; "
-        f"tier [{row.tier}](../environments.md#tiers-and-harder-variants){''.join(measured)}.\n"
-    ]
+    """Return the table that the page of an environment begins with, as Gymnasium's pages do."""
+    Made = environment(row, "")
+    task = Made()
+    actions: dict[object, str] = {}
+    for action in Made.actions:
+        actions.setdefault(str(Made(action=action).action_space), action)
+    observations = {kind: Made(observation=kind).observation_space for kind in Made.observations}
+    told = {
+        "Import": f'`gymnasium.make("{row.id}")`, after `import springgym`',
+        "Action space": _spaces("action", {action: space for space, action in actions.items()}),
+        "Observation space": _spaces("observation", observations),
+        "Reward": "between 0 and 1 a step",
+        "Episode": f"{steps_of(row)}, {row.max_episode_steps * task.periods * task.period:g} s",
+        "Tier": f"[{row.tier}](../environments.md#tiers-and-harder-variants); solved at a return of "
+        f"{row.reward_threshold:g}",
+    }
+    for env_id, options, own in _errors(report):
+        if env_id == row.id and not options:
+            told["Sub-step"] = f"{own['step_ms']:.3g} ms"
+            told["Error of a step"] = (
+                f"median {own['median']:.1e}, largest {own['high']:.1e} of the body's size "
+                "([how measured](../features.md#error-of-a-control-period))"
+            )
+    head, *lines = (f"| {name} | {what} |" for name, what in told.items())
+    return [head, "|---|---|", *lines, ""]
+
+
+def _spaces(argument: str, spaces: Mapping[str, object]) -> str:
+    """Return the spaces of the values of an argument; the first is the usual one."""
+    first, *others = spaces.items()
+    told = [f"`{first[1]}`", *(f'`{space}` with `{argument}="{value}"`' for value, space in others)]
+    return "<br>".join(told)
+
+
+def steps_of(row: Row) -> str:
+    """Return the number of steps of an episode."""
+    return f"{row.max_episode_steps} step{'s' * (row.max_episode_steps > 1)}"
 
 
 def baselines(row: Row, report: Report) -> list[str]:
     """Return what algorithms reach in an environment, in one sentence, and its learning curves."""
+    if row.id in NEW:
+        return ["## Baselines\n", "Not measured yet.\n"]
     found: dict[str, list[Report]] = defaultdict(list)
     for own in report["baselines"]:
         if own["task"] == row.id:
@@ -121,12 +155,12 @@ def baselines(row: Row, report: Report) -> list[str]:
     ]
 
 
-def shown(runs: Sequence[Report]) -> str:
-    """Return a cell of a table of baselines: the runs of an algorithm on a task."""
-    if not runs:
-        return ""
+def shown(runs: Sequence[Report], best: bool = False) -> str:
+    """Return a cell of a table of baselines: mean return and success; below, its interval (seeds)."""
+    mean, *others = of_runs(runs)
     success = sum(run["success_rate"] for run in runs) / len(runs)
-    cell = f"{earned(runs)}<br>{100 * success:.0f} %"
+    first = f"{f'**{mean}**' if best else mean}, {100 * success:.0f} %"
+    cell = "<br>".join(filter(None, (first, " ".join(filter(None, others)))))
     return cell.replace(" ", "\N{NO-BREAK SPACE}")  # a phone scrolls sideways and shows whole cells
 
 
@@ -135,19 +169,24 @@ def earned(runs: Sequence[Report]) -> str:
 
     It is in the unit of `measure`.
     """
-    scale, unit = measure(runs[0]["task"])
+    mean, interval, seeds = of_runs(runs)
+    told = ", ".join(filter(None, (interval, seeds.strip("()"))))
+    return f"{mean}{told and f' ({told})'}{measure(runs[0]['task'])[1]}"
+
+
+def of_runs(runs: Sequence[Report]) -> tuple[str, str, str]:
+    """Return the mean return of runs of a task, its interval if it is known, and "(seeds)" of several."""
+    scale, _ = measure(runs[0]["task"])
     means = scale * np.array([run["mean_return"] for run in runs])
-    seeds, told = f", {len(runs)}" if len(runs) > 1 else "", ""
+    seeds, interval = f"({len(runs)})" if len(runs) > 1 else "", ""
     if len(runs) == 1 and "return_interval" in runs[0]:  # of the planner
         low, high = scale * np.array(runs[0]["return_interval"])
-        told = f" ({low:z.2f}–{high:z.2f})"
+        interval = f"{low:z.2f}–{high:z.2f}"
     elif len(runs) >= FEWEST or all("returns" in run for run in runs):
         errors = [np.std(run.get("returns", [0.0])) / math.sqrt(run["episodes"]) for run in runs]
         low, high = interval_of_mean(means, scale * np.array(errors))
-        told = f" ({low:z.2f}–{high:z.2f}{seeds})"
-    elif seeds:
-        told = f" ({len(runs)})"
-    return f"{means.mean():z.2f}{told}{unit}"
+        interval = f"{low:z.2f}–{high:z.2f}"
+    return f"{means.mean():z.2f}", interval, seeds
 
 
 def measure(task: str) -> tuple[int, str]:
@@ -196,14 +235,13 @@ def trade(env_id: str, report: Report) -> Trade | None:
 
 def table_of_environments() -> list[str]:
     """A link to each page, with the first two sentences of its description: what there is, and what to do."""
-    lines = ["| environment | task | tier | episode | solved at |", "|---|---|---|---|---|"]
+    lines = ["| environment | task |", "|---|---|"]
     for row in ENVIRONMENTS:
         said = re.sub(r"\s+", " ", docstring(row).split("## Description\n")[1].split("\n## ")[0])
         aim = " ".join(re.split(r"(?<=[.]) ", said)[:2])
-        length = f"{row.max_episode_steps} step{'s' * (row.max_episode_steps > 1)}"
         lines.append(
-            f"| [`{row.id}`](environments/{row.id}.md) | {aim} | {row.tier} | {length} | "
-            f"{row.reward_threshold:g} |"
+            f"| [`{row.id}`](environments/{row.id}.md)<br>{row.tier}, {steps_of(row)}<br>"
+            f"solved at {row.reward_threshold:g} | {aim} |"
         )
     pages = "\n".join(f"environments/{row.id}" for row in ENVIRONMENTS)
     return [*lines, "\n```{toctree}\n:hidden:\n\n" + pages + "\n```\n"]
@@ -211,10 +249,10 @@ def table_of_environments() -> list[str]:
 
 def table_of_named_variants() -> list[str]:
     """The variants that have ids of their own."""
-    lines = ["| variant | tier | base environment | arguments | difference |", "|---|---|---|---|---|"]
+    lines = ["| variant | tier | arguments | difference |", "|---|---|---|---|"]
     for variant in VARIANTS:
         arguments = ", ".join(f"`{name}={value!r}`" for name, value in variant.arguments.items())
-        lines.append(f"| `{variant.id}` | {variant.tier} | `{variant.of}` | {arguments} | {variant.why} |")
+        lines.append(f"| `{variant.id}` | {variant.tier} | {arguments} | {variant.why} |")
     tiers = "\n".join(f"| {tier} | {what} |" for tier, what in TIERS.items())
     return [HARDER.format(tiers=tiers), *lines, ""]
 
@@ -418,7 +456,6 @@ These definitions hold on the pages of all environments.
 - **Divergence**: if the simulation diverges, the episode terminates with reward 0 and `info["diverged"]`.
 - **Success**: `info["is_success"]`. An episode that ends in failure is not a success.
 - **Rolling balls** have the inertia of a solid sphere, and are made of four particles and six springs.
-- **Version**: all environments are in their initial version.
 
 In all environments, `info` has these entries, in addition to those on the environment's page:
 
@@ -463,7 +500,8 @@ HARDER = """## Tiers and harder variants
 {tiers}
 | sparse | Tasks with a sparse reward: no reward until the goal is met. |
 
-Each variant has its own id. [Baselines](baselines.md) shows what each algorithm reaches.
+Each variant has its own id, which begins with the name of its environment. [Baselines](baselines.md) shows
+what each algorithm reaches.
 """
 
 RANDOMISATION = f"""## Randomisation

@@ -97,12 +97,35 @@ def test_every_environment_has_a_row_of_the_planner() -> None:
     planner = importlib.import_module("plan")
     rows = {row["task"]: row for row in writer.planned()}
     tasks = {own["task"]: own for own in writer.read(writer.ROWS) if own["algorithm"] == "noop"}
-    for env_id in (row.id for row in writer.ENVIRONMENTS):
+    for env_id in (row.id for row in page_writer().MEASURED):
         row, own = rows[env_id], tasks[env_id]
         assert row["episodes"] >= 5
         assert row["config"] == planner.digest(planner.planner_of(env_id)), env_id
         assert row["probe"] == own["probe"] or writer.is_old(row) or writer.is_old(own), env_id
         assert re.fullmatch("[0-9a-f]{40}", row["commit"]), env_id
+
+
+def test_the_suite_says_its_reference_and_what_a_budget_bought() -> None:
+    """So that a low score can be told from a strong reference, and few steps from slow learning."""
+    page = page_writer("baselines")
+    lines = page.suite(page.read(page.ROWS))
+    rows = [line.split(" | ") for line in lines if line.startswith("| `Spring")]
+    assert len(rows) == 2 * len(page.SUITE)
+    for n, (task, reference, *learned, idle) in enumerate(rows):
+        assert re.fullmatch(r"-?\d\.\d\d,\s\d+\s%<br>(classical|planner)", reference), task
+        for cell in learned:
+            assert re.search(r"\)<br>\d+\s%" + (r",\s[\d.]+\s[kM]$" if n < len(page.SUITE) else "$"), cell)
+        assert "<br>" not in idle
+
+
+def test_tables_of_tiers_fit_a_page() -> None:
+    """Their longest words are short: cells of several runs and numbers have several lines."""
+    page = page_writer("baselines")
+    for tier in page.TIERS:
+        for line in page.table_of(tier, page.read(page.ROWS))[2:]:
+            _, *cells = line.strip("| ").split(" | ")
+            width = [max(len(part) for part in cell.replace("*", "").split("<br>")) for cell in cells]
+            assert sum(width) < 90, line
 
 
 def test_results_are_of_commits() -> None:
@@ -186,6 +209,44 @@ def test_baselines_are_of_the_tasks_and_configurations_as_they_are() -> None:
 def test_a_release_has_baselines_of_its_own_tasks() -> None:
     pytest.importorskip("torch")
     assert outdated_rows() == set()
+
+
+def test_pages_begin_with_what_gymnasiums_begin_with() -> None:
+    """Spaces as Gymnasium prints them, how to make it, the horizon, and errors at their largest."""
+    writer = page_writer()
+    report = writer.read()
+    for row in writer.MEASURED:
+        top, _, rest = writer.describe(row, report).partition("## Description\n")
+        env = gym.make(row.id)
+        own = next(own for own in report["errors"]["rows"] if own["environment"] == row.id)
+        spaces = (env.action_space, env.observation_space)
+        told = (
+            f'gymnasium.make("{row.id}")',
+            *(f"| `{space}`" for space in spaces),
+            writer.steps_of(row),
+            row.tier,
+        )
+        for what in (*told, f"{own['median']:.1e}, largest {own['high']:.1e}"):
+            assert what in top, (row.id, what)
+        assert "\n## Version History\n" in rest
+
+
+def test_a_new_environment_has_its_page_and_no_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """So that all tests of a pull request are green before its results are there."""
+    writer, measured = page_writer(), page_writer("measured")
+    report = writer.read()
+    new = writer.ENVIRONMENTS[0]._replace(id="SpringFunnel-v0")
+    monkeypatch.setattr(writer, "NEW", {new.id})
+    text = writer.describe(new, report)
+    assert f'gymnasium.make("{new.id}")' in text
+    assert "## Baselines\n\nNot measured yet.\n" in text
+    assert "figures/" not in text
+    assert [row.id for row in measured.ENVIRONMENTS] == [row.id for row in writer.MEASURED]
+
+
+@pytest.mark.slow
+def test_a_release_has_results_of_every_id() -> None:
+    assert not page_writer().NEW
 
 
 def test_docstrings_have_gymnasiums_headings() -> None:

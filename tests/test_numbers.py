@@ -132,7 +132,7 @@ def test_baselines_are_told_alike() -> None:
                 assert own[name][0] == pytest.approx(there["success_rate"]), (task, name)
                 assert own[name][1] == pytest.approx(there["mean_return"], abs=1e-3), (task, name)
             found += 1
-    assert found > len(ENVIRONMENTS) + 5
+    assert found > len(ENVIRONMENTS_PAGE.MEASURED) + 5
 
 
 def usual(row: Row) -> str:
@@ -193,5 +193,5 @@ def test_a_measure_has_one_value_in_all_pages() -> None:
                     found.setdefault(what, set()).add(value)
             if cells and any("median error" in name for name in head):  # it flatters, alone
                 assert any("largest error" in name for name in head), (page.name, head)
-    assert len(found) >= 2 * len(ENVIRONMENTS)
+    assert len(found) >= 2 * len(ENVIRONMENTS_PAGE.MEASURED)
     assert {name: values for name, values in found.items() if len(values) > 1} == {}

@@ -25,7 +25,6 @@ import gymnasium as gym
 import pytest
 
 from springgym import cli
-from springgym.registration import ENVIRONMENTS
 from springgym.scenes import load, names
 from springgym.scenes.reading import document
 from tests.params import slow_unless
@@ -47,6 +46,7 @@ SLOW = {
 """Pages whose code takes long."""
 
 RUNNER = page_writer("notebooks")
+MEASURED = page_writer().MEASURED
 
 FENCE = re.compile(r"^(`{3,})([^\n`]*)\n(.*?)^\1`*\s*$", re.MULTILINE | re.DOTALL)
 
@@ -275,10 +275,10 @@ def test_every_scene_has_its_place_in_the_course() -> None:
 
 def test_every_environment_is_on_the_front_page() -> None:
     shown = [poster for _, poster, _ in POSTER.findall((DOCS / "index.md").read_text(encoding="utf-8"))]
-    assert shown == [row.id for row in ENVIRONMENTS]
+    assert shown == [row.id for row in MEASURED]
 
 
 def test_posters_are_small_and_of_what_there_is() -> None:
     posters = {path.stem: path.stat().st_size for path in (DOCS / "figures" / "posters").iterdir()}
-    assert posters.keys() == {*names(), *(row.id for row in ENVIRONMENTS)}
+    assert posters.keys() == {*names(), *(row.id for row in MEASURED)}
     assert max(posters.values()) < 30_000

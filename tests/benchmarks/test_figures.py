@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from benchmarks import figures
-from benchmarks.figures import End, draw_curves, name_ends, plain
+from benchmarks.figures import Bar, End, draw_bars, draw_curves, name_ends, plain
 
 DOCS = Path(__file__).parents[2] / "docs"
 REPORT = json.loads((DOCS / "figures" / "accuracy.json").read_text(encoding="utf-8"))
@@ -79,6 +79,25 @@ def test_curves_of_environments_can_be_read(tmp_path, monkeypatch):
     texts = [text for text in figure.findobj(Text) if text.get_text() and text.get_visible()]
     assert {"rk4", "verlet", "default"} <= {text.get_text() for text in names.get_texts()}
     assert min(text.get_fontsize() for text in texts) >= figures.SMALL
+
+
+LABEL = "interquartile mean of scores, % (dashes: the reference)"
+
+
+@pytest.mark.parametrize("low", [0.0, -30.0])
+def test_text_of_bars_is_within_the_picture(low, tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: drawn.append(figure))
+    bars = [Bar("ppo", 97.0, 90.0, 99.0, "C1"), Bar("zero", 0.5 * low, low, 0.0, "0.6")]
+    draw_bars({"after a while": bars, "later": bars[:1]}, LABEL, tmp_path / "figure.svg")
+    (figure,) = drawn
+    figure.draw_without_rendering()
+    texts = [text for text in figure.findobj(Text) if text.get_text() and text.get_visible()]
+    assert {"ppo", "zero", "97 %", "later", LABEL} <= {text.get_text() for text in texts}
+    for text in texts:
+        box = text.get_window_extent()
+        assert figure.bbox.x0 <= box.x0 < box.x1 <= figure.bbox.x1, text
+        assert figure.bbox.y0 <= box.y0 < box.y1 <= figure.bbox.y1, text
 
 
 def test_what_fails_is_cut_and_named():
