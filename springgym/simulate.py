@@ -174,7 +174,7 @@ def _summary(recording: Recording, verbose: bool = False) -> str:
             printable(f"{plan.name}: {plan.title}"),
             ", ".join(parts),
             *([printable(str(simulator))] if verbose else []),
-            f"{recording.times[-1]:g} s simulated, largest strain {max(0.0, m.strain.max()):.3g}",
+            f"{recording.times[-1]:g} s simulated, largest strain {m.strain.max():.3g}",
             f"energy {m.energy[0]:.6g} → {m.energy[-1]:.6g} J, lost {lost:.3g} J, "
             f"energy error {m.balance[-1] - m.balance[0]:.2g} J{_of_shadow(recording, lost)}",
             *map(printable, _between(recording)),

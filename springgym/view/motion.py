@@ -148,7 +148,7 @@ def of_recording(recording: Recording, *, twin: bool = True) -> Motion:
         note=lacking(scene),
         summary=(
             f"{recording.integrator.name}, step {1e3 * recording.step:.3g} ms · largest strain "
-            f"{max(0.0, m.strain.max()):.1e} · energy {m.energy[0]:.4g} → {m.energy[-1]:.4g} J, "
+            f"{m.strain.max():.1e} · energy {m.energy[0]:.4g} → {m.energy[-1]:.4g} J, "
             f"lost {lost:.3g} J, energy error {m.balance[-1] - m.balance[0]:.1e} J"
         ),
     )
