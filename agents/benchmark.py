@@ -42,6 +42,8 @@ from config import (
     Config,
     ConfigError,
     add_overrides,
+    check_result,
+    command_line,
     config_path,
     load_config,
     new_file,
@@ -70,13 +72,13 @@ from results import (
     row_of,
     same_probe,
 )
-from runs import locked, open_run, versions, write_atomically
+from runs import locked, open_run, versions
 from tqdm import tqdm
 
-from springgym.cli import INTERRUPTED, guarded
+from springgym.cli import INTERRUPTED, guarded, write_text
 from springgym.extras import install
 from springgym.registration import spec_of
-from springgym.strict_yaml import read_yaml
+from springgym.strict_yaml import read_json, read_yaml
 
 ROOT = Path(__file__).resolve().parent.parent
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -142,7 +144,7 @@ def training(cell: Cell, plan: Plan) -> list[str]:
         if same and commit_of(folder) == versions()["git_revision"]:
             return ["--resume", str(folder), "--episodes", "0"]
         put_away(folder)
-    write_atomically(folder / "probe.json", json.dumps(probe(cell.task)) + "\n")
+    write_text(folder / "probe.json", json.dumps(probe(cell.task)) + "\n")
     arguments = [cell.task, "--algo", cell.algorithm, "--seed", str(cell.seed), "--out", str(folder)]
     arguments += ["--config", str(plan.config(cell.algorithm))]
     return [*arguments, "--episodes", "0", *(["--set", *plan.overrides] if plan.overrides else [])]
@@ -151,8 +153,8 @@ def training(cell: Cell, plan: Plan) -> list[str]:
 def recorded(path: Path) -> Any:
     """Read a JSON file of a run folder; return None if it is missing or damaged."""
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        return read_json(path)
+    except ConfigError:
         return None
 
 
@@ -369,9 +371,7 @@ def run_cells(cells: Sequence[Cell], plan: Plan, options: argparse.Namespace) ->
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command_line(__doc__)
     parser.add_argument(
         "--tasks", nargs="+", default=SUITE, metavar="ID", help="environment ids (default: the suite)"
     )
@@ -425,6 +425,7 @@ def benchmark(options: argparse.Namespace) -> int:
         config_of(cell, plan)  # what is wrong is told before anything runs
     with locked(runs):
         path = options.json or runs / "baselines.json"
+        check_result(path)
         rows = read_rows(path)
         left = [cell for cell in cells if not is_current(rows.get(identity(cell._asdict()), {}), cell, plan)]
         print(f"{len(cells)} runs, {len(left)} of them to do; rows in {path}")

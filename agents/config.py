@@ -19,7 +19,7 @@ from typing import Any, Literal
 
 import gymnasium as gym
 
-from springgym.cli import check_new
+from springgym.cli import Parser, check_new
 from springgym.envs.agent import Algorithm
 from springgym.registration import UnknownEnvironment, find, spec_of
 from springgym.strict_yaml import Tree, YamlError, build, parse_yaml, read_yaml
@@ -79,10 +79,17 @@ def new_file(*endings: str) -> Callable[[str], Path]:
     return parse
 
 
-def command_line(description: str | None, program: str | None = None) -> argparse.ArgumentParser:
+def check_result(path: Path) -> None:
+    """Raise ConfigError unless a file of results can be written, before the work of hours."""
+    try:
+        check_new(path)
+    except ValueError as error:
+        raise ConfigError(str(error)) from error
+
+
+def command_line(description: str | None, program: str | None = None) -> Parser:
     """Return an argument parser, still empty, whose help keeps the line breaks of the ``description``."""
-    form = argparse.RawDescriptionHelpFormatter
-    return argparse.ArgumentParser(program, description=description, formatter_class=form)
+    return Parser(program, description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
 
 
 def whole(low: int, high: int) -> Callable[[str], int]:

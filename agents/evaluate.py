@@ -28,6 +28,7 @@ from config import (
     Config,
     ConfigError,
     add_overrides,
+    command_line,
     load_config,
     making,
     new_file,
@@ -35,10 +36,11 @@ from config import (
     whole,
 )
 from controllers import UNTRAINED, controller_env_kwargs, make_controller
-from runs import HELD_OUT_SEED, Run, load_policy, open_run, time_limit, write_atomically
+from runs import HELD_OUT_SEED, Run, load_policy, open_run, time_limit
 
 import springgym  # noqa: F401  (registers the environments)
-from springgym.cli import guarded
+from springgym.checks import printable
+from springgym.cli import guarded, write_text
 from springgym.envs.agent import Policy
 from springgym.envs.trained import published
 from springgym.registration import find, nearest_id, spec_of
@@ -208,7 +210,7 @@ def table(evaluations: Sequence[Evaluation], env_id: str) -> str:
         spread = scale * float(np.std(e.returns_per_step))
         rows.append(
             [
-                e.agent,
+                printable(e.agent),
                 f"{scale * e.return_per_step:.3f} ± {spread:.3f}",
                 percent(e.success_rate),
                 f"{np.mean(e.lengths):.0f}",
@@ -228,14 +230,12 @@ def write_json(path: Path, evaluations: Sequence[Evaluation]) -> None:
         {"return_per_step": e.return_per_step, "success_rate": e.success_rate, **asdict(e)}
         for e in evaluations
     ]
-    write_atomically(path, json.dumps(content, indent=1) + "\n")
+    write_text(path, json.dumps(content, indent=1) + "\n")
 
 
 def main(arguments: Sequence[str] | None = None, program: str = "evaluate.py") -> int:
     """Run the command line."""
-    parser = argparse.ArgumentParser(
-        program, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command_line(__doc__, program)
     parser.add_argument(
         "agents", nargs="+", help="run folders; environment ids; noop, random, classical; module:function"
     )

@@ -17,9 +17,9 @@ import gymnasium as gym
 import numpy as np
 from config import ConfigError, LinearConfig, making
 from gymnasium import spaces
-from runs import HELD_OUT_SEED, Run, time_limit, write_atomically
+from runs import HELD_OUT_SEED, Run, time_limit
 
-from springgym.cli import whole_file
+from springgym.cli import whole_file, write_text
 from springgym.envs.agent import LAYERS
 from springgym.envs.sb3 import SB3VecEnv, make_sb3
 
@@ -129,7 +129,7 @@ class Search:
         for row in self.rows.tolist():
             cells = zip(row, whole, strict=True)
             table.writerow(["" if cell != cell else int(cell) if as_int else cell for cell, as_int in cells])
-        write_atomically(self.run.folder / "metrics.csv", text.getvalue())
+        write_text(self.run.folder / "metrics.csv", text.getvalue())
 
     def load(self) -> None:
         """Go on from the checkpoint.

@@ -28,7 +28,7 @@ from config import ConfigError
 from evaluate import Evaluation, evaluate, task_kwargs
 from learner import Falling, native_env, network_config
 from results import COLORS, LINES
-from runs import PROGRESS_SEED, Run, time_limit, write_atomically
+from runs import PROGRESS_SEED, Run, time_limit
 from stable_baselines3 import HerReplayBuffer
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
@@ -41,7 +41,7 @@ from tensorboard.compat.proto.summary_pb2 import Summary
 from tensorboard.summary.writer.record_writer import RecordWriter
 from tqdm import tqdm
 
-from springgym.cli import whole_file
+from springgym.cli import whole_file, write_text
 from springgym.envs.sb3 import StaggeredMonitor
 
 matplotlib.use("Agg")
@@ -105,7 +105,7 @@ class Recorder(BaseCallback):
         """Write metrics.csv and progress.csv, without what a stopped run wrote after its checkpoint."""
         tables = (("metrics.csv", COLUMNS, self.rows), ("progress.csv", PROGRESS, self.progress))
         for name, columns, rows in tables:
-            write_atomically(self.run.folder / name, "".join(map(line_of, [columns, *rows])))
+            write_text(self.run.folder / name, "".join(map(line_of, [columns, *rows])))
 
     def add(self, row: tuple[float | None, ...], rows: list[Any], name: str) -> None:
         """Add a row to those of a table, and to its file."""

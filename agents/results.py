@@ -7,7 +7,6 @@ al. (2021, arXiv:2108.13264) recommend; scores (seeds, tasks) belong to one algo
 from __future__ import annotations
 
 import csv
-import json
 import math
 import re
 import sys
@@ -23,11 +22,14 @@ import numpy as np
 from config import Config, ConfigError
 from controllers import UNTRAINED, controllers_of
 from evaluate import Evaluation, evaluate, find_task
-from runs import HELD_OUT_SEED, open_run, versions, write_rows
+from runs import HELD_OUT_SEED, open_run, versions, waited_for, write_rows
 
+from springgym.checks import counted, printable, shown
 from springgym.registration import find
+from springgym.strict_yaml import read_json
 
 Row = Mapping[str, Any]
+Rows = dict[tuple[Any, ...], dict[str, Any]]
 
 PROTOCOL = 3
 """Version of the protocol: budgets, seeds, episodes, probe, and the form of a row."""
@@ -170,9 +172,7 @@ def identity(row: Row) -> tuple[Any, ...]:
     return row["task"], row["algorithm"], tuple(learned_from(row)), row["seed"]
 
 
-def read_rows(
-    path: Path, key: Callable[[dict[str, Any]], Any] = identity
-) -> dict[tuple[Any, ...], dict[str, Any]]:
+def read_rows(path: Path, key: Callable[[dict[str, Any]], Any] = identity) -> Rows:
     """Return the rows of a JSON file by their ``key``; no rows if the file is missing.
 
     Raises
@@ -182,16 +182,24 @@ def read_rows(
     """
     if not path.exists():
         return {}
+    found = read_json(path)
     try:
-        return {key(row): row for row in json.loads(path.read_text(encoding="utf-8"))}
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        return {key(row): row for row in found}
+    except (KeyError, TypeError, AttributeError) as error:
         raise ConfigError(f"{path}: the file does not hold rows of results: {error!r}") from error
 
 
 def add_row(path: Path, row: dict[str, Any]) -> None:
     """Write a row to a file, replacing the row of the same run."""
-    rows = read_rows(path) | {identity(row): row}
-    write_rows(path, (rows[name] for name in sorted(rows)))
+    change_rows(path, lambda rows: dict(sorted((rows | {identity(row): row}).items())))
+
+
+def change_rows(
+    path: Path, change: Callable[[Rows], Rows], key: Callable[[dict[str, Any]], Any] = identity
+) -> None:
+    """Replace the rows of a file, by their ``key``, by what ``change`` makes of them, while others wait."""
+    with waited_for(path):
+        write_rows(path, change(read_rows(path, key)).values())
 
 
 def folder_name(task: str, algorithm: str, data: Sequence[str], seed: int) -> str:
@@ -294,7 +302,12 @@ def refusal(row: Any) -> str:
         return f"it has {', '.join(unknown)}, which is unknown"
     for name, types in FORM.items():
         if not isinstance(row[name], types) or isinstance(row[name], bool):
-            return f"{name} is {row[name]!r}"
+            return f"{name} is {shown(row[name])}"
+    data = row.get("data", [])
+    if not isinstance(data, list) or not all(
+        isinstance(each, dict) and isinstance(each.get("id"), str) for each in data
+    ):
+        return f"data is {shown(data)}; it must be a list of data sets with their ids"
     if ("data" in row) != ("data" in row["used"]) or any(name not in USED for name in row["used"]):
         return f"used is {row['used']!r}; it holds some of {', '.join(USED)}, and 'data' only with data"
     if find(row["task"]) is None:
@@ -362,10 +375,7 @@ def check(path: Path, agents: Path | None = None) -> int:
     ConfigError
         If the file does not hold a list.
     """
-    try:
-        rows = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise ConfigError(f"{path}: the file is not JSON: {error}") from error
+    rows = read_json(path)
     if not isinstance(rows, list):
         raise ConfigError(f"{path}: the file must hold a list of rows")
     findings = [refusal(row) or replay(row, agents) for row in rows]
@@ -376,9 +386,12 @@ def check(path: Path, agents: Path | None = None) -> int:
             found = "there are several rows of this task, algorithm and seed"
         if found:
             refused += 1
-            print(f"row {n}: {found}", file=sys.stderr)
+            print(f"row {n}: {printable(found)}", file=sys.stderr)
     unplayed = findings.count(None)
-    print(f"{path}: {len(rows)} rows, {refused} refused, {unplayed} not played again, as there is no agent")
+    print(
+        f"{printable(str(path))}: {counted(len(rows), 'row')}, {refused} refused, {unplayed} not played "
+        "again, as there is no agent"
+    )
     return 1 if refused else 0
 
 

@@ -25,7 +25,7 @@ import numpy as np
 from config import MENDABLE, ConfigError, PPOConfig, command_line, load_config, making, whole
 from runs import HELD_OUT_SEED
 
-from springgym.cli import INTERRUPTED, guarded
+from springgym.cli import INTERRUPTED, guarded, write_text
 from springgym.envs.starts import spawn_seeds
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -161,7 +161,7 @@ def learn(options: argparse.Namespace) -> int:
                 rate = "" if success is None else f"{success:.3f}"
                 rows.append([str(steps), f"{seconds:.1f}", f"{earned:.4f}", rate])
                 algo.save_to_path(str(checkpoint))
-                table.write_text("\n".join(",".join(row) for row in [COLUMNS, *rows]) + "\n")
+                write_text(table, "\n".join(",".join(row) for row in [COLUMNS, *rows]) + "\n")
                 print(f"{steps} steps, {seconds:.0f} s: return/step {earned:.3f}, success {rate or '–'}")
         return 0
     except KeyboardInterrupt:

@@ -40,7 +40,7 @@ from config import CONFIG_OF, Config, ConfigError, NetworkConfig, assign, build_
 from gymnasium import spaces
 from gymnasium.envs.registration import EnvSpec
 
-from springgym.cli import whole_file
+from springgym.cli import write_text
 from springgym.envs import agent
 from springgym.envs.agent import Algorithm, Network, Policy
 from springgym.extras import SOURCE
@@ -99,15 +99,26 @@ def locked(folder: Path) -> Iterator[None]:
         yield
 
 
-def _lock(file: IO[bytes]) -> None:
+@contextmanager
+def waited_for(path: Path) -> Iterator[None]:
+    """Keep others from changing the rows of files in the folder of ``path``, and wait while others do so."""
+    with open(Path(os.path.realpath(path)).parent / ".lock", "ab") as file:
+        try:
+            _lock(file, wait=True)
+        except OSError as error:
+            print(f"{path} cannot be locked here ({error.strerror}): add rows to it once at a time")
+        yield
+
+
+def _lock(file: IO[bytes], wait: bool = False) -> None:
     if sys.platform == "win32":
         import msvcrt
 
-        msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+        msvcrt.locking(file.fileno(), msvcrt.LK_LOCK if wait else msvcrt.LK_NBLCK, 1)
     else:
         import fcntl
 
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(file, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def create_run(run: Run) -> Run:
@@ -124,7 +135,7 @@ def create_run(run: Run) -> Run:
             "or name another folder with --out"
         )
     run.folder.mkdir(parents=True, exist_ok=True)
-    write_atomically(run.folder / "versions.json", json.dumps(versions(), indent=2) + "\n")
+    write_text(run.folder / "versions.json", json.dumps(versions(), indent=2) + "\n")
     write_config(run)
     return run
 
@@ -133,7 +144,7 @@ def write_config(run: Run) -> None:
     """Write ``config.yaml``."""
     content = {"algo": run.algo, "env_id": run.env_id, "seed": run.seed, "config": asdict(run.config)}
     text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
-    write_atomically(run.folder / "config.yaml", text)
+    write_text(run.folder / "config.yaml", text)
 
 
 def open_run(folder: Path, overrides: Iterable[str] = ()) -> Run:
@@ -206,16 +217,10 @@ def time_limit(spec: EnvSpec) -> int:
     return int(limit)
 
 
-def write_atomically(path: Path, text: str) -> None:
-    """Replace a file by ``text``: a kill at any moment leaves the old file or the new one."""
-    with whole_file(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
-
-
 def write_rows(path: Path, rows: Iterable[Mapping[str, Any]]) -> None:
     """Write rows as a list in JSON, one row a line."""
     lines = ",\n".join(map(json.dumps, rows))
-    write_atomically(path, f"[\n{lines}\n]\n")
+    write_text(path, f"[\n{lines}\n]\n")
 
 
 def versions() -> dict[str, object]:

@@ -20,7 +20,17 @@ from pathlib import Path
 
 import torch
 from agent import save_agent
-from config import MENDABLE, ONLINE, ConfigError, LinearConfig, PPOConfig, add_overrides, load_config, whole
+from config import (
+    MENDABLE,
+    ONLINE,
+    ConfigError,
+    LinearConfig,
+    PPOConfig,
+    add_overrides,
+    command_line,
+    load_config,
+    whole,
+)
 from controllers import controllers_of
 from evaluate import MOST_EPISODES, evaluate, table, task_kwargs, write_json
 from imitation import imitate
@@ -44,9 +54,7 @@ MOST_STEPS = 10**12
 
 def main(arguments: Sequence[str] | None = None, program: str = "train.py") -> int:
     """Run the command line."""
-    parser = argparse.ArgumentParser(
-        program, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command_line(__doc__, program)
     parser.add_argument("env_id", nargs="?", help="environment id")
     parser.add_argument("--algo", choices=sorted(ONLINE), help="algorithm (default: ppo)")
     parser.add_argument(
@@ -66,7 +74,9 @@ def main(arguments: Sequence[str] | None = None, program: str = "train.py") -> i
         help="episodes of the evaluation at the end; 0 for none",
     )
     options = parser.parse_args(arguments)
-    if bool(options.env_id) == bool(options.resume):
+    if options.env_id and options.resume:
+        parser.error("pass either an environment id or --resume RUN, not both")
+    if not options.env_id and not options.resume:
         parser.error("missing environment id (or --resume RUN)")
     ignored = {name: getattr(options, name) for name in ("algo", "seed", "out", "config")}
     ignored["set"] = options.overrides or None

@@ -26,6 +26,7 @@ from runs import HELD_OUT_SEED, load_policy
 
 import springgym  # noqa: F401  (registers the environments)
 from springgym import view
+from springgym.checks import printable
 from springgym.cli import guarded, whole_file
 from springgym.envs.agent import Policy, alone
 from springgym.envs.trained import Agent
@@ -146,7 +147,7 @@ def _watch(options: argparse.Namespace) -> int:
             view.save_page(played(watched(agent, env_id, env_kwargs), options.seed), options.out)
         else:
             record(agent, env_id, env_kwargs, options.out, options.seed)
-        print(f"wrote {options.out}")
+        print(f"wrote {printable(str(options.out))}")
         return 0
     env, policy = make_watched(agent, env_id, env_kwargs, "human")
     try:

@@ -22,7 +22,7 @@ from benchmarks.conditions import conditions
 from benchmarks.problems import PROBLEMS
 from benchmarks.studies import STUDIES
 from benchmarks.work_precision import TOLERANCES, cheapest, measure
-from springgym.cli import guarded, significant, whole_file
+from springgym.cli import check_new, guarded, significant, write_text
 
 REPORT = "accuracy.json"
 
@@ -59,14 +59,14 @@ def run(args: argparse.Namespace) -> int:
             raise ValueError(f"unknown problem {name!r}; there are {', '.join([*PROBLEMS, *STUDIES])}")
     args.out.mkdir(parents=True, exist_ok=True)
     path = args.out / REPORT
+    check_new(path)
     report = _report_so_far(path)
     for name in names:
         result = (
             STUDIES[name](args.quick) if name in STUDIES else measure(name, args.quick, not args.no_peers)
         )
         report[name] = result | {"measured": conditions()}
-        with whole_file(path) as file:
-            file.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+        write_text(path, json.dumps(report, indent=1) + "\n")
         print("\n".join(summary(name, result)), flush=True)
     print(table(report))
     from benchmarks.figures import draw_accuracy

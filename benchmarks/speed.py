@@ -33,7 +33,7 @@ from benchmarks.ratios import ratios
 from benchmarks.timing import Case, Row, measured
 from springgym.bodies import Body, cube, start
 from springgym.bodies.distances import rms_distance
-from springgym.cli import check_new, guarded, whole_file
+from springgym.cli import check_new, guarded, write_text
 from springgym.core.blocks import block_array
 from springgym.scene import DriveActuator, Placed, Scene, ThrustActuator, WrenchActuator
 from springgym.simulator import PAPER_STEP
@@ -355,8 +355,7 @@ def run(args: argparse.Namespace) -> int:
     for what, ratio in report["ratios"].items():
         print(f"  {what:76}{ratio:8.3g}")
     if args.out:
-        with whole_file(args.out) as path:
-            path.write_text(json.dumps(report, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        write_text(args.out, json.dumps(report, indent=1, ensure_ascii=False) + "\n")
     if args.figure:
         from benchmarks.figures import draw_speed
 

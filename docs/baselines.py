@@ -50,7 +50,9 @@ from results import (  # noqa: E402
 )
 from runs import write_rows  # noqa: E402
 
+from springgym.cli import Parser, guarded, write_text  # noqa: E402
 from springgym.registration import ENVIRONMENTS, VARIANTS, Row, Variant  # noqa: E402
+from springgym.strict_yaml import YamlError, read_json  # noqa: E402
 
 ROWS, PAGE = HERE / "baselines.json", HERE / "baselines.md"
 CURVES = HERE / "figures" / "curves"
@@ -606,7 +608,10 @@ def apart(rows: Iterable[dict[str, Any]]) -> tuple[list[dict[str, Any]], list[di
 
 def read(path: Path) -> list[dict[str, Any]]:
     """The rows of a file."""
-    return list(json.loads(path.read_text(encoding="utf-8")))
+    rows = read_json(path)
+    if not isinstance(rows, list):
+        raise YamlError(f"{path}: the file must hold a list of rows")
+    return rows
 
 
 def refuse(path: Path, rows: Sequence[dict[str, Any]]) -> None:
@@ -627,14 +632,17 @@ def mark(rows: Sequence[dict[str, Any]]) -> None:
                 row["present_probe"] = probe(row["task"])
 
 
-def main() -> None:
+def main() -> int:
     """Command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = Parser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rows", type=Path, nargs="+", default=[], help="rows to take in")
     parser.add_argument("--mark", action="store_true", help="mark rows of tasks that have changed since")
     options = parser.parse_args()
+    return guarded("baselines.py", lambda: write(options))
+
+
+def write(options: argparse.Namespace) -> int:
+    """Take rows in, and write the files of rows, the page and its figures."""
     rows = {identity(row): row for row in [*(read(ROWS) if ROWS.exists() else []), *recorded()]}
     for path in options.rows:
         taken = read(path)
@@ -647,12 +655,13 @@ def main() -> None:
     kept, offline = apart(everything)
     for path, own in ((ROWS, kept), (OFFLINE, offline)):
         write_rows(path, own)
-    PAGE.write_text(page(kept), encoding="utf-8")
+    write_text(PAGE, page(kept))
     matplotlib.use("svg")
     matplotlib.rcParams["svg.hashsalt"] = "springgym"
     draw_curves(kept, CURVES)
     draw_suite(kept, HERE / "figures" / "baselines.svg")
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

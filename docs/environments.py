@@ -29,6 +29,7 @@ from results import interval_of_mean, is_old  # noqa: E402
 
 from benchmarks.curves import cost  # noqa: E402
 from benchmarks.errors import EPISODES, EVERY, PERIODS  # noqa: E402
+from springgym.cli import write_text  # noqa: E402
 from springgym.envs.randomisation import RANDOMIZABLE  # noqa: E402
 from springgym.registration import ENVIRONMENTS, VARIANTS, Row  # noqa: E402
 
@@ -760,7 +761,7 @@ def write() -> None:
         if path not in wanted:
             path.unlink()
     for path, text in wanted.items():
-        path.write_text(text, encoding="utf-8")
+        write_text(path, text)
 
 
 if __name__ == "__main__":

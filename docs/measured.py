@@ -38,7 +38,7 @@ from benchmarks.conditions import changed_since, conditions  # noqa: E402
 from benchmarks.contact_tasks import TASKS  # noqa: E402
 from benchmarks.ratios import like, ratios, speed  # noqa: E402
 from benchmarks.work_precision import cheapest  # noqa: E402
-from springgym.cli import guarded, significant, whole_file  # noqa: E402
+from springgym.cli import guarded, significant, write_text  # noqa: E402
 
 ENVIRONMENTS = environments.MEASURED
 SOURCE = HERE / "numbers.json"
@@ -72,8 +72,7 @@ def write(report: Report) -> None:
             continue
         fields = [f"  {json.dumps(key)}: {_lines(value)}" for key, value in section.items()]
         sections.append(f" {json.dumps(name)}: {{\n" + ",\n".join(fields) + "\n }")
-    with whole_file(SOURCE) as path:
-        path.write_text("{\n" + ",\n".join(sections) + "\n}\n", encoding="utf-8")
+    write_text(SOURCE, "{\n" + ",\n".join(sections) + "\n}\n")
 
 
 def _lines(value: object) -> str:
@@ -650,7 +649,7 @@ def fill_pages(report: Report) -> None:
     for page in PAGES:
         text = page.read_text(encoding="utf-8")
         if (new := filled(text, report)) != text:
-            page.write_text(new, encoding="utf-8")
+            write_text(page, new)
     environments.write()
 
 

@@ -25,6 +25,7 @@ import imageio_ffmpeg
 import numpy as np
 
 from springgym import load_agent
+from springgym.cli import write_text
 from springgym.envs.agent import Policy
 from springgym.envs.trained import PUBLISHED
 from springgym.registration import ENVIRONMENTS
@@ -62,10 +63,10 @@ def scene(name: str, folder: Path) -> None:
     recording = record(plan, contacts=True)  # the viewer draws forces of support where contacts tell them
     draw(recording).savefig(folder / f"{name}.png")
     told = {"checks": rows(check(recording))}
-    (folder / f"{name}.json").write_text(json.dumps(told), encoding="utf-8")
+    write_text(folder / f"{name}.json", json.dumps(told))
     with TemporaryDirectory() as temporary:
         save_page(recording, page := Path(temporary) / "page.viser")
-        (folder / f"{name}.js").write_text(embedded(page), encoding="utf-8")
+        write_text(folder / f"{name}.js", embedded(page))
     frames = islice(film.frames(recording), round(LONG * film.FPS))
     write(frames, folder / f"{name}.mp4", film.FPS)
 
@@ -87,7 +88,7 @@ def viewer(folder: Path) -> None:
     """Write view.html, which plays NAME.js at the address ``view.html?NAME``, with or without a server."""
     save_viewer(path := folder / "view.html")
     page = path.read_text(encoding="utf-8")
-    path.write_text(page.replace("</head>", LOAD + "</head>", 1), encoding="utf-8")
+    write_text(path, page.replace("</head>", LOAD + "</head>", 1))
 
 
 def rows(checks: Iterable[Check]) -> list[list[str]]:

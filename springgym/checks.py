@@ -23,6 +23,7 @@ import math
 import operator
 import os
 import stat
+import unicodedata
 from collections.abc import Callable, Collection, Iterable
 from numbers import Real
 from typing import Any, TypeVar
@@ -217,7 +218,7 @@ def unreadable(path: os.PathLike[str], most: int) -> str:
     except (OSError, ValueError) as error:  # a null character in the name
         return getattr(error, "strerror", None) or str(error)
     if not stat.S_ISREG(found.st_mode):
-        return "it is not a regular file"
+        return "it is a folder" if stat.S_ISDIR(found.st_mode) else "it is not a regular file"
     return f"it has {found.st_size:,} bytes, and at most {most:,} are read" if found.st_size > most else ""
 
 
@@ -271,13 +272,34 @@ def refusing_unknown(made: Made) -> Made:
     return made
 
 
-def suggestion(key: object, known: Iterable[str]) -> str:
-    """Return the end of a message about an unknown name: a similar name, one that it begins, or all names."""
+def similar(key: object, known: Iterable[str]) -> str:
+    """Return the end of a message about an unknown name: a similar name, or one that contains it; else ""."""
     names = list(known)
     close = difflib.get_close_matches(key, names, n=1) if isinstance(key, str) else []
     if isinstance(key, str) and len(key) >= 3:
         close += [name for name in names if name.startswith(key)]
-    return f"; did you mean {close[0]!r}?" if close else f"; choose from: {', '.join(names)}"
+        close += [name for name in names if key in name]
+    return f"; did you mean {close[0]!r}?" if close else ""
+
+
+def suggestion(key: object, known: Iterable[str]) -> str:
+    """Return the end of a message about an unknown name: a `similar` name, or all names."""
+    names = list(known)
+    return similar(key, names) or f"; choose from: {', '.join(names)}"
+
+
+def printable(text: str) -> str:
+    """Return a text with escapes in place of characters that a terminal would obey: ``\\x1b`` for ESC.
+
+    Use it for text from files and names of files, which may be anyone's, before you print it.
+    """
+    harmless = (char.isprintable() or unicodedata.category(char) == "Zs" for char in text)  # Zs: all spaces
+    return "".join(char if fine else repr(char)[1:-1] for char, fine in zip(text, harmless, strict=True))
+
+
+def counted(count: int, one: str, several: str = "") -> str:
+    """Return a number of things in words: "1 step", "2 steps"; ``several`` is an irregular plural."""
+    return f"{count:,} {one if count == 1 else several or one + 's'}"
 
 
 def shown(value: object) -> str:

@@ -10,15 +10,20 @@ import argparse
 import importlib
 import io
 import os
+import stat
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryFile
+from typing import Any, NoReturn
+from uuid import uuid4
 
 from gymnasium.error import DependencyNotInstalled
 
 import springgym
 from springgym import scripts
+from springgym.checks import printable, similar
 from springgym.extras import install
 
 COMMANDS = {
@@ -28,7 +33,7 @@ COMMANDS = {
         "simulate a scene; plot it, record a video, compare it with theory",
     ),
     "view": ("springgym.view", "view", "view and change a scene or an episode in the browser"),
-    "compile": ("springgym.compile_all", "", "compile environments in advance"),
+    "compile": ("springgym.compile_all", "", "compile environments ahead of time"),
 }
 """Each subcommand with its module, the extra that it needs, and a line of help."""
 
@@ -81,7 +86,7 @@ def guarded(
     Parameters
     ----------
     program
-        Name of the program, at the beginning of the line.
+        Name of the program, whose first word begins the line.
     action
         A function that returns the status.
     mendable
@@ -89,6 +94,9 @@ def guarded(
     extra
         The extra of `springgym[...]` with the packages that the command needs.
     """
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed, as that of a daemon: nobody reads it
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115 (for the whole run)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # characters that it lacks become question marks
             stream.reconfigure(errors="replace")
@@ -101,10 +109,10 @@ def guarded(
         return NO_READER
     except mendable as error:
         _give_up_stdout()
-        print(f"{program}: error: {_message(error, extra)}", file=sys.stderr)
+        print(complaint(program, _message(error, extra)), file=sys.stderr)
         return WRONG_USE
     except KeyboardInterrupt:
-        print(f"{program}: interrupted", file=sys.stderr)
+        print(f"{_first(program)}: interrupted", file=sys.stderr)
         return INTERRUPTED
 
 
@@ -115,7 +123,17 @@ def _message(error: Exception, extra: str) -> str:
         message = f"{error}: {install(extra)}"
     if isinstance(error, MemoryError):
         message = str(error) or "not enough memory"
-    return " ".join(str(message).split()) or type(error).__name__
+    return str(message) or type(error).__name__
+
+
+def complaint(program: str, message: str) -> str:
+    """Return an error as every command reports it: in one line, with nothing that a terminal would obey."""
+    return f"{_first(program)}: error: {printable(' '.join(message.split()))}"
+
+
+def _first(program: str) -> str:
+    """Return the first word of a program's name: "springgym" of "springgym train"."""
+    return program.partition(" ")[0]
 
 
 def _give_up_stdout() -> None:
@@ -130,37 +148,83 @@ def _give_up_stdout() -> None:
 def whole_file(path: Path) -> Iterator[Path]:
     """Yield a temporary path for writing a file, which gets its own name when it is complete and on disk.
 
-    Whenever the program ends, there is either the old file or the new one. Devices and pipes are written
-    directly; links remain links.
+    Whenever the program ends, there is either the old file or the new one, and of several writers, one is the
+    last. The new file has the mode of the old one. Devices and pipes are written directly; a link remains
+    one, and the file that it leads to is replaced.
     """
-    place = path.resolve()
-    temporary = place.with_name(f"{place.stem}.tmp{place.suffix}")
+    place = Path(os.path.realpath(path))
     try:
-        if place.exists() and not place.is_file():
+        there = _is_there(place)
+        if there and not place.is_file():
             yield path
             return
-        yield temporary
-        with temporary.open("rb+") as file:  # Windows syncs only writable files
-            os.fsync(file.fileno())
-        os.replace(temporary, place)
+        suffix = place.suffix if len(os.fsencode(place.suffix)) <= LONGEST_SUFFIX else ""
+        temporary = place.with_name(f".{uuid4().hex}{suffix}")  # writers choose the format by the suffix
+        mode = stat.S_IMODE(place.stat().st_mode) if there else None
+        os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666 if mode is None else 0o600))
+        try:
+            yield temporary
+            with temporary.open("rb+") as file:  # Windows syncs only writable files
+                if not os.fstat(file.fileno()).st_size:
+                    raise OSError("nothing was written")
+                os.fsync(file.fileno())
+            if mode is not None:
+                temporary.chmod(mode)
+            os.replace(temporary, place)
+        finally:
+            temporary.unlink(missing_ok=True)
     except OSError as error:
         raise OSError(f"{path}: {error.strerror or error}") from error
-    finally:
-        temporary.unlink(missing_ok=True)
+
+
+LONGEST_SUFFIX = 16
+"""Longest suffix that a temporary file has, too [bytes]: names have at most 255."""
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a `whole_file`."""
+    with whole_file(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
 
 
 def check_new(path: Path, endings: Sequence[str] = ()) -> None:
-    """Raise ValueError unless a file can be written: its name has one of the endings, and its folder exists.
+    """Raise ValueError unless a file can be written, before the work whose result it is to hold.
 
     Raises
     ------
     ValueError
-        If its name has none of the endings, or its folder is missing.
+        If its name has none of the endings, its folder is missing or not writable, or it is a folder.
     """
     if endings and path.suffix.lower() not in endings:
         raise ValueError(f"{path}: the name must end in {' or '.join(endings)}")
-    if not path.absolute().parent.is_dir():
-        raise ValueError(f"{path}: there is no folder {path.absolute().parent}")
+    place = Path(os.path.realpath(path))
+    if not place.parent.is_dir():
+        raise ValueError(f"{path}: there is no folder {place.parent}")
+    try:
+        if place.is_dir():
+            raise ValueError(f"{path}: it is a folder")
+        if place.is_file() or not _is_there(place):
+            with TemporaryFile(dir=place.parent):
+                pass
+        elif not os.access(place, os.W_OK):
+            raise ValueError(f"{path}: it cannot be written")
+    except OSError as error:
+        raise ValueError(f"{path}: it cannot be written: {error.strerror or error}") from error
+
+
+def _is_there(place: Path) -> bool:
+    """Return whether there is anything at a place.
+
+    Raises
+    ------
+    OSError
+        If nothing can be: its name is too long, or a link leads to itself.
+    """
+    try:
+        place.stat()
+    except FileNotFoundError:
+        return False
+    return True
 
 
 def significant(number: float, figures: int) -> str:
@@ -168,20 +232,48 @@ def significant(number: float, figures: int) -> str:
     return f"{float(f'{number:.{figures}g}'):,.12g}"
 
 
+class Parser(argparse.ArgumentParser):
+    """A parser of arguments whose errors have one line, suggest a similar word, and are not preceded by the
+    usage."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print an error and exit."""
+        help_with = "" if "; did you mean " in message else f"; see {self.prog} --help"
+        self.exit(WRONG_USE, f"{complaint(self.prog, message + help_with)}\n")
+
+    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse arguments; the first option that is unknown is an error with a similar one."""
+        parsed, unknown = self.parse_known_args(args, namespace)
+        if unknown:
+            self.refuse(unknown)
+        return parsed
+
+    def refuse(self, unknown: Sequence[str]) -> NoReturn:
+        """Print an error about unknown arguments and exit."""
+        options = [option for option in self._option_string_actions if option.startswith("--")]
+        self.error(
+            f"unrecognized arguments: {' '.join(unknown)}{similar(unknown[0].partition('=')[0], options)}"
+        )
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if action.choices is not None and value not in action.choices:
+            close = similar(value, map(str, action.choices))
+            known = close or f"; choose from: {', '.join(map(str, action.choices))}"
+            raise argparse.ArgumentError(action, f"invalid choice: {value!r}{known}")
+
+
 def _parse(name: str, arguments: list[str]) -> argparse.Namespace:
-    """Parse a command line. For an option that the command lacks, print the usage of the command and exit."""
+    """Parse a command line. An unknown option is an error of the command, which suggests its own options."""
     args, unknown = (parser := _parser(name)).parse_known_args(arguments)
     if unknown:
         (commands,) = (a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
-        commands.choices[args.command].error(f"unrecognized arguments: {' '.join(unknown)}")
+        commands.choices[args.command].refuse(unknown)
     return args
 
 
-def _parser(given: str) -> argparse.ArgumentParser:
+def _parser(given: str) -> Parser:
     """Return the parser of all commands, with the options of the given one."""
-    parser = argparse.ArgumentParser(
-        prog="springgym", description="Train agents and simulate mass-spring bodies."
-    )
+    parser = Parser(prog="springgym", description="Train agents and simulate mass-spring bodies.")
     parser.add_argument("--version", action="version", version=f"springgym {springgym.__version__}")
     commands = parser.add_subparsers(dest="command", metavar="command", required=True)
     for name, (_, line) in SCRIPTS.items():

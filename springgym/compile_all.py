@@ -20,6 +20,7 @@ from typing import Any
 
 import gymnasium as gym
 
+from springgym.checks import counted
 from springgym.registration import ENVIRONMENTS, spec_of
 
 KINDS = {"single": "gym.make", "batch": "gym.make_vec"}
@@ -48,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--only",
         choices=sorted(KINDS),
-        help="compile for gymnasium.make (single) or make_vec (batch) alone (default: both)",
+        help="compile only for gymnasium.make (single) or make_vec (batch) (default: both)",
     )
     parser.add_argument("--dtype", choices=DTYPES, default="float64", help="precision of batches")
     parser.add_argument("--jobs", type=int, default=1, help="parallel compilations (default: 1)")
@@ -59,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
     if args.jobs < 1:
         raise ValueError(f"--jobs is {args.jobs}; it must be at least 1")
     if args.only == "single" and args.dtype != DTYPES[0]:
-        raise ValueError(f"--dtype {args.dtype} is of batches, and --only single compiles none")
+        raise ValueError(f"--dtype {args.dtype} applies to batches, and --only single compiles none")
     ids = args.ids or [row.id for row in ENVIRONMENTS]
     if os.getcwd() not in sys.path:
         sys.path.append(os.getcwd())  # last, so that module:ID finds an environment there
@@ -74,10 +75,10 @@ def run(args: argparse.Namespace) -> int:
         folder = pool.submit(_folder).result()
     entries = list(folder.glob("*.nbc"))
     size = sum(entry.stat().st_size for entry in entries)
-    print(f"{len(entries)} entries, {size / 1e6:.1f} MB, in {folder}")
+    print(f"{counted(len(entries), 'entry', 'entries')}, {size / 1e6:.1f} MB, in {folder}")
     told = " ".join(f"{name}={value}" for name, value in settings.items() if value != "host")
     if told:
-        print(f"Programs find them with {told} in their environment")
+        print(f"To use them, set {told}")
     return 0
 
 
@@ -110,7 +111,7 @@ def _folder() -> Path:
 
     folder = cache_directory()
     if folder is None:
-        raise ValueError("there is no folder for compiled code: name one with --to")
+        raise ValueError("no cache folder is writable; choose one with --to")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with TemporaryFile(dir=folder):
@@ -126,8 +127,8 @@ def compile_one(task: Sequence[str]) -> float:
     Raises
     ------
     ValueError
-        If this processor is not of the level, compiled code cannot be written, nothing is to be compiled, the
-        environment takes no such precision, or it is not one of springgym.
+        If this processor does not have the level, compiled code cannot be written, the environment does not
+        support the precision, or it is not a springgym environment.
     """
     from springgym.core import compiling
     from springgym.envs.base import SpringEnv, SpringVectorEnv
@@ -150,7 +151,7 @@ def compile_one(task: Sequence[str]) -> float:
     except TypeError as error:
         raise ValueError(f"{name}, {KINDS[kind]}: {error}") from error
     if not isinstance(env.unwrapped, (SpringEnv, SpringVectorEnv)):
-        raise ValueError(f"{name} is no environment of springgym, and compiles nothing")
+        raise ValueError(f"{name} is not a springgym environment; there is nothing to compile")
     env.reset(seed=0)
     for _ in range(2):  # a batch resets in the second
         env.step(env.action_space.sample())

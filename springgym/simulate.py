@@ -5,14 +5,15 @@ from __future__ import annotations
 import argparse
 import csv
 import sys
-from collections.abc import Iterable, Iterator
+import textwrap
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from springgym.checks import apart
+from springgym.checks import apart, counted, printable
 from springgym.cli import INTERRUPTED, check_new, whole_file
 from springgym.contact.totals import PairReadings
 from springgym.integrators import METHODS
@@ -31,6 +32,9 @@ ENERGIES = (
 )
 """The energy ledger in a trace [J]."""
 
+COLUMNS = 80
+"""Width of the list of scenes [letters]."""
+
 UNCOVERED = 3
 """Exit status if no check fails, but theory does not cover all of them."""
 
@@ -39,6 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of the command."""
     parser.add_argument("scene", nargs="?", help="scene name (see --list) or YAML file")
     parser.add_argument("--list", action="store_true", help="list the scenes")
+    parser.add_argument("-v", "--verbose", action="store_true", help="print all settings of the simulator")
     parser.add_argument("--duration", type=float, metavar="S", help="simulated time in seconds")
     parser.add_argument("--integrator", choices=METHODS, help="integrator, instead of the scene's")
     parser.add_argument("--step", type=float, metavar="S", help="time step in seconds")
@@ -54,48 +59,67 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--check",
         action="store_true",
-        help=f"compare with theory; exit with 1 on failure, {UNCOVERED} if theory does not cover a check",
+        help=f"compare with theory; exit with 1 on failure, {UNCOVERED} if no theory applies",
     )
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the command with its arguments; return the exit status."""
     if args.list:
-        for name in scene_names():
-            print(f"{name:20} {document(name).at(('title',))}")  # building takes a second each
+        print("\n".join(_listed(scene_names())))
         return 0
     if args.scene is None:
-        raise ValueError("no scene is given: name one of springgym simulate --list, or a YAML file")
+        raise ValueError("no scene given: pass a scene name (see springgym simulate --list) or a YAML file")
     _check_files(args)
+    writers = _writers(args)
     scene = load(args.scene)
     plan = _changed(scene, args)
     if args.check:
         fitting(plan)
     recording = record(plan, progress=_bar(plan.name))
     if not recording.complete:
-        print(f"interrupted; what follows ends at t = {recording.times[-1]:g} s", file=sys.stderr)
-    print(_summary(recording))
-    if args.trace:
-        with whole_file(args.trace) as path:
-            save_trace(recording, path)
-    if args.plot:
-        from springgym.scenes.plots import draw
-
-        with whole_file(args.plot) as path:
-            draw(recording).savefig(path)
-    if args.video:
-        from springgym.scenes.film import save_film
-
-        with whole_file(args.video) as path:
-            save_film(recording, path, progress=_bar("film"))
-    for path in filter(None, (args.trace, args.plot, args.video)):
-        print(f"wrote {path}")
+        print(f"interrupted; the results end at t = {recording.times[-1]:g} s", file=sys.stderr)
+    print(_summary(recording, args.verbose))
+    failed = []
+    for path, write in writers.items():
+        try:
+            with whole_file(path) as temporary:
+                write(recording, temporary)
+            print(f"wrote {printable(str(path))}")
+        except OSError as error:  # the others may still be written
+            failed.append(str(error))
     status = _report(recording, scene.duration) if args.check else 0
+    if failed:
+        raise OSError("; ".join(failed))
     return status if recording.complete else INTERRUPTED
 
 
+def _listed(scenes: Iterable[str]) -> Iterator[str]:
+    """Yield lines of at most `COLUMNS` letters with the names of scenes and their titles."""
+    indent = max(map(len, scenes := list(scenes))) + 2
+    for name in scenes:
+        title = printable(str(document(name).at(("title",))))  # building takes a second each
+        yield textwrap.fill(title, COLUMNS, initial_indent=name.ljust(indent), subsequent_indent=" " * indent)
+
+
+def _writers(args: argparse.Namespace) -> dict[Path, Callable[[Recording, Path], None]]:
+    """Return how each file that is asked for is written; a package that is missing raises ImportError."""
+    writers: dict[Path, Callable[[Recording, Path], None]] = {}
+    if args.trace:
+        writers[args.trace] = save_trace
+    if args.plot:
+        from springgym.scenes.plots import draw
+
+        writers[args.plot] = lambda recording, path: draw(recording).savefig(path)
+    if args.video:
+        from springgym.scenes.film import save_film
+
+        writers[args.video] = lambda recording, path: save_film(recording, path, progress=_bar("film"))
+    return writers
+
+
 def _check_files(args: argparse.Namespace) -> None:
-    """Raise ValueError for a file of the wrong kind, before any work is done."""
+    """Raise ValueError for a file of the wrong kind or that cannot be written, before any work is done."""
     plots, videos = (".png", ".svg", ".pdf"), (".mp4", ".gif")
     for option, suffixes in (("trace", (".npz", ".csv")), ("plot", plots), ("video", videos)):
         if (path := getattr(args, option)) is not None:
@@ -110,7 +134,7 @@ def _changed(plan: Plan, args: argparse.Namespace) -> Plan:
             raise ValueError(f"--{option} {given}: it must be at least {least} s, and finite")
     if args.integrator is not None and args.preset == "paper":
         raise ValueError(
-            f"--integrator {args.integrator}: the paper's settings have rk4; leave one of them out"
+            f"--integrator {args.integrator}: the paper's settings have rk4; omit one of the two options"
         )
     if args.integrator is not None:
         plan = replace(plan, integrator=args.integrator, step=None)
@@ -127,15 +151,35 @@ def _bar(name: str) -> Progress:
     def wrap(items: Iterable[Any]) -> Iterable[Any]:
         from tqdm import tqdm
 
-        return tqdm(items, desc=name, delay=1.0, leave=False, disable=not sys.stderr.isatty())
+        return tqdm(items, desc=printable(name), delay=1.0, leave=False, disable=not sys.stderr.isatty())
 
     return wrap
 
 
-def _summary(recording: Recording) -> str:
-    m = recording.measures
+def _summary(recording: Recording, verbose: bool = False) -> str:
+    """Return what a simulation consisted of, how it ended, and where its energy went."""
+    plan, m, simulator = recording.plan, recording.measures, recording.simulator
+    scene = plan.scene
     lost = float(m.damping_loss[-1] + m.contact_loss[-1] + m.friction_loss[-1])
-    return "\n".join([_whole(recording, lost), *_between(recording)])
+    bodies = [counted(len(scene.bodies), "body", "bodies")] if len(scene.bodies) > 1 else []
+    parts = [
+        *bodies,
+        counted(len(scene.masses), "particle"),
+        counted(len(scene.springs), "spring"),
+        recording.integrator.name,
+        f"step {1e3 * recording.step:.3g} ms",
+    ]
+    return "\n".join(
+        [
+            printable(f"{plan.name}: {plan.title}"),
+            ", ".join(parts),
+            *([printable(str(simulator))] if verbose else []),
+            f"{recording.times[-1]:g} s simulated, largest strain {m.strain.max():.3g}",
+            f"energy {m.energy[0]:.6g} → {m.energy[-1]:.6g} J, lost {lost:.3g} J, "
+            f"energy error {m.balance[-1] - m.balance[0]:.2g} J{_of_shadow(recording, lost)}",
+            *map(printable, _between(recording)),
+        ]
+    )
 
 
 def _between(recording: Recording) -> Iterator[str]:
@@ -160,21 +204,11 @@ def _of_pairs(pairs: PairReadings, which: list[int]) -> str:
     return f"impulse {sums.impulse:.4g} N·s, lost {lost:.3g} J{counts}"
 
 
-def _whole(recording: Recording, lost: float) -> str:
-    plan, m = recording.plan, recording.measures
-    return (
-        f"{plan.name}: {plan.title}\n{recording.simulator}\n"
-        f"{recording.times[-1]:g} s: largest strain {m.strain.max():.3g}, "
-        f"energy {m.energy[0]:.6g} → {m.energy[-1]:.6g} J, lost {lost:.3g} J, "
-        f"unaccounted {m.balance[-1] - m.balance[0]:.2g} J{_of_shadow(recording, lost)}"
-    )
-
-
 def _of_shadow(recording: Recording, lost: float) -> str:
-    """Return a phrase: how much of the shadow energy is unaccounted for [J]; empty if that is not known."""
+    """Return a phrase: the drift of the shadow energy [J]; empty if that energy is not known."""
     first, last = recording.shadow
     left = last + lost - float(recording.measures.work[-1]) - first
-    return "" if np.isnan(left) else f", of the shadow energy {left:.2g} J"
+    return "" if np.isnan(left) else f" (shadow energy drift {left:.2g} J)"
 
 
 def save_trace(recording: Recording, path: Path) -> None:
@@ -225,13 +259,14 @@ def _report(recording: Recording, whole: float) -> int:
     failed = sum(not result.passed for result in checks) - outside
     if outside:
         print(
-            f"{outside} of {len(checks)} checks not covered: what theory leaves out may make more than the "
-            "tolerance"
+            f"no theory applies to {outside} of {counted(len(checks), 'check')}: what theory leaves out may "
+            "exceed the tolerance"
         )
     if failed and short:
-        print(f"the run is too short for {failed} of {len(checks)} checks: {length:g} s of {whole:g} s")
+        short_of = f"{failed} of {counted(len(checks), 'check')}"
+        print(f"the run is too short for {short_of}: {length:g} s of {whole:g} s")
     elif failed:
-        print(f"{failed} of {len(checks)} checks failed")
+        print(f"{failed} of {counted(len(checks), 'check')} failed")
     if unseen and not short:
         print(f"{unseen} of them: nothing to measure in {length:g} s; a longer run may show it (--duration)")
     return 1 if failed else UNCOVERED if outside else 0
@@ -261,7 +296,7 @@ def _row(result: Check, otherwise: str) -> tuple[str, ...]:
     if verdict == NOT_COVERED:
         verdict += f", theory leaves out {two_figures(result, result.doubt)}"
     return (
-        result.quantity,
+        printable(result.quantity),
         f"{result.theory:.6g}",
         f"{result.measured:.6g}" if seen else "not seen",
         result.unit,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import copy
 import inspect
+import json
 import pickle
 import re
 import types
@@ -49,8 +50,11 @@ class Tree(NamedTuple):
         return value
 
 
-LARGEST = 10_000_000
-"""Largest size of a file [bytes]."""
+LARGEST = 300_000
+"""Largest size of a YAML file [bytes]: parsing takes some 10 µs per byte."""
+
+LARGEST_JSON = 100_000_000
+"""Largest size of a JSON file [bytes]."""
 
 MOST_REPEATED = 10_000
 """Largest number of values that aliases may add: nested aliases make billions from a few hundred bytes."""
@@ -93,14 +97,37 @@ def read_yaml(path: Path) -> Tree:
     return parse_yaml(text, str(path))
 
 
+def read_json(path: Path) -> Any:
+    """Parse a JSON file.
+
+    Raises
+    ------
+    YamlError
+        If it cannot be read or is not valid.
+    """
+    if why := unreadable(path, LARGEST_JSON):
+        raise YamlError(f"{path}: cannot read it: {why}")
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise YamlError(f"{path}: cannot read it: {error.strerror}") from error
+    except ValueError as error:
+        raise YamlError(f"{path}: the file is not JSON: {error}") from error
+    except RecursionError:
+        raise YamlError(f"{path}: the file is nested too deeply") from None
+
+
 def parse_yaml(text: str, source: str) -> Tree:
     """Parse a text, whose origin in error messages is ``source``. Keys are text: ``0:`` is "0".
 
     Raises
     ------
     YamlError
-        If it is not valid, or a key is given twice, or aliases repeat more than `MOST_REPEATED` values.
+        If it is not valid or too long, a key is given twice, or aliases repeat more than `MOST_REPEATED`
+        values.
     """
+    if len(text) > LARGEST:
+        raise YamlError(f"{source}: it has {len(text):,} characters, and at most {LARGEST:,} are read")
     return cast(Tree, pickle.loads(_parsed(text, source)))
 
 

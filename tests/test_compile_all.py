@@ -87,10 +87,10 @@ def test_levels_are_those_of_the_compiler() -> None:
         (["SpringTop-v0", "--jobs", "0"], "--jobs is 0; it must be at least 1"),
         (["SpringTop-v0", "--to", "FILE/folder"], "Not a directory"),
         (["SpringTop-v0", "--to", "FILE"], "cannot write compiled code to "),
-        (["CartPole-v1"], "CartPole-v1 is no environment of springgym"),
+        (["CartPole-v1"], "CartPole-v1 is not a springgym environment"),
         (["CartPole-v1", "--only", "batch", "--dtype", "float32"], "unexpected keyword argument 'dtype'"),
         (["Pendulum-v1", "--only", "batch"], "Pendulum-v1 is registered without a batch"),
-        (["SpringTop-v0", "--only", "single", "--dtype", "float32"], "--dtype float32 is of batches"),
+        (["SpringTop-v0", "--only", "single", "--dtype", "float32"], "--dtype float32 applies to batches"),
         (["nowhere:Own-v0"], "Unknown environment 'nowhere:Own-v0'. No module named 'nowhere'"),
     ],
 )

@@ -212,6 +212,26 @@ def test_who_waits_in_a_thread_is_told(cache: Path, told: pytest.LogCaptureFixtu
     assert len(told.records) == 1
 
 
+@pytest.mark.parametrize("why", ["no folder can be made", "no home"])
+def test_who_cannot_keep_compiled_code_is_told_once(
+    why: str, tmp_path: Path, told: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Otherwise every start would compile again, and nobody would know."""
+    monkeypatch.setattr(compiling, "_UNSAVED", threading.Lock())
+    monkeypatch.setattr(compiling, "PATIENCE", 100.0)
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("SPRINGGYM_CACHE_DIR", str(tmp_path / "file" / "cache"))
+    if why == "no home":
+        monkeypatch.setattr(compiling, "cache_directory", lambda: None)
+    assert hits() == 0
+    assert hits() == 0
+    (record,) = told.records
+    assert record.levelname == "WARNING"
+    said = record.getMessage()
+    assert "compiled code is not kept" in said
+    assert ("no home" in said) if why == "no home" else (f"Not a directory: {tmp_path / 'file'}" in said)
+
+
 def test_who_does_not_wait_is_not_told(
     cache: Path, told: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:

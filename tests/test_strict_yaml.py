@@ -1,12 +1,15 @@
 import itertools
+import os
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Literal
 
 import pytest
 
-from springgym.strict_yaml import YamlError, build, fit, parse_yaml, read_yaml
+from springgym.strict_yaml import LARGEST, YamlError, build, fit, parse_yaml, read_json, read_yaml
 
 
 @dataclass
@@ -121,6 +124,53 @@ def test_aliases_repeat_a_few_values_and_no_more():
     with pytest.raises(YamlError, match=r"file\.yaml:\d+: aliases repeat more than 10000 values"):
         made("\n".join(levels))
     assert time.perf_counter() - began < 5
+
+
+@pytest.mark.parametrize("text", ["[", "a: [0, 1]\n", "- {a: b}\n", "x", "? ", "&a [*a, "])
+def test_a_file_costs_seconds_at_most(text, tmp_path):
+    """Whatever is in it: a longer one is refused at once, and none of the allowed size takes long."""
+    path = tmp_path / "file.yaml"
+    for size, most in ((LARGEST + 1, 0.5), (100_000, 5.0)):
+        whole = (text * size)[:size]
+        path.write_text(whole)
+        for parse in (partial(read_yaml, path), partial(parse_yaml, whole, "file.yaml")):
+            began = time.process_time()
+            with suppress(YamlError):
+                parse()
+            assert time.process_time() - began < most
+    with pytest.raises(
+        YamlError, match=r"file\.yaml: cannot read it: it has 300,001 bytes, and at most 300,000"
+    ):
+        path.write_text(" " * (LARGEST + 1)) and read_yaml(path)
+    with pytest.raises(
+        YamlError, match=r"file\.yaml: it has 300,001 characters, and at most 300,000 are read"
+    ):
+        parse_yaml(" " * (LARGEST + 1), "file.yaml")
+
+
+def deep(path):
+    path.write_text("[" * 100_000)
+
+
+UNREADABLE = {
+    "a folder": (lambda path: path.mkdir(), "it is a folder"),
+    "nothing": (lambda path: None, "No such file"),
+    "nested": (deep, "nested too deeply"),
+    "no text": (lambda path: path.write_bytes(b"\xff\xfe\xfa"), ""),
+    "half": (lambda path: path.write_text("[1, {"), "not"),
+}
+if hasattr(os, "mkfifo"):
+    UNREADABLE["a pipe"] = (os.mkfifo, "it is not a regular file")
+
+
+@pytest.mark.parametrize("what", UNREADABLE)
+@pytest.mark.parametrize("read", [read_yaml, read_json])
+def test_what_cannot_be_read_is_told(read, what, tmp_path):
+    path = tmp_path / "file"
+    make, says = UNREADABLE[what]
+    make(path)
+    with pytest.raises(YamlError, match=rf"{path}: .*{says}|{path}:1: .*{says}"):
+        read(path)
 
 
 def test_a_key_given_twice_in_another_writing_is_an_error():

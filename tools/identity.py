@@ -25,8 +25,10 @@ import gymnasium as gym
 import numpy as np
 
 from springgym import integrators, rigid, scenes
+from springgym.cli import check_new, guarded, write_text
 from springgym.registration import ALL_IDS
 from springgym.simulator import Simulator
+from springgym.strict_yaml import read_json
 
 Results = dict[str, str]
 
@@ -134,8 +136,14 @@ def main() -> int:
     what.add_argument("--compare", type=Path, help="file of digests to compare with")
     parser.add_argument("--only", default="", help="cases whose name this regular expression finds")
     args = parser.parse_args()
+    return guarded("identity.py", lambda: _identity(args))
+
+
+def _identity(args: argparse.Namespace) -> int:
     path = args.write or args.compare
-    known: dict[str, Results] = json.loads(path.read_text()) if args.compare or path.exists() else {}
+    if args.write:
+        check_new(path)
+    known: dict[str, Results] = read_json(path) if args.compare or path.exists() else {}
     wanted = {name: case for name, case in cases() if re.search(args.only, name)}
     gone = [] if args.write else [name for name in known.keys() - wanted if re.search(args.only, name)]
     bad = [f"{name}: not run" for name in gone]
@@ -146,7 +154,7 @@ def main() -> int:
         print(name, f"DIFFERS in {', '.join(sorted(differ))}" if differ else "", flush=True)
         if args.write:
             known[name] = results
-            path.write_text(json.dumps(known, indent=0, sort_keys=True))
+            write_text(path, json.dumps(known, indent=0, sort_keys=True))
         elif differ:
             bad.append(name)
     print(f"{len(wanted)} cases", *([] if args.write else [f"{len(bad)} not as in {path}", *bad]), sep="\n")

@@ -28,9 +28,9 @@ import gymnasium as gym
 import numpy as np
 from config import MENDABLE, ConfigError, add_overrides, command_line, making, new_file, whole
 from evaluate import LAST_SEED, MOST_EPISODES, Evaluation, evaluate, find_task, named, percent, score
-from runs import HELD_OUT_SEED, write_atomically
+from runs import HELD_OUT_SEED
 
-from springgym.cli import guarded
+from springgym.cli import guarded, write_text
 from springgym.envs.randomisation import varying
 from springgym.integrators import integrator
 from springgym.integrators.record import refusal
@@ -178,7 +178,7 @@ def _audit(options: argparse.Namespace) -> int:
     findings = audit(agent, env_id, kwargs, options.episodes, options.seed)
     print(f"{env_id}: {options.agent}, {options.episodes} episodes\n{table(findings, env_id)}")
     if options.json:
-        write_atomically(options.json, json.dumps([vars(found) for found in findings], indent=1) + "\n")
+        write_text(options.json, json.dumps([vars(found) for found in findings], indent=1) + "\n")
     return 0 if survives(findings) else 1
 
 

@@ -18,7 +18,6 @@ For data of medium quality, record an agent that was trained for a part of the s
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
@@ -28,7 +27,16 @@ from typing import Any
 import _path  # noqa: F401  (first)
 import gymnasium as gym
 import numpy as np
-from config import MENDABLE, ConfigError, add_overrides, making, number, parse_assignments, whole
+from config import (
+    MENDABLE,
+    ConfigError,
+    add_overrides,
+    command_line,
+    making,
+    number,
+    parse_assignments,
+    whole,
+)
 from controllers import controller_env_kwargs, make_controller
 from evaluate import named, trained_kwargs, trained_on
 from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
@@ -165,9 +173,7 @@ def write(
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command_line(__doc__)
     parser.add_argument("env_id", help="environment id")
     parser.add_argument(
         "agents", nargs="+", help="run folders; the environment's id; noop, random, classical, planner"

@@ -16,6 +16,7 @@ import argparse
 import json
 import sys
 from collections.abc import Mapping, Sequence
+from functools import partial
 from hashlib import sha256
 from operator import itemgetter
 from pathlib import Path
@@ -25,8 +26,7 @@ import _path  # noqa: F401  (first)
 from config import MENDABLE, ConfigError, command_line, making, new_file, whole
 from controllers import CLASSICAL
 from evaluate import MOST_EPISODES, evaluate, find_task, percent
-from results import PROTOCOL, interval_of_returns, made_with, probe, read_rows
-from runs import write_rows
+from results import PROTOCOL, Rows, change_rows, interval_of_returns, made_with, probe, read_rows
 
 from springgym.cli import guarded
 from springgym.envs.trained import PUBLISHED, published
@@ -89,6 +89,12 @@ def rows_of(task: str, kept: Sequence[Mapping[str, Any]], episodes: int) -> list
     return rows
 
 
+def with_task(rows: Rows, task: str, new: Rows) -> Rows:
+    """Return rows with ``new`` ones in place of those of a task, ordered by task."""
+    others = {name: row for name, row in rows.items() if row["task"] != task}
+    return dict(sorted((others | new).items(), key=lambda item: str(item[1]["task"])))
+
+
 def table(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return the lines of a table: a row for each agent, and a column for each world."""
     lines = [f"| task | agent | {' | '.join(WORLDS)} |", "|---" * (len(WORLDS) + 2) + "|"]
@@ -124,18 +130,19 @@ def _generalize(options: argparse.Namespace) -> int:
         if task not in known:
             raise ConfigError(f"{task!r} is not one of {', '.join(known)}")
     key = itemgetter("task", "agent", "world")
-    rows = list(read_rows(options.rows, key).values()) if options.rows else []
+    rows = read_rows(options.rows, key) if options.rows else {}
     for task in options.tasks or [row.id for row in ENVIRONMENTS]:
-        new = rows_of(task, rows, options.episodes)
-        rows = sorted([*(row for row in rows if row["task"] != task), *new], key=lambda row: row["task"])
+        new = rows_of(task, list(rows.values()), options.episodes)
+        taken = partial(with_task, task=task, new={key(row): row for row in new})
+        rows = taken(rows)
         print("\n".join(table(new) if options.tasks else [task]), flush=True)
         for row in new:
             if "refused" in row:
                 print(f"{task}, {row['world']}: {row['refused']}")
         if options.rows:
-            write_rows(options.rows, rows)
+            change_rows(options.rows, taken, key)
     if not options.tasks:
-        print("\n".join(table(rows)))
+        print("\n".join(table(list(rows.values()))))
     return 0
 
 

@@ -16,6 +16,7 @@ import argparse
 import sys
 import tempfile
 from collections.abc import Sequence
+from functools import partial
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -26,8 +27,8 @@ import torch
 from config import CONFIG_FOLDER, DEFAULT, MENDABLE, Config, command_line, load_config, new_file, whole
 from learner import make_training_env, native_env, new_model
 from recorder import Recorder, make_logger
-from results import read_rows
-from runs import HELD_OUT_SEED, Run, create_run, write_rows
+from results import change_rows, read_rows
+from runs import HELD_OUT_SEED, Run, create_run
 from tqdm import tqdm
 from train import begin_with_imitation
 
@@ -140,11 +141,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _measure_all(options: argparse.Namespace) -> int:
     tasks = options.tasks or [key for key in read_yaml(options.config).value if key != DEFAULT]
     configs = {task: load_config("ppo", task, (), options.config) for task in tasks}
-    known = read_rows(options.json, itemgetter("task", "seed")) if options.json else {}
+    key = itemgetter("task", "seed")
+    known = read_rows(options.json, key) if options.json else {}
     for task, config in configs.items():
-        known[task, options.seed] = measure(task, options.seed, config)
+        new = {(task, options.seed): measure(task, options.seed, config)}
+        known |= new
         if options.json:
-            write_rows(options.json, known.values())
+            change_rows(options.json, partial(lambda rows, new: rows | new, new=new), key)
     print(shown([known[task, options.seed] for task in tasks]))
     return 0
 

@@ -29,9 +29,9 @@ from audit import audit
 from config import MENDABLE, ConfigError, command_line, config_path, load_config, whole
 from evaluate import evaluate, task_kwargs
 from results import probe, same_probe
-from runs import HELD_OUT_SEED, PUBLISHED_SEED, SELECTION_SEED, Run, open_run, write_atomically
+from runs import HELD_OUT_SEED, PUBLISHED_SEED, SELECTION_SEED, Run, open_run
 
-from springgym.cli import guarded
+from springgym.cli import guarded, write_text
 from springgym.envs.trained import PUBLISHED, checksum
 
 EPISODES = 100
@@ -119,7 +119,7 @@ def publish(folders: Sequence[Path], episodes: int, audited: int, into: Path) ->
         (place / "card.json").unlink(missing_ok=True)  # written last: without it there is no agent
         for name in SHARED:
             shutil.copyfile(folder / name, place / name)
-        write_atomically(place / "card.json", json.dumps(found, indent=1) + "\n")
+        write_text(place / "card.json", json.dumps(found, indent=1) + "\n")
         print(f"{env_id}: {found['algorithm']} {found['seed']}, {found['mean_return']:.4f}")
     return 0
 
@@ -136,7 +136,7 @@ def again(folders: Sequence[Path], episodes: int, audited: int) -> int:
         trained_for = there.get("trained_probe", there["probe"])
         if not same_probe(trained_for, run.env_id):
             found["trained_probe"] = trained_for
-        write_atomically(folder / "card.json", json.dumps(found, indent=1) + "\n")
+        write_text(folder / "card.json", json.dumps(found, indent=1) + "\n")
         print(f"{run.env_id}: {there['algorithm']} {there['seed']}, {found['mean_return']:.4f}")
     return 0
 

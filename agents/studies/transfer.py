@@ -25,10 +25,10 @@ from benchmark import Plan, add_hyperparameters, is_current, parsed, recorded, r
 from config import MENDABLE, ONLINE, ConfigError, command_line, config_path, load_config, making, whole
 from evaluate import evaluate, percent, task_kwargs
 from results import Cell, interval_of_returns
-from runs import locked, write_atomically
+from runs import locked
 from tqdm import tqdm
 
-from springgym.cli import INTERRUPTED, guarded, whole_file
+from springgym.cli import INTERRUPTED, guarded, whole_file, write_text
 from springgym.envs.sb3 import make_sb3
 
 DYNAMICS = ("springs", "rigid")
@@ -100,7 +100,7 @@ def train(options: argparse.Namespace, folder: Path) -> int:
                 failed += 1
                 print(f"{kind}: {cell} failed: {row}", file=sys.stderr)
             else:
-                write_atomically(plan.folder(cell) / "row.json", json.dumps(row) + "\n")
+                write_text(plan.folder(cell) / "row.json", json.dumps(row) + "\n")
                 tqdm.write(f"{kind}: {cell}: {row['mean_return']:.3f} where it learned")
     return failed
 
@@ -207,7 +207,7 @@ def transfer(options: argparse.Namespace) -> int:
             print("\nstopped; the same command continues")
             return INTERRUPTED
         rows = played(options, folder, kwargs)
-        write_atomically(folder / "transfer.json", json.dumps(rows, indent=0) + "\n")
+        write_text(folder / "transfer.json", json.dumps(rows, indent=0) + "\n")
         draw(rows, folder / "transfer.svg")
         print(table(rows))
     return 0

@@ -30,12 +30,22 @@ import torch
 import train
 import yaml
 from benchmark import Plan, add_hyperparameters, overrides_of, training
-from config import CONFIG_FOLDER, MENDABLE, ONLINE, ConfigError, command_line, config_path, load_config, whole
+from config import (
+    CONFIG_FOLDER,
+    MENDABLE,
+    ONLINE,
+    ConfigError,
+    check_result,
+    command_line,
+    config_path,
+    load_config,
+    whole,
+)
 from evaluate import evaluate, task_kwargs
 from results import Cell
-from runs import SELECTION_SEED, locked, write_atomically
+from runs import SELECTION_SEED, locked
 
-from springgym.cli import INTERRUPTED, guarded
+from springgym.cli import INTERRUPTED, guarded, write_text
 
 if TYPE_CHECKING:
     import optuna
@@ -150,6 +160,8 @@ def tune(options: argparse.Namespace) -> int:
     config = load_config(options.algo, options.task, options.overrides, path)  # which refuses wrong ones
     folder = options.runs.absolute() / f"{options.task.rpartition(':')[2]}-{options.algo}"
     folder.mkdir(parents=True, exist_ok=True)
+    options.out.mkdir(parents=True, exist_ok=True)
+    check_result(trials_file(options.out, folder))  # before hours of learning
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     torch.set_num_threads(1)
     with locked(folder):
@@ -185,6 +197,11 @@ def tune(options: argparse.Namespace) -> int:
     return 0
 
 
+def trials_file(out: Path, folder: Path) -> Path:
+    """Return the file of the trials of a study, whose runs are in ``folder``."""
+    return out / f"{folder.name}.json"
+
+
 def tell(study: optuna.Study, options: argparse.Namespace, folder: Path, path: Path | None) -> None:
     """Write down what was tried, and the best of it as a configuration."""
     trials = [
@@ -192,15 +209,14 @@ def tell(study: optuna.Study, options: argparse.Namespace, folder: Path, path: P
         for t in study.get_trials(deepcopy=False)
     ]
     content = {**study.user_attrs["made"], "searched": SPACES[options.algo], "trials": trials}
-    options.out.mkdir(parents=True, exist_ok=True)
-    write_atomically(options.out / f"{folder.name}.json", json.dumps(content, indent=1) + "\n")
+    write_text(trials_file(options.out, folder), json.dumps(content, indent=1) + "\n")
     print(f"trial {trials[-1]['number']}: {trials[-1]['state'].lower()}, {trials[-1]['value']}")
     if any(trial["state"] == "COMPLETE" for trial in trials):
         overrides = [*options.overrides, *suggested(study.best_trial, options.algo)]
         best = asdict(load_config(options.algo, options.task, overrides, path))
         text = f"# return per step {study.best_value:.4f} on {EPISODES} episodes of {options.seeds} agents\n"
         text += yaml.safe_dump({options.task: best}, sort_keys=False, default_flow_style=None)
-        write_atomically(folder / "best.yaml", text)
+        write_text(folder / "best.yaml", text)
         print(f"best: trial {study.best_trial.number}, {study.best_value:.4f}; see {folder / 'best.yaml'}")
 
 

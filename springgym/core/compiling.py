@@ -729,6 +729,8 @@ class DigestKeyedCache:
         """Save a compiled function."""
         try:
             folder, code = cache_directory(), self._digest(sig)
+            if folder is None:
+                _warn_unsaved("this user has no home folder")
             if folder is None or code is None:
                 return
             path = folder / self._name(code, data.codegen.magic_tuple())
@@ -746,8 +748,8 @@ class DigestKeyedCache:
             except BaseException:
                 temporary.unlink(missing_ok=True)
                 raise
-        except OSError:
-            pass  # a read-only or full disk costs a compilation, not the program
+        except OSError as error:  # as of a full disk, costs a compilation, not the program
+            _warn_unsaved(f"{error.strerror or error}: {folder}")
 
     def _places(self, sig: Asked, codegen: JITCPUCodegen) -> Iterator[Path]:
         """Yield the files that may hold the code: in the cache folder, then in `KERNELS`."""
@@ -775,6 +777,20 @@ class DigestKeyedCache:
         settings = [str(getattr(numba.config, name, None)) for name in SETTINGS]
         key = hashlib.sha256(repr((VERSIONS, target, settings)).encode() + code).hexdigest()
         return f"{self._function.__module__}.{self._function.__name__}-{key}.nbc"
+
+
+_UNSAVED = threading.Lock()
+"""Held once it was reported that code is not kept."""
+
+
+def _warn_unsaved(why: str) -> None:
+    """Log, once per process, that compiled code is not kept."""
+    if _UNSAVED.acquire(blocking=False):
+        LOGGER.warning(
+            "springgym: compiled code is not kept, so that every start compiles again (%s); set "
+            "SPRINGGYM_CACHE_DIR to a folder that can be written",
+            why,
+        )
 
 
 DIGEST = hashlib.sha256().digest_size

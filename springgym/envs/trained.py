@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from hashlib import sha256
@@ -16,7 +15,7 @@ from springgym.checks import shown
 from springgym.envs.agent import Algorithm, Network, Policy, load_policy
 from springgym.registration import nearest_id, spec_of
 from springgym.scripts import AGENTS
-from springgym.strict_yaml import YamlError, build, read_yaml
+from springgym.strict_yaml import YamlError, build, read_json, read_yaml
 
 PUBLISHED = AGENTS / "trained"
 """Folder of published agents, one folder per environment, written by ``agents/studies/publish.py``."""
@@ -115,9 +114,9 @@ def published(env_id: str, within: Path = PUBLISHED) -> Path:
         )
     folder = cards[env_id].parent
     try:
-        sums = json.loads(cards[env_id].read_text(encoding="utf-8"))["sha256"]
+        sums = read_json(cards[env_id])["sha256"]
         changed = [name for name, told in sums.items() if checksum(folder / name) != told]
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (KeyError, TypeError, AttributeError) as error:
         raise YamlError(f"{cards[env_id]}: the file is not the card of an agent: {error!r}") from error
     if changed:
         raise YamlError(f"{folder / changed[0]}: the file differs from the published one")

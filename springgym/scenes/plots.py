@@ -21,7 +21,7 @@ from typing import Any, Literal
 import numpy as np
 
 from springgym.bodies.elastic import Elastic
-from springgym.checks import instance
+from springgym.checks import instance, printable
 from springgym.extras import missing
 from springgym.rendering import Camera
 from springgym.rendering.ground import round_down
@@ -59,6 +59,7 @@ STYLE: dict[Any, Any] = {
     "legend.fontsize": SMALL,
     "legend.handlelength": 1.2,
     "lines.linewidth": 1.3,
+    "text.parse_math": False,  # titles and names are from files, and may hold a $
 }
 DPI = 130
 FINER = 1.5
@@ -76,7 +77,7 @@ def draw(recording: Recording) -> Figure:
     plan = instance("recording", recording, Recording).plan
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(11, 4.6 if plan.plot == "top" else 5.8), dpi=DPI, layout="constrained")
-        figure.suptitle(plan.title[:1].upper() + plan.title[1:], fontsize=13)
+        figure.suptitle(printable(plan.title[:1].upper() + plan.title[1:]), fontsize=13)
         PLOTS[plan.plot](recording, figure)
     return figure
 
@@ -129,7 +130,7 @@ def _part(recording: Recording) -> str:
     for placed, own in zip(scene.bodies, scene.slices, strict=True):
         for name, particles in placed.body.parts.items():
             if [own.start + i for i in particles] == [trace]:
-                return name if len(scene.bodies) == 1 else f"{name} of {placed.name}"
+                return name if len(scene.bodies) == 1 else f"{name} of {printable(placed.name)}"
     return "traced particle"
 
 
@@ -384,7 +385,7 @@ def bodies(recording: Recording, figure: Figure) -> None:
     high = _panel(figure, grid[0, 1], "height of the centres of mass", "", "[m]")
     turning = _panel(figure, grid[1, 1], "angular speed", "", "[rad/s]")
     for placed, m, color in zip(scene.bodies, recording.bodies, cycle(OF_BODIES)):  # endless
-        high.plot(t, m.centre[:, 2], color=color, label=placed.name)
+        high.plot(t, m.centre[:, 2], color=color, label=printable(placed.name))
         if not placed.body.floppy:
             turning.plot(t, np.linalg.norm(m.angular_velocity, axis=1), color=color)
     for axes in (high, turning):
@@ -396,7 +397,7 @@ def bodies(recording: Recording, figure: Figure) -> None:
     if met:
         given = _panel(figure, grid[2, 1], "impulse from body to body, so far", "", "[N·s]")
         for n, color in zip(np.flatnonzero(recording.pairs.impulse[-1] > 0).tolist(), cycle(OF_BODIES)):
-            names = (scene.bodies[body].name for body in (met[n].first, met[n].second))
+            names = (printable(scene.bodies[body].name) for body in (met[n].first, met[n].second))
             given.plot(t, recording.pairs.impulse[:, n], color=color, label=" on ".join(names))
         if 0 < len(given.lines) <= 4:
             _legend(given)

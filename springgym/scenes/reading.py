@@ -17,7 +17,7 @@ from springgym import bodies as makers
 from springgym.bodies import Body, from_mesh, from_points, start, union
 from springgym.bodies.motion import InitialState
 from springgym.bodies.precession import heavy_top
-from springgym.checks import instance, refusing_unknown, shown, suggestion
+from springgym.checks import instance, refusing_unknown, shown, similar, suggestion
 from springgym.collisions import Collisions, Pair
 from springgym.collisions.meeting import ALL
 from springgym.scene import GRAVITY, Placed, Scene
@@ -76,10 +76,11 @@ def _file(scene: str | Path) -> Iterator[Path]:
             yield path
         return
     path = Path(scene)
-    if isdir(path):
+    if isdir(scene):
         raise ValueError(f"{shown(str(scene))} is a folder; give the name of a scene, or of a YAML file")
     if path.suffix not in (".yaml", ".yml") and not isfile(path):
-        raise ValueError(f"no such file, and there is no scene {shown(scene)}{suggestion(scene, names())}")
+        known = similar(str(scene), names()) or "; springgym simulate --list shows all"
+        raise ValueError(f"no such file, and there is no scene {shown(str(scene))}{known}")
     yield path
 
 

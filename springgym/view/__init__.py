@@ -21,8 +21,8 @@ from os.path import isfile
 from pathlib import Path
 from typing import Any
 
-from springgym.checks import instance, number
-from springgym.cli import check_new
+from springgym.checks import instance, number, printable
+from springgym.cli import check_new, whole_file
 from springgym.extras import missing
 from springgym.registration import nearest_id
 from springgym.scenes import load, names
@@ -72,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
     check_new(args.save, ENDINGS)
     subject = _subject(args)
     save_page(subject.make(subject.names[0], {}), args.save)
-    print(f"wrote {args.save}")
+    print(f"wrote {printable(str(args.save))}")
     return 0
 
 
@@ -95,7 +95,7 @@ def show(subject: Subject, port: int = PORT, browser: bool = True, address: str 
     server, url = _served(port, address)
     try:
         page = Page(server, subject)
-        print(f"{subject.names[0]}: {url} (Ctrl-C ends)", flush=True)
+        print(f"{printable(subject.names[0])}: {url} (press Ctrl-C to stop)", flush=True)
         if browser:
             webbrowser.open(url)
         page.run()
@@ -187,9 +187,11 @@ def save_page(motion: Motion | Recording, path: str | Path, speed: float | None 
         if alone:
             head, _, tail = serializer.as_html().rpartition("</body>")
             legend = key(motion, [tick for tick in TICKS if stage.shows(tick)], stage.strain_scale)
-            path.write_text(f"{head}{STYLE}{legend}</body>{tail}", encoding="utf-8")
+            content = f"{head}{STYLE}{legend}</body>{tail}".encode()
         else:
-            path.write_bytes(serializer.serialize())
+            content = serializer.serialize()
+        with whole_file(path) as temporary:
+            temporary.write_bytes(content)
     finally:
         _end(server)
 
@@ -202,7 +204,8 @@ def save_viewer(path: str | Path) -> None:
     import viser
 
     page = Path(viser.__file__).parent / "client" / "build" / "index.html"
-    Path(instance("path", path, str, PathLike)).write_bytes(page.read_bytes())
+    with whole_file(Path(instance("path", path, str, PathLike))) as temporary:
+        temporary.write_bytes(page.read_bytes())
 
 
 def _server(port: int) -> Any:

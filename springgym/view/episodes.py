@@ -9,6 +9,7 @@ import numpy as np
 
 import springgym.registration
 from springgym import measures
+from springgym.checks import counted
 from springgym.envs.agent import Policy, alone
 from springgym.envs.trained import Agent, load_agent
 from springgym.identity import sealed
@@ -65,7 +66,7 @@ def find_agent(agent: str | None, env_id: str) -> Agent:
         )
     found = load_agent(agent)
     if ":" in found.env_id and found.env_id != env_id:
-        raise ValueError(f"{agent} names a module to import; to allow this, name {found.env_id}, too")
+        raise ValueError(f"{agent} names a module to import; to allow this, pass {found.env_id}, too")
     return found
 
 
@@ -95,7 +96,7 @@ def played(agent: Agent, seed: int) -> Motion:
         raise ValueError(f"{agent.env_id} has no time limit: register it with max_episode_steps")
     inner: Any = env.unwrapped
     if not hasattr(inner, "episodes"):
-        raise ValueError(f"{agent.env_id} is no environment of springgym's")
+        raise ValueError(f"{agent.env_id} is not a springgym environment")
     policy, task, simulator = agent.policy(env), inner.episodes.task, inner.episodes.simulator
     observation, info = env.reset(seed=seed)
     every = simulator.damping_every
@@ -144,7 +145,7 @@ def played(agent: Agent, seed: int) -> Motion:
     env.close()
     steps = round(times[-1] / task.action_period)
     return Motion(
-        title=f"{agent.env_id}: {agent.name}",
+        title=agent.env_id if agent.name == agent.env_id else f"{agent.env_id}: {agent.name}",
         times=np.array(times),
         positions=x,
         look=look,
@@ -162,7 +163,7 @@ def played(agent: Agent, seed: int) -> Motion:
         camera=camera,
         note=lacking(task.scene),
         summary=(
-            f"{steps} steps of {task.action_period:g} s · return {total:.4g}, {total / steps:.3f} a step · "
-            f"{SUCCESS[info.get('is_success')]}largest strain {m.strain.max():.1e}"
+            f"{counted(steps, 'step')} of {task.action_period:g} s · return {total:.4g} ({total / steps:.3f} "
+            f"per step) · {SUCCESS[info.get('is_success')]}largest strain {m.strain.max():.1e}"
         ),
     )

@@ -148,8 +148,8 @@ def of_recording(recording: Recording, *, twin: bool = True) -> Motion:
         note=lacking(scene),
         summary=(
             f"{recording.integrator.name}, step {1e3 * recording.step:.3g} ms · largest strain "
-            f"{m.strain.max():.1e} · energy {m.energy[0]:.4g} → {m.energy[-1]:.4g} J, lost {lost:.3g} J, "
-            f"unaccounted {m.balance[-1] - m.balance[0]:.1e} J"
+            f"{m.strain.max():.1e} · energy {m.energy[0]:.4g} → {m.energy[-1]:.4g} J, "
+            f"lost {lost:.3g} J, energy error {m.balance[-1] - m.balance[0]:.1e} J"
         ),
     )
 
@@ -217,7 +217,7 @@ def lacking(scene: Scene) -> str:
     if scene.surfaces:
         return ""
     if scene.pins:
-        return "pinned, no floor: nothing collides with the grid"
+        return "pinned, no floor: the grid is not solid"
     return "" if weight_of(scene).any() else "no gravity"
 
 

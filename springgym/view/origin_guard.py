@@ -143,7 +143,7 @@ class OriginGuard:
             if self._token is not None:
                 first, _, rest = request.path.removeprefix("/").partition("?")[0].partition("/")
                 if not hmac.compare_digest(first.encode(errors="surrogateescape"), self._token.encode()):
-                    why = "The address lacks the right token; ask for the address that was printed"
+                    why = "The token is missing or wrong; use the URL that springgym view printed"
                 request.path = f"/{rest}"
             if why:
                 return connection.respond(HTTPStatus.FORBIDDEN, f"{why}\n")
@@ -154,7 +154,7 @@ class OriginGuard:
     def _counting(self, handler: Any) -> Any:
         async def counted(connection: Any) -> None:
             if self._connections >= CONNECTIONS:
-                await connection.close(1013, f"{CONNECTIONS} pages are open already")
+                await connection.close(1013, f"too many open pages: at most {CONNECTIONS}")
                 return
             self._connections += 1
             try:

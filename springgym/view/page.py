@@ -44,6 +44,8 @@ STYLE = f"""<style>
 .told {{position: fixed; top: 40%; left: calc(50vw - {WIDTH // 2}px); transform: translate(-50%, -50%);
   width: max-content; max-width: 24em; padding: .8em 1.2em; border-radius: 6px; background: #fff;
   box-shadow: 0 1px 8px #0003; pointer-events: none; overflow-wrap: anywhere}}
+.text {{max-width: 95%; padding: 0 .75rem .6rem; font-size: .875rem; line-height: 1.55;
+  overflow-wrap: anywhere}}
 .wrong {{border-left: 5px solid #be323c}}
 @media (max-width: 36em) {{
   .over {{font-size: .7em; line-height: 1.35}}
@@ -54,11 +56,11 @@ STYLE = f"""<style>
 </style>"""
 """Style of the overlay; on a phone the panel is as wide as the page, and covers at most half of it."""
 TICKS = {
-    "trace": "the way of the traced particle",
+    "trace": "the path of the traced particle",
     "springs": "the springs, coloured by their strain, through the body",
-    "forces": "the weight, and what pin and surfaces push back with",
+    "forces": "the weight, and the reaction of the pin and the surfaces",
     "rotation": "angular momentum L and angular velocity ω",
-    "contacts": "where bodies and surfaces touch, and with which force",
+    "contacts": "contact points and contact forces",
     "rigid twin": "the trace of the same particles as a rigid body, dashed",
     "follow": "move with the centre of mass",
 }
@@ -192,18 +194,18 @@ class Page:
                 self._subject.kind, tuple(self._subject.names), initial_value=self.name
             )
             self._heed(self._chooser, "choice", lambda name: self._ask(name, {}))
-        self._title = gui.add_markdown("")
-        self._button = gui.add_button("Pause", hint="the space bar does the same")
+        self._title = gui.add_html("")
+        self._button = gui.add_button("Pause", hint="shortcut: space bar")
         self._button.on_click(lambda event: self.play(not self.playing))
         gui.add_command("play or pause", hotkey="space").on_trigger(lambda event: self.play(not self.playing))
         self._moment = gui.add_slider("Time [s]", 0.0, 1.0, 0.001, 0.0)
         self._heed(self._moment, "time", self._seek)
         self._speed = gui.add_dropdown("Speed", tuple(map(fraction, SPEEDS)), initial_value="1")
-        self._readings = gui.add_markdown("")
+        self._readings = gui.add_html("")
         tabs = gui.add_tab_group()
         self._tab = tabs.add_tab("Parameters")
         with self._tab:
-            self._nothing = gui.add_markdown("*No parameters here: choose another above.*")
+            self._nothing = gui.add_html(text_block("No adjustable parameters.", "i"))
             self._reset = gui.add_button("Reset", order=1e6)
             self._reset.on_click(lambda event: self._due.update(sliders=self._restore))
         with tabs.add_tab("Show"):
@@ -221,7 +223,7 @@ class Page:
             self._heed(self._graphed, "graph", lambda _: self._replot())
         graph.float(x=12, y=-12, width=370, height=290)
         self._plot: Any = None
-        self._summary = gui.add_markdown("")
+        self._summary = gui.add_html("")
 
     def _turn_to(self, name: str, motion: Motion) -> None:
         """Show another motion, from its start."""
@@ -287,8 +289,8 @@ class Page:
             self._shown = True
             self._say("")
             self._offer()
-            self._title.content = f"**{motion.title}**"
-            self._summary.content = motion.summary
+            self._title.content = text_block(motion.title, "b")
+            self._summary.content = text_block(motion.summary)
             self._moment.max = last
             if tuple(motion.graphs) != tuple(self._graphed.options):
                 graph = self._graphed.value
@@ -418,7 +420,7 @@ class Page:
             if len(curves) == 1
             for curve in curves.values()
         ]
-        self._readings.content = " · ".join(texts)
+        self._readings.content = text_block(" · ".join(texts))
         curves = motion.graphs.get(self._graphed.value)
         if curves and self._plot is not None:
             self._plot.data = (*self._plotted, self._pointer())
@@ -477,6 +479,14 @@ class Page:
         return values
 
 
+def text_block(text: str, tag: str = "span") -> str:
+    """Return a text as a paragraph of the panel in HTML, escaped: it may come from anyone's file.
+
+    viser's Markdown is no alternative, because it also renders the HTML in a text, and runs its scripts.
+    """
+    return f"<div class='text'><{tag}>{html.escape(text)}</{tag}></div>"
+
+
 NAMES = {"angular velocity": "ω, angular velocity", "angular momentum": "L, angular momentum"}
 """Names of arrows in the legend that differ from their keys."""
 
@@ -509,7 +519,7 @@ def key(motion: Motion, ticks: Collection[str], strain: float) -> str:
         if group_of(name) in shown:
             signs.append(("→", arrows.color, NAMES.get(name, name)))
     if "contacts" in shown:
-        signs.append(("→", RED, "force of a contact, where it acts"))
+        signs.append(("→", RED, "contact force"))
     signs += [("■", color, text) for text, color in motion.key.items()]
     lines += [f"<b style='color:rgb{color}'>{sign}</b>{html.escape(text)}" for sign, color, text in signs]
     lines += [html.escape(motion.note)] if motion.note else []

@@ -189,7 +189,7 @@ def test_a_folder_or_nothing_in_place_of_the_file(saved, capsys):
     assert f"{saved.folder} has no agent.npz; if the run is your own" in capsys.readouterr().err
     saved.agent.mkdir()
     assert watch.main(arguments) == 2
-    assert "not hold the arrays of an agent: it is not a regular file" in capsys.readouterr().err
+    assert "not hold the arrays of an agent: it is a folder" in capsys.readouterr().err
 
 
 def test_nothing_that_is_planted_is_run(saved, tmp_path, capsys):

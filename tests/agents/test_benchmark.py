@@ -341,3 +341,12 @@ def test_digests_know_of_defaults():
 
     assert digest() == digest("anneal=false") == digest("eval_env_kwargs={}")
     assert len({digest(), digest("anneal=true"), digest("gamma=0.9"), digest("env_kwargs.hard=true")}) == 4
+
+
+def test_a_place_that_takes_no_rows_is_told_before_any_run(tmp_path, capsys, monkeypatch):
+    """Also the usual one, which is not an argument."""
+    monkeypatch.setattr(benchmark, "run_cells", None)
+    (tmp_path / "baselines.json").mkdir()
+    asked = ["--tasks", "SpringTop-v0", "--algorithms", "zero", "--local", "--runs", str(tmp_path)]
+    assert benchmark.main(asked) == 2
+    assert f"benchmark.py: error: {tmp_path / 'baselines.json'}: it is a folder\n" in capsys.readouterr().err

@@ -2,7 +2,10 @@
 
 import copy
 import json
+import os
 import shutil
+import subprocess
+import sys
 from dataclasses import asdict
 from itertools import pairwise
 
@@ -14,6 +17,7 @@ import results
 import runs
 
 from springgym.envs.trained import PUBLISHED
+from tests.test_docs import page_writer
 
 TASK = "SpringRope-v0"
 COMMIT = "0123456789abcdef" * 2 + "01234567"
@@ -108,6 +112,9 @@ def better(row):
         (changed(used=["luck"]), "used is ['luck']"),
         (changed(used=["data"]), "used is ['data']"),
         (changed(data=[]), "'data' only with data"),
+        (changed(data=[1], used=["data"]), "data is [1]; it must be a list of data sets with their ids"),
+        (changed(data=[{"id": []}], used=["data"]), "it must be a list of data sets with their ids"),
+        (changed(**{"\x1b[31m": 0}), r"it has \x1b[31m, which is unknown"),
         (changed(seed=1_000_000), "its seed is 1000000"),
         (changed(first_seed=0), "from seed 0"),
         (changed(episodes=50), "it is of 50 episodes"),
@@ -145,11 +152,63 @@ def test_the_agent_of_another_configuration(trained, agents, tmp_path, capsys):
     assert "a run of another task, algorithm, seed or configuration" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("text", ["", "{", "{}", "3", "null"])
+DAMAGED = ("", "{", "{}", "3", "null", "[" * 100_000)
+
+
+@pytest.mark.parametrize("text", [*DAMAGED, "a pipe", "a folder", "nothing"])
 def test_a_damaged_file(text, tmp_path, capsys):
-    (tmp_path / "rows.json").write_text(text)
-    assert benchmark.main(["--check", str(tmp_path / "rows.json")]) == 2
-    assert "rows.json: the file" in capsys.readouterr().err
+    """Nothing hangs, or ends with a traceback, in any of the readers of rows."""
+    path = tmp_path / "rows.json"
+    if text in DAMAGED:
+        path.write_text(text)
+    if text == "a pipe":
+        os.mkfifo(path)
+    if text == "a folder":
+        path.mkdir()
+    assert benchmark.main(["--check", str(path)]) == 2
+    assert "rows.json: " in capsys.readouterr().err
+    if text not in ("nothing", "{}"):
+        with pytest.raises(results.ConfigError, match=r"rows\.json: "):
+            results.read_rows(path)
+    with pytest.raises(results.ConfigError, match=r"rows\.json: "):
+        page_writer("baselines").read(path)
+
+
+ADDER = """
+import sys
+from pathlib import Path
+import results
+
+path, seeds = Path(sys.argv[1]), range(*map(int, sys.argv[2:]))
+print("ready", flush=True)
+input()
+for seed in seeds:
+    results.add_row(path, {"task": "a", "algorithm": "b", "seed": seed})
+"""
+
+
+def test_two_processes_that_add_rows_at_once_lose_none(tmp_path):
+    path = tmp_path / "rows.json"
+    places = os.pathsep.join([os.path.dirname(results.__file__), os.environ.get("PYTHONPATH", "")])
+    adding = [
+        subprocess.Popen(
+            [sys.executable, "-c", ADDER, str(path), str(first), str(first + 100)],
+            env=os.environ | {"PYTHONPATH": places},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        for first in (0, 100)
+    ]
+    for process in adding:
+        assert process.stdout.readline() == "ready\n"
+    for process in adding:
+        process.stdin.write("\n")
+        process.stdin.flush()
+    for process in adding:
+        process.communicate()
+        assert process.returncode == 0
+    assert [row["seed"] for row in results.read_rows(path).values()] == list(range(200))
 
 
 def test_ranges_of_seeds_do_not_meet():

@@ -103,7 +103,7 @@ def test_a_run_learns_and_leaves_everything(finished):
     assert (run.algo, run.env_id, run.seed) == ("ppo", "toy_env:Toy-v0", 0)
     assert run.config.learning_rate == 3e-3
     assert PPO.load(finished / "model.zip").num_timesteps == 12288
-    assert not list(finished.glob("*.tmp*"))
+    assert not list(finished.glob(".*"))
 
 
 def test_the_figure_of_a_run_shows_what_counts(tmp_path, monkeypatch):
@@ -379,7 +379,7 @@ def test_a_full_disk_is_told_in_a_line_and_leaves_the_old_checkpoint(tmp_path, m
     error = capsys.readouterr().err.splitlines()[-1]
     assert error == f"train.py: error: {folder / 'model.zip'}: No space left on device"
     assert weights(folder)[0] == saved[0] == 1024
-    assert not list(folder.glob("*.tmp*"))
+    assert not list(folder.glob(".*"))
 
 
 def test_a_log_that_cannot_be_written_is_told_in_a_line(tmp_path, monkeypatch, capsys):

@@ -48,7 +48,7 @@ config: {net_arch: [8], activation: tanh, gamma: 0.9}
         ("tanh", "gelu", r"config\.yaml:4: config\.activation: "),
         ("[8]", "wide", r"config\.yaml:4: config\.net_arch: "),
         ("ppo", "dqn", r"config\.yaml:1: algo: "),
-        ("SpringTop-v0", "os:Top-v0", "names a module to import; to allow this, name os:Top-v0"),
+        ("SpringTop-v0", "os:Top-v0", "names a module to import; to allow this, pass os:Top-v0"),
     ],
 )
 def test_a_configuration_of_another_kind(tmp_path, old, new, message):

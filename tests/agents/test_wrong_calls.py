@@ -53,7 +53,7 @@ WRONG = [
     ("rllib_ppo", [TOP, "--out", ".", "--copies", "3"], "= 192 is not a multiple of 512"),
     ("rllib_ppo", [TOP, "--out", ".", "--resume"], "has no checkpoint"),
     ("train", [], "missing environment id (or --resume RUN)"),
-    ("train", ["A-v0", "--resume", "x"], "missing environment id (or --resume RUN)"),
+    ("train", ["A-v0", "--resume", "x"], "pass either an environment id or --resume RUN, not both"),
     ("train", ["--resume", "x", "--set", "a=1"], "configuration of the run: leave out --set"),
     ("train", ["--resume", "x", "--seed", "0", "--algo", "ppo"], "the run: leave out --algo, --seed"),
     ("train", ["A-v0", "--seed", "1000000"], "--seed: '1000000' must be a whole number from 0 to 999999"),

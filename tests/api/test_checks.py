@@ -18,11 +18,15 @@ from springgym.checks import (
     apart,
     array,
     chosen,
+    counted,
     flag,
     indices,
     instance,
     number,
+    printable,
     shown,
+    similar,
+    suggestion,
     whole,
     whole_array,
 )
@@ -238,3 +242,31 @@ def test_a_number_and_its_bound_never_look_the_same(what):
     ]
     assert near, message
     assert all(one != other for one, other in near), message
+
+
+@pytest.mark.parametrize(
+    ("text", "shows"),
+    [
+        ("a top, ω = 5 rad/s, 70\u00a0kg, 日本", "a top, ω = 5 rad/s, 70\u00a0kg, 日本"),
+        ("\x1b[31m", r"\x1b[31m"),
+        ("a\x07\r\n\tb\x9b\x7f", r"a\x07\r\n\tb\x9b\x7f"),
+        ("\u202egnp\u2066.exe", r"\u202egnp\u2066.exe"),
+        ("\udc80", r"\udc80"),
+    ],
+)
+def test_what_is_printed_holds_nothing_that_a_terminal_obeys(text, shows):
+    assert printable(text) == shows
+
+
+def test_things_are_counted_in_words():
+    assert [counted(n, "step") for n in (0, 1, 2, 12345)] == ["0 steps", "1 step", "2 steps", "12,345 steps"]
+    assert [counted(n, "body", "bodies") for n in (1, 2)] == ["1 body", "2 bodies"]
+
+
+def test_a_similar_name_is_suggested_or_all_are():
+    names = ["verlet", "symplectic_euler", "rk4"]
+    assert suggestion("verlt", names) == "; did you mean 'verlet'?"
+    assert suggestion("euler", names) == "; did you mean 'symplectic_euler'?"
+    assert similar("hop", names) == ""
+    assert suggestion("hop", names) == "; choose from: verlet, symplectic_euler, rk4"
+    assert similar(None, names) == ""

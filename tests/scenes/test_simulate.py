@@ -43,6 +43,7 @@ from springgym.scenes.film import (
 )
 from springgym.scenes.plan import LEAST
 from springgym.scenes.plots import PLOTS, draw
+from springgym.scenes.reading import document
 from springgym.scenes.recording import record
 from tests.params import slow_but
 from tests.scenes.conftest import marked, recorded
@@ -58,10 +59,10 @@ def test_list_shows_every_scene(capsys, monkeypatch):
     """It builds none: some need packages that may be missing."""
     monkeypatch.setattr("springgym.simulate.load", None)
     assert main(["simulate", "--list"]) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert [line.split()[0] for line in lines] == names()
-    assert all(load(line.split()[0]).title in line for line in lines)
-    assert max(map(len, lines)) < 80
+    printed = capsys.readouterr().out
+    assert max(map(len, printed.splitlines())) <= 80
+    entries = [" ".join(entry.split()) for entry in re.split(r"\n(?! )", printed.strip())]
+    assert entries == [f"{name} {document(name).value['title']}" for name in names()]
 
 
 def test_summary(capsys):
@@ -69,13 +70,34 @@ def test_summary(capsys):
     out = capsys.readouterr().out
     for word in (
         "cube-pendulum: the paper's cube",
-        "28 springs",
-        "verlet, step",
-        "largest strain",
-        "unaccounted",
-        "J, of the shadow energy ",
+        "\n8 particles, 28 springs, verlet, step 0.556 ms\n",
+        "\n0.1 s simulated, largest strain ",
+        "energy error ",
+        " J (shadow energy drift ",
     ):
         assert word in out
+    assert "Simulator(" not in out
+    assert max(map(len, out.splitlines())) < 110
+
+
+def test_settings_of_the_simulator_are_shown_if_asked_for(capsys):
+    assert main([*SHORT, "-v"]) == 0
+    assert "\nSimulator(1 × Scene(" in capsys.readouterr().out
+
+
+def test_the_tutorial_shows_the_first_lines_of_the_output(capsys, monkeypatch, tmp_path):
+    """In its words; the last digits of the energies may differ from machine to machine."""
+    page = (Path(__file__).parents[2] / "docs" / "tutorials" / "scene.md").read_text(encoding="utf-8")
+    file, shown = (
+        re.search(f"^```{begin}.*?)```$", page, re.M | re.S)[1] for begin in ("yaml\n(", "\n(mine: ")
+    )
+    (tmp_path / "mine.yaml").write_text(file)
+    monkeypatch.chdir(tmp_path)
+    assert main(["simulate", "mine.yaml", "--check"]) == 0
+    first = capsys.readouterr().out.splitlines(keepends=True)[:4]
+    assert "".join(first[:3]) == "".join(shown.splitlines(keepends=True)[:3])
+    number = r"-?[\d.]+(e-\d+)?"
+    assert re.sub(number, "0", "".join(first)) == re.sub(number, "0", shown)
 
 
 def test_pairs_of_bodies_are_told_one_by_one_or_together():
@@ -102,7 +124,7 @@ def test_summary_where_there_are_no_greek_letters(monkeypatch):
     monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(written, encoding="cp1252"))
     assert main(SHORT) == 0
     sys.stdout.flush()
-    assert "?_max 2443.6 rad/s" in written.getvalue().decode("cp1252")
+    assert "-8.46345 ? -8.46345 J" in written.getvalue().decode("cp1252")
 
 
 def test_check_prints_theory_beside_measurement(capsys):
@@ -143,7 +165,7 @@ def test_check_that_is_not_covered_is_no_pass(capsys, monkeypatch):
         monkeypatch.setattr(simulate, "check", lambda recording, checks=checks: checks)
         assert main(["simulate", "cube-pendulum", "--check"]) == status
         out = capsys.readouterr().out
-        assert ("1 of 2 checks not covered" in out) == (status == 3)
+        assert ("no theory applies to 1 of 2 checks" in out) == (status == 3)
         assert ("not covered, theory leaves out 25 %" in out) == (doubtful in checks)
 
 
@@ -204,6 +226,50 @@ def test_a_file_that_cannot_be_written_leaves_the_old_one(capsys, monkeypatch, t
     assert [p.read_text() for p in tmp_path.iterdir()] == ["old"]
 
 
+def test_what_cannot_be_written_is_told_before_the_simulation(capsys, monkeypatch, tmp_path):
+    """Each of the files; a name in /proc stands for every place that takes none."""
+    monkeypatch.setattr(simulate, "record", None)
+    (tmp_path / "a.gif").mkdir()
+    for option, name in (("--trace", "/proc/a.npz"), ("--plot", "/proc/a.png"), ("--video", "a.gif")):
+        path = tmp_path / name
+        assert main([*SHORT, "--trace", str(tmp_path / "a.npz"), option, str(path)]) == 2
+        assert f"springgym: error: {path}: it " in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["a.gif"]
+
+
+def test_a_file_that_cannot_be_written_keeps_no_other_from_being_so(capsys, monkeypatch, tmp_path):
+    def fails(*arguments):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(simulate, "save_trace", fails)
+    trace, plot = tmp_path / "a.npz", tmp_path / "a.png"
+    assert main([*SHORT, "--trace", str(trace), "--plot", str(plot), "--check"]) == 2
+    printed, said = capsys.readouterr()
+    assert said == f"springgym: error: {trace}: No space left on device\n"
+    assert f"wrote {plot}\n" in printed
+    assert "period at 5°" in printed
+    assert [path.name for path in tmp_path.iterdir()] == ["a.png"]
+
+
+HOSTILE = "\\e]0;owned\\a \\e[31m $x^$ _{"
+"""What a terminal would obey, and what Matplotlib would set as a formula, as YAML writes it."""
+
+
+def test_names_and_titles_of_a_file_are_shown_and_not_obeyed(capsys, tmp_path):
+    """Wherever they are printed or drawn: in a summary, of pairs of bodies, beside checks, in errors."""
+    path = tmp_path / "a\x1b[31m.yaml"
+    each = "{{body: {{kind: cube}}, start: {{position: [0, 0, {}]}}, checks: [momentum]}}"
+    bodies = "".join(f'  "{name} {HOSTILE}": {each.format(z)}\n' for name, z in (("a", 0), ("b", 1.02)))
+    path.write_text(f'title: "{HOSTILE}"\nduration: 0.1\ngravity: 0\nbodies:\n{bodies}')
+    words = ["simulate", str(path), "--trace", str(tmp_path / "b\x1b[31m.npz"), "--check"]
+    assert main([*words, "-v", "--plot", str(tmp_path / "a.png")]) in (0, 1)
+    printed, said = capsys.readouterr()
+    assert printed.count(r"\x1b]0;owned\x07") > 3
+    assert main([*words, "--step", "1"]) == 2
+    said += capsys.readouterr().err
+    assert all(char.isprintable() or char == "\n" for char in printed + said)
+
+
 @pytest.mark.parametrize(
     ("error", "status", "says"),
     [(MemoryError, 2, "error: not enough memory"), (KeyboardInterrupt, 130, "interrupted")],
@@ -256,7 +322,7 @@ def test_papers_method_is_one_switch(monkeypatch, capsys):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["simulate"], "no scene is given"),
+        (["simulate"], "no scene given: pass a scene name"),
         (["simulate", "tops"], "there is no scene 'tops'; did you mean 'top'"),
         (["simulate", "no.yaml"], "no.yaml: cannot read it"),
         ([*SHORT, "--step", "1"], "a step of 1 s is unstable"),
@@ -285,7 +351,9 @@ def test_unknown_options_are_refused(capsys):
     with pytest.raises(SystemExit) as stop:
         main(["simulate", "top", "--integrator", "euler"])
     assert stop.value.code == 2
-    assert "invalid choice: 'euler'" in capsys.readouterr().err
+    assert capsys.readouterr().err == (
+        "springgym: error: argument --integrator: invalid choice: 'euler'; did you mean 'symplectic_euler'?\n"
+    )
 
 
 def test_missing_package_is_one_line(capsys, monkeypatch, tmp_path):
@@ -316,7 +384,7 @@ def test_interrupt_keeps_what_was_computed(capsys, monkeypatch, tmp_path):
     path = tmp_path / "trace.npz"
     assert main([*SHORT, "--trace", str(path)]) == 130
     assert len(np.load(path)["times"]) == 5
-    assert "interrupted; what follows ends at t = 0.04 s" in capsys.readouterr().err
+    assert "interrupted; the results end at t = 0.04 s" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("name", cli.COMMANDS)

@@ -283,8 +283,8 @@ def test_colors_are_those_of_the_films(browser, page):
     for name, colors in {"newtons-cradle": BALLS, "ball-rolls": (BLUE, IVORY)}.items():
         before = settled(browser)
         page._ask(name, {})
+        until(lambda n=name: page.name == n)  # what is told meanwhile changes the picture, too
         changes(browser, before)
-        assert page.name == name
         for color in colors:
             until(partial(shows, color))
 
@@ -296,7 +296,7 @@ def test_a_class_needs_the_token(browser):
     thread.start()
     try:
         browser.get(url[:-3])
-        assert "lacks the right token" in text(browser)
+        assert "The token is missing or wrong" in text(browser)
         browser.get(url)
         until(lambda: "spin [rad/s]" in text(browser))
         until(server.get_clients)
@@ -308,6 +308,65 @@ def test_a_class_needs_the_token(browser):
         page.stop()
         thread.join()
         view._end(server)
+
+
+def hostile(where: str) -> str:
+    """Return a text of somebody else's file that runs code, if it is taken as Markdown or HTML.
+
+    A plain ``<script>`` would not run anyway: browsers ignore those that are inserted into a page.
+    """
+    code = f"parent&#46;ran=&quot;{where}&quot;"
+    ways = (
+        f"<img src=x onerror='{code}'>",
+        f"<script async src='data:text/javascript,{code}'></script>",
+        f"<iframe srcdoc='<script>{code}</script>'></iframe>",
+    )
+    return " ".join(ways)
+
+
+def test_no_code_of_a_scene_file_runs(browser, tmp_path):
+    """Neither from its title, its bodies' names, its folder's name nor a message about it."""
+    scene = tmp_path / hostile("folder").replace("/", "&#47;") / "scene.yaml"
+    scene.parent.mkdir()
+    bodies = {
+        f"{name} {hostile('body')}": {
+            "body": {"kind": "top"},
+            "pinned": ["tip"],
+            "start": {"spin": 40, "position": [3 * n, 0, 0]},
+        }
+        for n, name in enumerate("ab")
+    }
+    title = f"a top {hostile('title')}"
+    scene.write_text(json.dumps({"title": title, "bodies": bodies, "duration": 0.1, "collisions": "none"}))
+    server = view._server(8460)
+    page = view.Page(server, view.scenes(str(scene)))
+    page.play(False)
+    thread = threading.Thread(target=page.run)
+    thread.start()
+
+    def ran():
+        return browser.execute_script("return window.ran")
+
+    try:
+        browser.get(f"http://127.0.0.1:{server.get_port()}/")
+        until(lambda: ran() or "a top <img" in text(browser))
+        assert ran() is None
+        for graph in page.motion.graphs:
+            page._graphed.value = graph
+            page._replot()
+            time.sleep(0.5)
+        page._say(title, wrong=True)
+        until(lambda: ran() or "a top <img" in texts(browser, ".told.wrong"))
+        time.sleep(2.0)  # for whatever the browser still loads
+        assert ran() is None
+    finally:
+        page.stop()
+        thread.join()
+        view._end(server)
+    view.save_page(page.motion, tmp_path / "saved.html")
+    browser.get((tmp_path / "saved.html").as_uri())
+    drawn(browser)
+    assert ran() is None
 
 
 def test_saved_page_plays_by_itself(browser, tmp_path):

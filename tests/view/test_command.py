@@ -34,7 +34,7 @@ def test_an_episode_is_saved(tmp_path):
         (["top", "--save", "nowhere/page.html"], "there is no folder"),
         (["SpringTop-v0", "--agent", "nobody"], "'nobody' is neither a run folder nor a published agent"),
         (["SpringTop-v0", "--agent", "classical"], "springgym watch classical --env SpringTop-v0 --browser"),
-        (["CartPole-v1"], "CartPole-v1 is no environment of springgym's"),
+        (["CartPole-v1"], "CartPole-v1 is not a springgym environment"),
         (["SpringTpo-v0"], "SpringTop"),
         (["./mine.py:Foo-v0"], "Unknown environment './mine.py:Foo-v0'"),
         *(

@@ -1,5 +1,6 @@
 """What the page shows: recordings and episodes as positions over time, with what is drawn beside them."""
 
+import re
 from dataclasses import replace
 
 import gymnasium as gym
@@ -203,5 +204,14 @@ def test_an_episode_is_the_environment_s_own():
 def test_unknown_agent(tmp_path):
     with pytest.raises(ValueError, match="neither a run folder"):
         find_agent(str(tmp_path), "SpringTop-v0")
-    with pytest.raises(ValueError, match="no environment of springgym"):
+    with pytest.raises(ValueError, match="not a springgym environment"):
         played(find_agent("noop", "CartPole-v1"), 0)
+
+
+def test_an_episode_says_what_it_is_once():
+    """With its steps counted in words, and no strain of minus nothing."""
+    agent = find_agent("noop", "SpringBilliards-v0")
+    motion = played(agent._replace(name=agent.env_id), 3)
+    assert motion.title == "SpringBilliards-v0"
+    assert re.match(r"1 step of 2 s · return -?[\d.]+ \(-?[\d.]+ per step\) · no success · ", motion.summary)
+    assert "-0.0e" not in motion.summary

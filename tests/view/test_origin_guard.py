@@ -218,7 +218,7 @@ def test_memory_is_bounded(server, panel):
     until(lambda: not server.get_clients())
     # so does one connection more than there may be
     clients = [connected(server) for _ in range(origin_guard.CONNECTIONS)]
-    with connected(server) as one, pytest.raises(ConnectionClosed, match="pages are open already"):
+    with connected(server) as one, pytest.raises(ConnectionClosed, match="too many open pages"):
         drained(one)
     for client in clients:
         client.close()
@@ -312,4 +312,4 @@ def test_the_address_with_the_token_is_printed(monkeypatch, capsys):
     monkeypatch.setattr(view.Page, "run", lambda page: None)
     assert main(["view", "top", "--address", "127.0.0.1", "--port", "0", "--no-browser"]) == 0
     printed = capsys.readouterr().out
-    assert re.fullmatch(r"top: http://127\.0\.0\.1:\d+/[\w-]{22}/ \(Ctrl-C ends\)\n", printed)
+    assert re.fullmatch(r"top: http://127\.0\.0\.1:\d+/[\w-]{22}/ \(press Ctrl-C to stop\)\n", printed)

@@ -3,11 +3,13 @@
 import re
 import threading
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from springgym import view
+from springgym.rendering import Marks
 from springgym.simulator import SimulationDivergedError
 
 pytest.importorskip("viser")
@@ -38,6 +40,41 @@ def page(tmp_path):
     server = view._server(8470)
     yield view.Page(server, view.scenes(str(scene)))
     view._end(server)
+
+
+@pytest.mark.parametrize("what", ["title", "body", "folder", "summary", "reading", "message", "note"])
+def test_no_text_of_a_file_is_taken_as_html(what, tmp_path):
+    """Nor as Markdown, in which HTML would work: in all that viser is told to render as either."""
+    bad = "<script async src='data:,a'></script><iframe srcdoc='a'></iframe><img src=x onerror=a>"
+    scene = tmp_path / (bad.replace("/", "|") if what == "folder" else "a") / "tops.yaml"
+    scene.parent.mkdir()
+    text = SCENE.replace("two tops", f'"{bad}"') if what == "title" else SCENE
+    scene.write_text(text.replace("left:", f'"{bad}":') if what == "body" else text)
+    server = view._server(8470)
+    try:
+        page = view.Page(server, view.scenes(str(scene)))
+        page._show(page.motion)
+        if what in ("summary", "note"):
+            page._show(replace(page.motion, **{what: bad}))
+        if what == "reading":
+            page._show(replace(page.motion, marks=[Marks(text=(bad,))] * len(page.motion.times)))
+        if what == "message":
+            page._say(bad, wrong=True)
+        if what in ("title", "body", "folder"):
+            view.save_page(page.motion, tmp_path / "page.html")
+            assert bad not in (tmp_path / "page.html").read_text(encoding="utf-8")
+        sent = [vars(each) for each in server._websock_server._broadcast_buffer.message_from_id.values()]
+        rendered = [
+            str(value)
+            for message in sent
+            for parts in (message, message.get("updates") or {}, vars(message.get("props") or object))
+            for name, value in parts.items()
+            if name in ("content", "_markdown", "markdown")
+        ]
+        assert len(rendered) > 5
+        assert not [html for html in rendered if re.search("<(script|iframe|img)", html)]
+    finally:
+        view._end(server)
 
 
 def apart(motion):
@@ -303,7 +340,7 @@ def test_the_key_says_what_is_seen(page):
     assert not page._stage._nodes["/world/arrows/weight"].visible
     page._turn_to("block-holds", view.simulated("block-holds", {}))
     assert "no floor" not in page._key.content
-    assert "force of a contact" in page._key.content
+    assert "contact force" in page._key.content
     assert page._stage._nodes["/world/contacts/forces"].visible
 
 
