@@ -469,7 +469,7 @@ In all environments, `info` has these entries, in addition to those on the envir
 | `pairs_impulse` | sum of the normal impulses between these bodies since the start [N·s] |
 | `pairs_min_gap` | smallest gap of any pair since the start [m], at most the contact margin |
 | `pairs_late_contacts` | number of contacts since the start that were detected too late |
-| `too_fast` | number of contacts since the start that moved by over a fifth of their margin in a sub-step |
+| `coarse_contacts` | contacts since the start, per sub-step, that were too fast for their restitution |
 
 All environments have these arguments (see `springgym.envs.base.SpringEnv`):
 

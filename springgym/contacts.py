@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from springgym.contact.records import ENTRIES, FAR, FAST, GAP, IMPULSE, MISSES, ROWS, TOUCHING, Collisions
+from springgym.contact.records import COARSE, ENTRIES, FAR, GAP, IMPULSE, MISSES, ROWS, TOUCHING, Collisions
 from springgym.core.blocks import numbers
 from springgym.core.compiling import kernel
 from springgym.core.kinds import Ragged
@@ -70,36 +70,41 @@ class PairSums(NamedTuple):
     """the least gap of any pair, or its contact margin if that is less [m]"""
     late_contacts: np.ndarray
     """number of contacts that were found too late"""
-    too_fast: np.ndarray
-    """number of contacts that moved by more than a fifth of Δ in a step, each counted in every such step: the
-    impact is coarse"""
+    coarse_contacts: np.ndarray
+    """number of contacts, of pairs and with surfaces, that were too fast to keep their restitution, see
+    `springgym.simulator.Simulator.coarse_contacts`"""
 
 
 def pair_sums(collisions: Collisions, copies: int) -> PairSums:
     """Return the totals of each copy, summed over all pairs."""
     sums = np.empty((len(PairSums._fields), copies))
-    sum_pairs(numbers(collisions.totals), collisions.pairs.reach[: collisions.pairs.among], sums)
+    sum_pairs(numbers(collisions.totals), collisions.pairs.reach, collisions.pairs.among, sums)
     return PairSums(*sums)
 
 
 @kernel
-def sum_pairs(totals: np.ndarray, reach: np.ndarray, sums: np.ndarray) -> None:
-    """Write `PairSums` (fields, copies) from totals (blocks, pairs × entries, copies of a block)."""
+def sum_pairs(totals: np.ndarray, reach: np.ndarray, among: int, sums: np.ndarray) -> None:
+    """Write `PairSums` (fields, copies) from totals (blocks, pairs × entries, copies of a block).
+
+    The first ``among`` are pairs of bodies; of others, with surfaces, only coarse contacts count.
+    """
     width = totals.shape[2]
     for c in range(sums.shape[1]):
         block, lane = c // width, c % width
-        touching, impulse, misses, too_fast, least = 0.0, 0.0, 0.0, 0.0, math.inf
+        touching, impulse, misses, coarse, least = 0.0, 0.0, 0.0, 0.0, math.inf
         for pair in range(reach.size):
             first = pair * ENTRIES
+            coarse += totals[block, first + COARSE, lane]
+            if pair >= among:
+                continue
             touching += 1.0 if totals[block, first + TOUCHING, lane] > 0.0 else 0.0
             impulse += totals[block, first + IMPULSE, lane]
             misses += totals[block, first + MISSES, lane]
-            too_fast += totals[block, first + FAST, lane]
             gap = totals[block, first + GAP, lane]
             gap = reach[pair] if gap > reach[pair] else gap
             if not math.isnan(least) and not gap >= least:  # a NaN is reported
                 least = gap
-        for n, total in enumerate((touching, impulse, least, misses, too_fast)):
+        for n, total in enumerate((touching, impulse, least, misses, coarse)):
             sums[n, c] = total
 
 

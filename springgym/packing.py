@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -12,6 +13,7 @@ from springgym import rigid
 from springgym.bodies.elasticity import changed_forces, spring_forces
 from springgym.checks import HUGE, TINY
 from springgym.contact.cone import resistance_of
+from springgym.contact.law import SLOW
 from springgym.contact.lists import new_lists
 from springgym.contact.movers import new_turning
 from springgym.contact.pairs import longest_edge, most_contacts, packed_shapes, parallel
@@ -29,6 +31,7 @@ from springgym.forces.springs import decay, interleaved
 from springgym.integrators.node import Space
 from springgym.integrators.record import Integrator, workspace
 from springgym.own_forces import OfBody, to_compiled
+from springgym.resolution import max_impact_speeds, possible_contacts
 from springgym.rigid.node import ROWS, Workspace
 from springgym.scene import DriveActuator, Scene
 from springgym.surfaces import Contact, PaperContact, by_kind, coupled, loss_factor, packed_kind, scales
@@ -150,7 +153,7 @@ def _shared(scene: Scene, options: Options) -> Terms:
         friction, loss = blocks.get("friction"), blocks.get("restitution")
     else:
         kinds = (packed_kind(kind, [surfaces[n] for n in same]) for kind, same in by_kind(surfaces).items())
-        packed = Surfaces(tuple(kinds), np.zeros(1), 1.0, None, coupled(surfaces) or None)
+        packed = Surfaces(tuple(kinds), np.zeros(1), 1.0, math.inf, None, coupled(surfaces) or None)
         if contact.friction > 0 or "friction" in varying:
             friction = options.parameter({"friction"}, np.array([contact.friction]))
         if isinstance(contact, PaperContact):
@@ -196,6 +199,7 @@ def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Optio
         surfaces = surfaces._replace(
             strength=parameter({"strength"}, np.array([c])),
             reach=reach,
+            coarse_from=coarse_from(part, twin, options.step)[-1].item() if nodes else math.inf,
             radius=float(body.radius) if round_bodies else None,
             totals=options.blocks(ENTRIES) if nodes and shared.collisions is None else None,
         )
@@ -239,7 +243,7 @@ def _collisions(scene: Scene, twin: bool, options: Options) -> Collisions | None
     """Return the record of the contacts that one solver handles together, or None if there are none."""
     if not solves_rows(scene, options.method, twin):
         return None
-    pairs = pack_pairs(scene, options)
+    pairs = pack_pairs(scene, twin, options)
     count = len(pairs.reach)
     totals, stored, fresh = map(options.blocks, (count * ENTRIES, len(scene.bodies), 1))
     changing = aligned_zeros((len(totals), 1 + count), block_dtype(np.int64, 1))
@@ -255,7 +259,7 @@ def _as_the_scene_says(scene: Scene) -> np.ndarray:
     return np.concatenate([among, np.ones(len(scene.bodies) if scene.surfaces else 0, bool)])
 
 
-def pack_pairs(scene: Scene, options: Options) -> Pairs:
+def pack_pairs(scene: Scene, twin: bool, options: Options) -> Pairs:
     """Return the pairs of a scene's bodies that collide, and then of each body and the surfaces."""
     met, count = scene.meetings, len(scene.bodies) if scene.surfaces else 0
     bodies = [placed.body for placed in scene.bodies]
@@ -277,6 +281,7 @@ def pack_pairs(scene: Scene, options: Options) -> Pairs:
         first=np.concatenate([met.first, np.arange(count)]),
         second=np.concatenate([met.second, np.full(count, -1)]),
         reach=np.concatenate([met.reach, reach]),
+        coarse_from=coarse_from(scene, twin, options.step),
         least_reach=float(np.min(met.reach)) if len(met) else 1.0,
         parallel=parallel(met, longest),
         strength=options.parameter({"strength"} & varying if count else (), strength),
@@ -288,6 +293,14 @@ def pack_pairs(scene: Scene, options: Options) -> Pairs:
         shapes=packed_shapes(scene.shapes, scene.starts[:-1]) if len(met) else None,
         most=most_contacts(met, scene.shapes)[0] if len(met) else 0,
     )
+
+
+def coarse_from(scene: Scene, twin: bool, step: float) -> np.ndarray:
+    """Return the speeds [m/s] above which contacts of pairs, and of bodies with surfaces, count as coarse.
+
+    Impacts slower than w count as none: they lose as by a damper.
+    """
+    return np.maximum(max_impact_speeds(possible_contacts(scene, not twin), step), SLOW)
 
 
 def workspaces(

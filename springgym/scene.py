@@ -28,18 +28,13 @@ from springgym.checks import (
     whole_array,
 )
 from springgym.collisions import Collisions, Meetings, Shape, as_met, check_apart, meetings, shape
-from springgym.collisions.meeting import ALL, BodyRef, Meeting
+from springgym.collisions.meeting import ALL, BodyRef
 from springgym.identity import digest
 from springgym.own_forces import checked_forces
 from springgym.records import ReadOnly, read_only
+from springgym.resolution import max_impact_speeds, possible_contacts
 from springgym.surfaces import Contact, PaperContact, Surface, check_heights, check_surfaces, scales
-from springgym.surfaces.contact import (
-    NEAREST,
-    RESISTANCES,
-    faithful_speed,
-    restitution_at_most,
-    without_resistance,
-)
+from springgym.surfaces.contact import NEAREST, RESISTANCES, without_resistance
 
 GRAVITY = (0.0, 0.0, -9.81)
 
@@ -542,56 +537,14 @@ class Scene(ReadOnly):
         check_apart(self.shapes, names, self.starts, self.meetings, met, copies)
 
     @cached_property
-    def faithful_speed(self) -> float:
-        """Largest impact speed [m/s] up to which bodies rebound with their restitution, to about 0.02.
+    def max_impact_speed(self) -> float:
+        """Highest impact speed [m/s] at which bodies of springs keep their restitution, in fine steps.
 
-        It is infinite if nothing rebounds.
-
-        It is determined by the softest body or contact, see `springgym.surfaces.contact.faithful_speed`.
-        Faster impacts leave energy in vibrations; `restitution_at` estimates their restitution. Steps limit
-        the speed, too, see `Simulator.faithful_speed`.
+        Faster impacts leave energy in vibrations, or get it back from them, so that the energy they lose is
+        wrong by more than `springgym.resolution.WRONG`. The softest body decides. It is infinite if contact
+        strains no body. Steps limit the speed, too, see `Simulator.max_impact_speed`.
         """
-        found = [math.inf]
-        if self.surfaces and isinstance(self.contact, Contact) and self.contact.restitution > 0:
-            found += [faithful_speed(*scales(self.contact, body), body) for body in self._moving]
-        for met in self._different_meetings():
-            moving = [self.bodies[n].body for n in met[:2] if self.bodies[n].free.any()]
-            if met.contact.restitution > 0:
-                found.append(faithful_speed(met.strength, met.reach, *moving))
-        return min(found)
-
-    @cached_property
-    def least_reach(self) -> float:
-        """The least reach Δ [m] of a `Contact` between bodies or with surfaces; infinite without any."""
-        found = [float(self.meetings.reach.min())] if self.meetings else [math.inf]
-        if self.surfaces and isinstance(self.contact, Contact):
-            found += [scales(self.contact, body)[1] for body in self._moving]
-        return min(found)
-
-    @property
-    def _moving(self) -> list[Body]:
-        """Return the different bodies that are not all pinned."""
-        kinds = {kind for kind, own in zip(self.kinds, self.bodies, strict=True) if own.free.any()}
-        return [self._different[kind] for kind in sorted(kinds)]
-
-    def _different_meetings(self) -> list[Meeting]:
-        """Return one pair for each combination of bodies' kinds, ability to move, and contact."""
-        met, moves = self.meetings, np.array([placed.free.any() for placed in self.bodies])
-        if not met:
-            return []
-        sort = 2 * np.array(self.kinds) + moves
-        sorts = np.column_stack([sort[met.first], sort[met.second], met.how, met.reach])
-        return [met[n] for n in np.unique(sorts, axis=0, return_index=True)[1].tolist()]
-
-    def restitution_at(self, speed: float) -> float:
-        """Estimate the largest restitution that the softest contact reaches at a speed [m/s], to about 0.07.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If the speed is not a number, or negative.
-        """
-        return restitution_at_most(number("speed", speed, low=0.0), self.faithful_speed)
+        return float(max_impact_speeds(possible_contacts(self, True), 0.0).min(initial=math.inf))
 
     def _of(self, placed: Placed) -> str:
         """Return the text after a particle's number in error messages: empty if there is only one body."""
@@ -785,7 +738,7 @@ class Scene(ReadOnly):
             "collisions": self._pairs(),
             "rebounds": "",
         }
-        if self.faithful_speed < math.inf:
-            parts["rebounds"] = f"as asked up to {self.faithful_speed:.3g} m/s"
+        if self.max_impact_speed < math.inf:
+            parts["rebounds"] = f"as asked up to {self.max_impact_speed:.3g} m/s"
         rest = "".join(f"; {name} {value}" for name, value in parts.items() if value)
         return f"Scene({self._kinds()}{rest})"

@@ -185,7 +185,7 @@ def _summary(recording: Recording, verbose: bool = False) -> str:
 def _between(recording: Recording) -> Iterator[str]:
     """Yield a line for each pair of bodies that touched, or one line for all if they are many."""
     scene, pairs = recording.plan.scene, recording.pairs
-    told = pairs.impulse[-1] + pairs.late_contacts[-1] + pairs.too_fast[-1] + pairs.overflow[-1]
+    told = pairs.impulse[-1] + pairs.late_contacts[-1] + pairs.coarse_contacts[-1] + pairs.overflow[-1]
     met = np.flatnonzero(told > 0).tolist()
     if len(met) > MOST_LISTED:
         yield f"{len(met)} pairs of bodies: {_of_pairs(pairs, met)}"
@@ -198,7 +198,7 @@ def _between(recording: Recording) -> Iterator[str]:
 def _of_pairs(pairs: PairReadings, which: list[int]) -> str:
     """Return a text with the final impulse, losses and counts of some pairs together."""
     sums = PairReadings(*(of[-1, which].sum() for of in pairs))
-    wrong = {"found too late": sums.late_contacts, "too fast": sums.too_fast, "left out": sums.overflow}
+    wrong = {"found too late": sums.late_contacts, "coarse": sums.coarse_contacts, "left out": sums.overflow}
     counts = "".join(f", {count:.0f} {what}" for what, count in wrong.items() if count)
     lost = sums.contact_loss + sums.friction_loss
     return f"impulse {sums.impulse:.4g} N·s, lost {lost:.3g} J{counts}"

@@ -22,8 +22,8 @@ from numpy.typing import ArrayLike, DTypeLike
 from springgym import checks, contacts, measures, packing, stability
 from springgym.checks import FLOAT, HUGE, INDEX, MANY, TINY, refusing_unknown
 from springgym.contact import totals
+from springgym.contact.law import SLOW
 from springgym.contact.overlap import find_overlaps, outlines
-from springgym.contact.solver import QUICK
 from springgym.contact.totals import RESOLVED, PairReadings
 from springgym.contacts import Contacts, PairSums
 from springgym.core.blocks import (
@@ -51,6 +51,14 @@ from springgym.integrators.node import START
 from springgym.integrators.record import COUNTS, Control, Phase
 from springgym.measures import Markers, Measures, Reading, Readout
 from springgym.packing import PARAMETERS, Options, Packed, pack
+from springgym.resolution import (
+    GROSS,
+    PossibleContacts,
+    error_by_steps,
+    max_impact_speeds,
+    possible_contacts,
+    remedy,
+)
 from springgym.scene import Scene
 from springgym.surfaces import Contact, PaperContact
 
@@ -104,7 +112,8 @@ class UnresolvedContactError(SimulationDivergedError):
 
 
 class PrecisionWarning(UserWarning):
-    """A simulation is less accurate than it seems, see `STRAINED` and `COARSE`. It appears once."""
+    """A simulation is less accurate than it seems, see `STRAINED`, `COARSE` and
+    `springgym.resolution.GROSS`. It appears once."""
 
 
 UNRESOLVED = ("raise", "count")
@@ -216,6 +225,8 @@ class Simulator:
         self._strained = STRAINED if shaped and strain_limit is None else math.inf
         """strain from which to warn"""
         self._far = self._far_for_dtype()
+        self._told: int | None = 0
+        """number of coarse contacts of all copies when last looked at; None after a warning of them"""
         self.time = np.zeros(self.copies)
         """time of each copy [s], (copies,)"""
         self._x = self._blocks(particles, 3)
@@ -227,6 +238,9 @@ class Simulator:
         self.unresolved = np.zeros(self.copies, bool)
         """mask (copies,) of copies with contacts that a step cannot resolve, by the counts of `pairs`, since
         they were placed or counts were reset; writing to it has no effect"""
+        self.coarse_contacts = np.zeros(self.copies, int)
+        """number (copies,) of contacts, each counted in every step in which it pushes, that were too fast to
+        keep their restitution, see `max_impact_speed`; since copies were placed or counts were reset"""
         self._raises = checks.chosen("unresolved", unresolved, UNRESOLVED) == UNRESOLVED[0]
         rows, shape = np.zeros((self.copies, measures.SIZE)), (self.copies, particles, 3)
         each = rows[:, None] if bodies == 1 else np.zeros((self.copies, bodies, measures.SIZE))
@@ -332,13 +346,19 @@ class Simulator:
         return Control(self.step, float(relative), float(absolute), self._blocks(COUNTS))
 
     @cached_property
-    def faithful_speed(self) -> float:
-        """Largest impact speed [m/s] up to which bodies rebound with their restitution, with this step.
+    def max_impact_speed(self) -> float:
+        """Highest impact speed [m/s] at which all contacts keep their restitution, with this step.
 
-        It is that of the scene, and at most 0.2 Δ per step, with the least Δ: faster impacts have a larger
-        restitution. Infinite without impacts.
+        Up to there, the energy that an impact loses is right to `springgym.resolution.WRONG`. It is 0 if the
+        step does not resolve the frequency of a contact, and infinite without contacts. Faster impacts are
+        counted in `coarse_contacts`.
         """
-        return min(self.scene.faithful_speed, QUICK * self.scene.least_reach / self.step)
+        return float(max_impact_speeds(self._possible, self.step).min(initial=math.inf))
+
+    @cached_property
+    def _possible(self) -> PossibleContacts:
+        """Return the contacts that the scene allows, those of bodies with surfaces after pairs of bodies."""
+        return possible_contacts(self.scene, not self._kind.rigid)
 
     @cached_property
     def _phase(self) -> Phase:
@@ -476,6 +496,7 @@ class Simulator:
         if self._terms.collisions is not None:
             totals.empty_totals(self._terms.collisions, index)
         self.unresolved[index] = False
+        self.coarse_contacts[index] = 0
         self._find_touching(index)
         self.time[index] = 0.0
         if read:
@@ -828,6 +849,7 @@ class Simulator:
                 "set strain_limit to the largest strain that you intend"
             )
         self._check_distance(self.readout.positions)
+        self._check_rebounds()
 
     def _unresolved_message(self, copy: int) -> str:
         """Return a message that names the bodies of a copy, their contact, and remedies."""
@@ -839,20 +861,53 @@ class Simulator:
             who = f"bodies {bodies[met.first[n]].name!r} and {bodies[met.second[n]].name!r}"
         else:
             who = f"body {bodies[n - len(met)].name!r} and a surface"
-        finer = self.step * resolved[n] / max(read.fastest[n], TINY)
+        fast = float(read.fastest[n])
+        named, harder = self._remedy(n, max(fast, TINY))
         deep, soft = "so deep that they (almost) overlapped", "more strength or stiffer springs"
+        deeper = f"a larger reach, such as {2 * reach[n]:g} m, {soft}"
         cases = (
-            (finer < self.step, f"at {read.fastest[n]:.4g} m/s", f"a step of less than {finer:.2g} s"),
-            (read.late_contacts[n] > 0, deep, f"a larger reach, such as {2 * reach[n]:g} m, {soft}"),
+            (fast > resolved[n], f"at {fast:.4g} m/s", named),
+            (read.late_contacts[n] > 0, deep, named if harder else deeper),
             (read.overflow[n] > 0, "at too many points, or too fast to find", "a shorter step"),
         )
         how = " and ".join(met for wrong, met, _ in cases if wrong)
-        remedies = ", or ".join(remedy for wrong, _, remedy in cases if wrong)
+        remedies = ", or ".join(dict.fromkeys(remedy for wrong, _, remedy in cases if wrong))
         return (
             f"{who} of copy {copy} met before t = {self.time[copy]:g} s {how}: a step of {self.step:g} s "
             f"cannot resolve that. It resolves contacts of up to {resolved[n]:.4g} m/s, which move by "
             f'{RESOLVED:g} of their reach of {reach[n]:g} m. Take {remedies}; or unresolved="count"'
         )
+
+    def _remedy(self, pair: int, speed: float) -> tuple[str, bool]:
+        """Return the step, and the strength if need be, that resolve an impact of a pair at a speed [m/s].
+
+        The second value says whether it needs a strength.
+        """
+        step, strength = remedy(self._possible, pair, speed)
+        named = f"a step of at most {_rounded(step, math.floor):.2g} s"
+        if strength is None:
+            return named, False
+        return f"a strength of {_rounded(strength, math.ceil):.2g} N·m² or more and {named}", True
+
+    def _check_rebounds(self) -> None:
+        """Warn if steps make the energy that a contact loses wrong by more than `GROSS`."""
+        coarse = int(self.coarse_contacts.sum())
+        if coarse == self._told or self._told is None or not self._raises:
+            return
+        self._told = coarse
+        fastest = totals.read_pairs(self._totals[0], self.copies).fastest
+        lossy = np.where(self._possible.lossy, fastest, 0.0)
+        gross = (lossy > SLOW) & (error_by_steps(self._possible, lossy, self.step) > GROSS)
+        if gross.any():
+            copy, pair = np.argwhere(gross)[0].tolist()
+            self._told = None
+            speed = lossy[copy, pair]
+            _warn(
+                f"a contact of copy {copy} at {speed:.3g} m/s loses less than its restitution says: it "
+                f"moves by {speed * self.step / self._possible.reach[pair]:.2g} of its reach in a step of "
+                f"{self.step:g} s. Take {self._remedy(pair, speed)[0]}; "
+                "Simulator.max_impact_speed is the highest speed that a step resolves"
+            )
 
     def _check_distance(self, positions: np.ndarray) -> None:
         """Warn if positions (copies, N, 3) are so far away that their rounding stretches springs."""
@@ -908,11 +963,12 @@ class Simulator:
             totals.count_overlaps(self._terms.collisions, start, overlap)
 
     def _find_unresolved(self, first: int, last: int) -> None:
-        """Find the copies of blocks whose counts show contacts that a step cannot resolve."""
+        """Find the copies of blocks with contacts that a step cannot resolve, and count coarse ones."""
         own, reach = self._totals
         if own is not None:
             copies = slice(first * self.width, last * self.width)
-            totals.mark_unresolved(numbers(own)[first:last], reach, self.step, self.unresolved[copies])
+            found = self.unresolved[copies], self.coarse_contacts[copies]
+            totals.mark_unresolved(numbers(own)[first:last], reach, self.step, *found)
 
     @guarded
     def counts(self) -> np.ndarray:
@@ -1123,7 +1179,7 @@ class Simulator:
                 yield block, min(block + blocks, last), some, taken + some == steps
 
     def __repr__(self) -> str:
-        fast = self.faithful_speed
+        fast = self.max_impact_speed
         rebounds = f", restitution accurate up to {fast:.3g} m/s" if fast < math.inf else ""
         return (
             f"Simulator({self.copies} × {self.scene!r}, {self.dynamics}, "
@@ -1197,6 +1253,12 @@ class Simulator:
 def most_copies(scene: Scene) -> int:
     """Return the largest number of copies of a scene."""
     return MOST_PARTICLES // len(scene.positions)
+
+
+def _rounded(number: float, way: Callable[[float], int]) -> float:
+    """Return a positive number with two digits, rounded down or up by a function such as `math.floor`."""
+    digit = 10.0 ** (math.floor(math.log10(number)) - 1)
+    return way(number / digit) * digit
 
 
 def _warn(what: str) -> None:

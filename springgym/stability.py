@@ -12,6 +12,7 @@ from springgym.bodies.elasticity import spring_force_and_jacobian
 from springgym.checks import TINY, array, flag, instance, number, whole
 from springgym.forces.cycle import FIRST
 from springgym.integrators.record import Integrator
+from springgym.resolution import longest_step
 from springgym.scene import Scene
 
 SAFETY = 0.7
@@ -99,16 +100,21 @@ def is_unstable(step: float, limit: float) -> bool:
     return number("step", step) > REFUSED * number("limit", limit, 0.0, math.inf)
 
 
-def automatic_step(scene: Scene, integrator: Integrator, period: float | None = None) -> float:
+def automatic_step(
+    scene: Scene, integrator: Integrator, period: float | None = None, *, impacts: bool = True
+) -> float:
     """Return the default step [s], of which ``period`` is a whole number.
 
     It is at most `SAFETY` × the stability limit and, if dampers are split off, at most `DECAY` / their rate.
+    If ``impacts``, it also resolves contacts, see `springgym.resolution`.
     """
     step = SAFETY * largest_step(scene, integrator)
     if integrator.splits_dampers and (rate := highest_decay_rate(scene)) > 0:
         step = min(step, DECAY / rate)
     if not math.isfinite(step):
         step = 1e-3
+    if flag("impacts", impacts) and integrator.meets_surfaces:
+        step = min(step, longest_step(scene))
     return step if period is None else number("period", period, TINY) / math.ceil(period / step - 1e-9)
 
 

@@ -330,7 +330,7 @@ class Player:
         simulator = self.env.unwrapped.episodes.simulator
         if simulator.scene.meetings:
             pairs = simulator.pairs()
-            slow = pairs.too_fast.sum(axis=-1) == 0
+            slow = pairs.coarse_contacts.sum(axis=-1) == 0
             check(not (slow & (pairs.late_contacts.sum(axis=-1) > 0)).any(), "bodies missed each other")
             check(not pairs.overflow.any(), "more contacts than are listed")
 

@@ -13,11 +13,11 @@ from __future__ import annotations
 
 from springgym.contact.cone import within_cone
 from springgym.contact.law import Times, solve_gap
-from springgym.contact.records import SurfaceImpulse, Surfaces
+from springgym.contact.records import COARSE, SurfaceImpulse, Surfaces
 from springgym.contact.surfaces import coefficient, count, lowest, mean_normal, strength_and_reach
-from springgym.contact.totals import set_fastest
+from springgym.contact.totals import add_to, set_fastest
 from springgym.core.compiling import compiled
-from springgym.core.kinds import Mask, Numbers, Vector
+from springgym.core.kinds import Mask, Number, Numbers, Vector
 from springgym.core.lanes import any_lane, epsilon, load, maximum, minimum, select, sqrt
 from springgym.core.vectors import choose, dot, plus_scaled, row, set_row, unit
 from springgym.terms import Terms
@@ -39,6 +39,13 @@ def previous_push(turn: int, k: int, nothing: Vector, pushes: Numbers, surfaces:
     if surfaces.coupled is None or turn == 0:
         return nothing
     return row(pushes, k)
+
+
+@compiled
+def count_coarse(speed: Number, surfaces: Surfaces, totals: Numbers | None) -> None:
+    """Count the copies in which a contact has a normal speed [m/s] too high to keep its restitution."""
+    if totals is not None:
+        add_to(totals, 0, COARSE, select(speed > surfaces.coarse_from, 1.0 + 0.0 * speed, 0.0))
 
 
 @compiled
@@ -91,6 +98,8 @@ def impulses(
                 gain, impulse = select(touching, gain, 0.0), select(touching, impulse, 0.0)
                 fast = sqrt(inverse_square) * select(gain > 0.0, maximum(u, -u), 0.0)
                 set_fastest(fast, 0, terms.surfaces.totals)
+                if turn == 0:
+                    count_coarse(fast, terms.surfaces, terms.surfaces.totals)
                 if terms.friction is not None:
                     one, length = select(touching, 1.0 + nothing[0], 0.0), sqrt(inverse_square)
                     across = nothing + length * n

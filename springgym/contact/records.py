@@ -28,12 +28,15 @@ class Surfaces(NamedTuple):
     """c [N·m²], (1,)"""
     reach: float
     """Δ [m]"""
+    coarse_from: float
+    """the normal speed above which a contact counts as coarse [m/s], see `springgym.resolution`"""
     radius: float | None
     """[m] of balls and rods, whose gaps count from their skin; None if all bodies are made of points"""
     coupled: bool | None
     """True if `springgym.surfaces.coupled`; else None, so that no iteration is compiled"""
     totals: Numbers | None = None
-    """(`ENTRIES`,) totals of the body, of which only `FASTEST` is set; None where contacts are rows"""
+    """(`ENTRIES`,) totals of the body, of which only `COARSE` and `FASTEST` are set; None where contacts are
+    rows"""
 
 
 class Resistance(NamedTuple):
@@ -120,6 +123,8 @@ class Pairs(NamedTuple):
     """the index of the second body of each pair; −1 for surfaces"""
     reach: np.ndarray
     """the contact margin Δ, the gap below which contact repels both bodies [m]"""
+    coarse_from: np.ndarray
+    """the normal speed above which a contact counts as coarse [m/s], see `springgym.resolution`"""
     least_reach: float
     """the least Δ of all pairs [m]"""
     parallel: np.ndarray
@@ -472,11 +477,11 @@ class WarmStart(NamedTuple):
     """(1,) 1 if any row of the table is filled, else 0"""
 
 
-TOUCHING, IMPULSE, GAP, ENERGY, CONTACT, FRICTION, MISSES, FAST, OVERFLOW, FASTEST = range(10)
+TOUCHING, IMPULSE, GAP, ENERGY, CONTACT, FRICTION, MISSES, COARSE, OVERFLOW, FASTEST = range(10)
 """The totals of a pair: whether it touches; the sum of J [N·s]; the least gap [m]; the energy in the barriers
-[J]; the losses to restitution and to friction [J]; how often a contact was found too late, was too fast for
-accuracy, or had no space; and the largest approach speed along the normal of any contact with an impulse
-[m/s]."""
+[J]; the losses to restitution and to friction [J]; how often a contact was found too late, was too fast to
+keep its restitution, or had no space; and the largest approach speed along the normal of any contact with an
+impulse [m/s]."""
 
 
 ENTRIES = 10

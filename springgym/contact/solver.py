@@ -41,10 +41,10 @@ from springgym.contact.movers import (
     velocity_between,
 )
 from springgym.contact.records import (
+    COARSE,
     CONTACT,
     ENERGY,
     FAR,
-    FAST,
     FRICTION,
     IMPULSE,
     LEAST,
@@ -85,9 +85,6 @@ ROLLED, TAKEN = 1e-5, 0.2
 """A gap of a rolling contact below the first fraction of Δ is raised to the second, others remain: its point
 of contact moved so far over the skin in a step, as on a coin that falls flat, that it is behind the surface.
 So it is pushed out gently, and not within a step."""
-
-QUICK = 0.2
-"""Largest motion of a contact in a step, as a fraction of Δ, that is resolved accurately."""
 
 
 # --- What rows follow from ----------------------------------------------------------------------------
@@ -473,7 +470,7 @@ def steepness(y: Number) -> Number:
 @compiled
 def add_totals(v: Rows, problem: Problem, changing: np.ndarray) -> None:
     """Add the results of the contacts at this node to the totals, and compute the losses of bodies."""
-    contacts, totals, span = problem.contacts, problem.totals, problem.span
+    contacts, totals = problem.contacts, problem.totals
     clear_current(True, totals, changing)
     for n in range(contacts.length[MET]):
         p = contacts.touching_pairs[n]
@@ -498,7 +495,7 @@ def add_totals(v: Rows, problem: Problem, changing: np.ndarray) -> None:
         add_loss(k, FRICTION, rubbed, problem)
         fast = select(touches, maximum(u0, -u0), 0.0)
         set_fastest(fast, p, totals)
-        add_to(totals, p, FAST, select(fast * span.whole > QUICK * reach, 1.0 + 0.0 * impulse, 0.0))
+        add_to(totals, p, COARSE, select(fast > problem.pairs.coarse_from[p], 1.0 + 0.0 * impulse, 0.0))
 
 
 @compiled

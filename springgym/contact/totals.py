@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from springgym.contact.records import (
+    COARSE,
     ENERGY,
     ENTRIES,
     FAR,
@@ -45,8 +46,9 @@ class PairReadings(NamedTuple):
     """energy lost to friction [J]"""
     late_contacts: np.ndarray
     """number of contacts that were found late, in a step or a read state whose bodies (almost) overlapped"""
-    too_fast: np.ndarray
-    """number of contacts that moved by more than a fifth of Δ in a step, so that their impact is coarse"""
+    coarse_contacts: np.ndarray
+    """number of contacts, each counted in every step, that were too fast to keep their restitution, see
+    `springgym.simulator.Simulator.max_impact_speed`"""
     overflow: np.ndarray
     """number of contacts that were left out: arrays were full, or bodies too fast for the search"""
     fastest: np.ndarray
@@ -148,18 +150,22 @@ def read_pairs(totals: np.ndarray | None, copies: int, pairs: int | None = None)
 
 
 @kernel
-def mark_unresolved(totals: np.ndarray, reach: np.ndarray, step: float, found: np.ndarray) -> None:
+def mark_unresolved(
+    totals: np.ndarray, reach: np.ndarray, step: float, found: np.ndarray, coarse: np.ndarray
+) -> None:
     """Mark the copies, ``found`` (copies,), with contacts that a step [s] cannot resolve.
 
-    The first block of ``totals`` (blocks, pairs × `ENTRIES`, copies of a block) begins with the first of
+    Set ``coarse`` (copies,) to the number of contacts that were too fast to keep their restitution. The first
+    block of ``totals`` (blocks, pairs × `ENTRIES`, copies of a block) begins with the first of
     these copies; ``reach`` (pairs,) is Δ [m].
     """
     width = totals.shape[2]
     for copy in range(found.size):
         own, lane = totals[copy // width], copy % width
-        found[copy] = False
+        found[copy], coarse[copy] = False, 0
         for p in range(reach.size):
             entry = p * ENTRIES
+            coarse[copy] += int(own[entry + COARSE, lane])
             wrong = own[entry + MISSES, lane] + own[entry + OVERFLOW, lane] > 0.0
             if wrong or own[entry + FASTEST, lane] > RESOLVED / step * reach[p]:
                 found[copy] = True

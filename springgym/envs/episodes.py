@@ -85,7 +85,7 @@ class Part(NamedTuple):
 STATE = ("goal", "memory", "time", "factors", "elapsed", "held", "balance", "action", "out", "diverged")
 """Arrays of `Episodes` that change; the strength of the actuators follows from the factors."""
 
-OF_PAIRS = ("pairs_touching", "pairs_impulse", "pairs_min_gap", "pairs_late_contacts", "too_fast")
+OF_PAIRS = ("pairs_touching", "pairs_impulse", "pairs_min_gap", "pairs_late_contacts", "coarse_contacts")
 """Names in ``info`` of the fields of `springgym.contacts.PairSums`, in their order."""
 
 CLEARED = ("elapsed", "time", "held", "action", "out", "diverged")
@@ -244,7 +244,8 @@ class Episodes:
             if every is None and vibrations:
                 every = self._cycles_in(vibrations, steps, exactly=True)[1]
             return step, 1 if every is None else every
-        automatic = min(kind.automatic_step(scene, method), self.task.finest)
+        by_contact = math.isinf(self.task.finest)  # else the task has chosen the step for its impacts
+        automatic = min(kind.automatic_step(scene, method, impacts=by_contact), self.task.finest)
         if wanted is not None:
             automatic = min(
                 wanted, automatic if scene.can_touch else LONGEST * kind.largest_step(scene, method)

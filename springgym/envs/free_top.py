@@ -80,6 +80,7 @@ class SpringFreeTop(Task, kernels=(evaluate, observe_features)):
         Entry("centre", 2, WAY_UNIT),
         Entry("centre_velocity", 2, WAY_UNIT),
     )
+    finest = 1e-3
     damping_every = 2
     hold_steps = 100
 

@@ -110,7 +110,7 @@ class Task:
     periods: ClassVar[int] = 1
     """number of control periods in an environment step, which takes one action"""
     finest: ClassVar[float] = math.inf
-    """largest automatic step [s]: impacts may need shorter steps than stability"""
+    """largest automatic step [s], if the task chooses it for its impacts; else `springgym.resolution` does"""
     damping_every: ClassVar[int] = 1
     """number of steps in a cycle of dampers where there is contact and cycles are harmless, see
     `springgym.forces.cycle`: 1, or an even number"""

@@ -12,9 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from springgym.checks import TINY, instance, number, suggestion
+from springgym.checks import flag, instance, suggestion
 from springgym.core.blocks import set_copies
 from springgym.integrators.record import Integrator
+from springgym.resolution import longest_step
 from springgym.rigid.motion import kernel_reading, move_together
 from springgym.rigid.shape import (
     Shape,
@@ -152,10 +153,10 @@ def largest_step(scene: Scene, method: Integrator) -> float:
     return method.imaginary_limit / rate if rate > 0 else math.inf
 
 
-def automatic_step(scene: Scene, method: Integrator, period: float | None = None) -> float:
+def automatic_step(scene: Scene, method: Integrator, *, impacts: bool = True) -> float:
     """Return the step used when none is given [s]: by `TURN`, `LONGEST`, `LONGEST_TOUCHING` and `CLOSER`.
 
-    ``period`` [s] is a whole multiple of it, if given.
+    If ``impacts``, it also resolves contacts, see `springgym.resolution`.
 
     Raises
     ------
@@ -168,8 +169,9 @@ def automatic_step(scene: Scene, method: Integrator, period: float | None = None
     fastest = float(np.linalg.norm(scene.velocities, axis=1).max())
     if scene.meetings and fastest > 0:
         longest = min(longest, CLOSER * float(scene.meetings.reach.min()) / fastest)
-    step = min(longest, TURN / rate) if rate > 0 else longest
-    return step if period is None else number("period", period, TINY) / math.ceil(period / step - 1e-9)
+    if flag("impacts", impacts) and method.meets_surfaces:
+        longest = min(longest, longest_step(scene))
+    return min(longest, TURN / rate) if rate > 0 else longest
 
 
 def terms(

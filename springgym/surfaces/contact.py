@@ -168,30 +168,6 @@ def slowest_vibration(body: Body) -> float:
     return float(vibrations(body)[0][0])
 
 
-def faithful_speed(strength: float, reach: float, *bodies: Body) -> float:
-    """Return the speed [m/s] up to which the rebound of bodies agrees with their restitution to about 0.02.
-
-    During an impact, a body is compressed for about a period of its slowest vibration ω, by about v/ω. This
-    is less than the margin Δ if v ≤ Δ ω/3. Faster impacts leave energy in vibrations, whatever the strength
-    of contact. If all are round, which contact does not strain, their reduced mass m comes no nearer than a
-    tenth of Δ: ½ m v² = 8.1 c/Δ.
-    """
-    strained = [slowest_vibration(body) for body in bodies if not body.rounds or len(body.triangles)]
-    if strained:
-        return reach * min(strained) / 3
-    return math.sqrt(16.2 * strength / reach * sum(1 / body.mass for body in bodies))
-
-
-def restitution_at_most(speed: float, faithful: float) -> float:
-    """Estimate the largest restitution that a contact reaches at a speed [m/s], from its `faithful_speed`.
-
-    The estimate is a curve through measurements of stiff and soft cubes, face on face, accurate to 0.07. It
-    is 1 up to 0.8 of the faithful speed, 0.75 at twice the faithful speed, and 0.5 far beyond it.
-    """
-    beyond = max(speed / faithful - 0.8, 0.0) / 1.3
-    return 0.5 + 0.5 / (1.0 + beyond**1.3)
-
-
 def scales(contact: Contact | PaperContact, body: Body) -> tuple[float, float]:
     """Return c [N·m²] and Δ [m] for a body, see `Contact`.
 

@@ -317,8 +317,8 @@ METHODS = [
     ),
     Call(
         stability.automatic_step,
-        {"scene": SCENE, "integrator": METHOD, "period": 1.0},
-        {"period": f"None; {POSITIVE}"},
+        {"scene": SCENE, "integrator": METHOD, "period": 1.0, "impacts": True},
+        {"period": f"None; {POSITIVE}", "impacts": "True"},
     ),
     Call(stability.vibrations, {"scene": SCENE}),
     Call(stability.varied, {"of": VIBRATIONS, "factors": {"masses": (1.0, 2.0)}}, {"factors": "{}"}),
@@ -345,8 +345,8 @@ METHODS = [
     Call(rigid.largest_step, {"scene": SCENE, "method": rigid.integrator("verlet")}),
     Call(
         rigid.automatic_step,
-        {"scene": SCENE, "method": rigid.integrator("verlet"), "period": 1.0},
-        {"period": f"None; {POSITIVE}"},
+        {"scene": SCENE, "method": rigid.integrator("verlet"), "impacts": True},
+        {"impacts": "True"},
     ),
     Call(shape, {"body": CUBE}),
 ]

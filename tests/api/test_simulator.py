@@ -336,7 +336,7 @@ def test_another_thread_is_told_and_does_not_wait() -> None:
                 "paper",
                 "width",
                 "identity",
-                "faithful_speed",
+                "max_impact_speed",
             ):  # which read nothing that changes
                 with pytest.raises(RuntimeError, match=f"two threads use one Simulator at once: {name} was"):
                     getattr(simulator, name)()

@@ -20,6 +20,7 @@ from springgym.bodies import (
     start,
 )
 from springgym.collisions import Pair
+from springgym.dynamics import DYNAMICS
 from springgym.scene import Placed, Scene
 from springgym.simulator import Simulator
 from springgym.surfaces import Bowl, Contact, Plane, heights
@@ -33,7 +34,7 @@ STRENGTH, REACH = 2e-4, 2e-3
 
 
 def body(name: str, stiffness: float = 1e5, damping: float = 0.0) -> Body:
-    """Return a body of 1 kg that is about 20 cm large."""
+    """Return a body of 1 kg that is about 20 cm large, or a die."""
     of: dict[str, Any] = {"stiffness": stiffness, "damping": damping}
     corners = [(0.13, 0, -0.06), (-0.07, 0.12, -0.05), (-0.06, -0.11, -0.07), (0.02, 0.01, 0.14)]
     made: dict[str, Any] = {
@@ -43,6 +44,7 @@ def body(name: str, stiffness: float = 1e5, damping: float = 0.0) -> Body:
         "disk": lambda: disk(0.1, **of),
         "ellipsoid": lambda: ellipsoid((0.12, 0.1, 0.08), **of),
         "cube": lambda: cube(0.2, **of),
+        "die": lambda: cube(0.016, mass=0.005, **of),
         "stone": lambda: from_points([*corners, (0.08, 0.09, 0.05)], **of),
     }
     return made[name]()
@@ -93,6 +95,19 @@ class World(NamedTuple):
         x[:, own] += shifts
         v[:, own] += velocities + np.cross(spins, arms)
         simulator.place(x, v)
+
+
+def alone(of: Scene, on: str) -> Scene:
+    """Return a `scene` without what only shares its code: it has steps and speeds of its own."""
+    if on in SURFACES:
+        return of.with_(bodies=of.bodies[:1], collisions="all")
+    return of.with_(bodies=of.bodies[:2], surfaces=())
+
+
+def automatic(of: Scene, dynamics: str) -> float:
+    """Return the default step of a scene [s]."""
+    kind = DYNAMICS[dynamics]
+    return float(kind.automatic_step(of, kind.integrator(kind.default(of))))
 
 
 def axes_of(on: str, tilt: float) -> np.ndarray:

@@ -171,8 +171,8 @@ def all_kinds_of_terms() -> Iterator[None]:
             idle["drive"] = Drive(-1, blocks(3), HUGE)
         return idle | actuators(part, whole, blocks)
 
-    def paired(whole: Scene, given: packing.Options) -> Pairs:
-        pairs = pack_pairs(whole, given)
+    def paired(whole: Scene, twin: bool, given: packing.Options) -> Pairs:
+        pairs = pack_pairs(whole, twin, given)
         return with_all_features(pairs, given.blocks) if Packing.shares else pairs
 
     def stacked(terms: Sequence[Any]) -> Any:

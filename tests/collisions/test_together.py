@@ -66,9 +66,9 @@ def test_stack_on_a_floor() -> None:
     nearest = np.minimum(told.min_gap, simulator.scene.meetings.reach).min(axis=1)
     np.testing.assert_array_equal(summed.min_gap, nearest)
     assert (nearest < simulator.scene.meetings.reach.min()).all()
-    for name in ("touching", "impulse", "late_contacts", "too_fast"):
+    for name in ("touching", "impulse", "late_contacts", "coarse_contacts"):
         np.testing.assert_array_equal(getattr(summed, name), getattr(told, name).sum(axis=1, dtype=float))
-    assert not np.any([told.late_contacts, told.overflow, told.too_fast])
+    assert not np.any([told.late_contacts, told.overflow, told.coarse_contacts])
     weight = told.impulse[0, [0, 2]] / (9.81 * simulator.time[0])
     assert weight == pytest.approx([2.0, 1.0], rel=0.02)
 
@@ -160,7 +160,7 @@ def test_readings_add_up() -> None:
     whole.advance(1200)
     told = whole.pairs()
     assert parts.positions.tobytes() == whole.positions.tobytes()
-    for name in ("impulse", "contact_loss", "friction_loss", "late_contacts", "too_fast", "overflow"):
+    for name in ("impulse", "contact_loss", "friction_loss", "late_contacts", "coarse_contacts", "overflow"):
         total = np.sum([getattr(reading, name) for reading in readings], axis=0)
         assert total == pytest.approx(getattr(told, name), rel=1e-12, abs=1e-12)
     assert np.min([reading.min_gap for reading in readings], axis=0) == pytest.approx(told.min_gap)

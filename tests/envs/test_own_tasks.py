@@ -481,7 +481,7 @@ def test_marks_are_marks() -> None:
         ({"memory": (NAN, 0)}, ValueError, r"memory\[0\]"),
         *(
             ({"metrics": lambda m, s, own=own: {own: s.time}}, ValueError, f"'{own}', but info has an entry")
-            for own in ("energy", "too_fast", "error_bound")
+            for own in ("energy", "coarse_contacts", "error_bound")
         ),
         ({"metrics": lambda m, s: {3: s.time}}, TypeError, "an entry named 3"),
         ({"metrics": lambda m, s: {"a": m.centre}}, ValueError, "metrics, 'a', gave"),

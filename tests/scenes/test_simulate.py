@@ -110,11 +110,11 @@ def test_pairs_of_bodies_are_told_one_by_one_or_together():
     recording = SimpleNamespace(plan=SimpleNamespace(scene=made), pairs=of)
     lines = list(simulate._between(recording))
     assert len(lines) == MOST_LISTED
-    assert lines[0] == "c0 and c1: impulse 1 N·s, lost 2 J, 1 found too late, 1 too fast, 1 left out"
+    assert lines[0] == "c0 and c1: impulse 1 N·s, lost 2 J, 1 found too late, 1 coarse, 1 left out"
     of.impulse[-1] = 1.0
     assert list(simulate._between(recording)) == [
         f"28 pairs of bodies: impulse 28 N·s, lost {2 * MOST_LISTED} J, {MOST_LISTED} found too late, "
-        f"{MOST_LISTED} too fast, {MOST_LISTED} left out"
+        f"{MOST_LISTED} coarse, {MOST_LISTED} left out"
     ]
 
 
