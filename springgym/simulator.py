@@ -47,7 +47,6 @@ from springgym.forces.ledger import ENTRIES
 from springgym.guard import Guard, guarded
 from springgym.identity import check_same, check_sealed, sealed
 from springgym.integrators.clock import Clock
-from springgym.integrators.node import START
 from springgym.integrators.record import COUNTS, Control, Phase
 from springgym.measures import Markers, Measures, Reading, Readout
 from springgym.packing import PARAMETERS, Options, Packed, pack
@@ -268,12 +267,11 @@ class Simulator:
         self._check_distance(scene.positions)
         for array, start in ((self._x, scene.positions), (self._v, scene.velocities)):
             numbers(array)[:] = start[..., None]  # the padding of the last block, too
-        self._settle(self._all)
-        self._find_touching(self._all)
+        self._begin(self._all)
 
     @property
     def _nodes(self) -> bool:
-        """Return whether steps go through nodes, see `springgym.integrators.node`."""
+        """Return whether steps go through nodes, see `springgym.step`."""
         return packing.has_nodes(self.scene, self.integrator)
 
     @classmethod
@@ -490,14 +488,13 @@ class Simulator:
         self._check_distance(x)
         for lanes, values in zip(self._moving, (x, v), strict=True):
             put(lanes, index, np.array(values, order="C").reshape(len(index), lanes.shape[1]), HUGE)
-        self._settle(index)
         for lanes, zeros in self._emptied:
             put(lanes, index, zeros, HUGE)
         if self._terms.collisions is not None:
             totals.empty_totals(self._terms.collisions, index)
         self.unresolved[index] = False
         self.coarse_contacts[index] = 0
-        self._find_touching(index)
+        self._begin(index)
         self.time[index] = 0.0
         if read:
             self._read(index)
@@ -535,9 +532,13 @@ class Simulator:
         given = checks.array(name, value, rows, shape, low=low, high=high)
         return given if given.shape == rows else np.broadcast_to(given, rows)
 
-    def _settle(self, index: np.ndarray) -> None:
-        """Move some copies to the rigid shape in rigid dynamics, with unchanged momenta."""
-        if not self._kind.settled:
+    def _begin(self, index: np.ndarray) -> None:
+        """Prepare copies that were just placed: find which bodies touch, and move rigid ones to their shapes.
+
+        A call moves all copies of its blocks. The other ones have their shapes, but for rounding: they get
+        back the bits that they had.
+        """
+        if not (self._kind.rigid or self.scene.meetings):
             return
         width = self.width
         blocks, row = np.unique(index // width, return_inverse=True)
@@ -545,16 +546,11 @@ class Simulator:
         placed[row, index % width] = True
         before = [numbers(array)[blocks] for array in (self._x, self._v)]
         for first, last in self._block_ranges(index):
-            self._run(0, first, last, 0, settles=True, reads=False)
-        for array, others in zip((self._x, self._v), before, strict=True):
-            lanes = numbers(array)
-            lanes[blocks] = np.where(placed[:, None, None], lanes[blocks], others)
-
-    def _find_touching(self, index: np.ndarray) -> None:
-        """Find which bodies of fresh copies touch, and the energy in the barriers between them."""
-        if self.scene.meetings:
-            for first, last in self._block_ranges(index):
-                self._run(0, first, last, START, settles=False, reads=False)
+            self._run(0, first, last, 0, placed=True, reads=False)
+        if self._kind.rigid:
+            for array, others in zip((self._x, self._v), before, strict=True):
+                lanes = numbers(array)
+                lanes[blocks] = np.where(placed[:, None, None], lanes[blocks], others)
 
     @guarded
     def vary(self, copies: ArrayLike, **values: ArrayLike) -> None:
@@ -819,7 +815,7 @@ class Simulator:
             )
         if check.__class__ is not bool or read.__class__ is not bool:
             check, read = checks.flag("check", check), checks.flag("read", read)
-        self._run_threads(steps, settles=True, reads=check or read, then=then)
+        self._run_threads(steps, reads=check or read, then=then)
         if check:
             self._check()
 
@@ -930,18 +926,15 @@ class Simulator:
             return math.inf
         return COARSE * float(lengths.min()) / float(np.finfo(self.dtype).eps)
 
-    def _run(self, thread: int, first: int, last: int, steps: int, settles: bool, reads: bool) -> None:
-        """Advance blocks ``first`` to ``last`` by ``steps``; then read them, if ``reads``.
-
-        In rigid dynamics, particles are first moved to the rigid shape if ``settles``, which steps need.
-        """
+    def _run(self, thread: int, first: int, last: int, steps: int, reads: bool, placed: bool = False) -> None:
+        """Advance a range of blocks, or prepare copies that were just ``placed``; then read, if ``reads``."""
         self._advance(
             self._phase,
             self._workspace[thread],
             (first, last),
             self._control,
             steps,
-            settles,
+            placed,
             self._acting,
             self._readings[thread],
             reads,
@@ -1086,7 +1079,7 @@ class Simulator:
         x, v = (numbers(array).copy() for array in (self._x, self._v))
         try:
             for block in range(self._x.shape[0]) if self.scene.can_touch else ():
-                self._run(0, block, block + 1, 1, settles=True, reads=False)
+                self._run(0, block, block + 1, 1, reads=False)
                 begin, end = (x[block], v[block]), (numbers(self._x)[block], numbers(self._v)[block])
                 here = contacts.SteppedBlock(
                     block, begin, end, self._workspace[0], self._terms, self._twin, self.step
@@ -1109,14 +1102,14 @@ class Simulator:
             If there are no such copies.
         """
         if copies is None:
-            self._run_threads(0, settles=False, reads=True)
+            self._run_threads(0, reads=True)
         else:
             self._read(self._index(copies))
 
     def _read(self, index: np.ndarray) -> None:
         """Read copies (k,) whose indices have been checked."""
         for first, last in self._block_ranges(index):
-            self._run(0, first, last, 0, settles=False, reads=True)
+            self._run(0, first, last, 0, reads=True)
 
     def _block_ranges(self, copies: np.ndarray) -> list[tuple[int, int]]:
         """Return ranges of blocks that together hold the copies and no other block."""
@@ -1127,15 +1120,13 @@ class Simulator:
             ranges.append((first, block + 1))
         return ranges
 
-    def _run_threads(
-        self, steps: int, settles: bool, reads: bool, then: Callable[[int, int], None] | None = None
-    ) -> None:
+    def _run_threads(self, steps: int, reads: bool, then: Callable[[int, int], None] | None = None) -> None:
         """`_run` all blocks, on several threads where that saves time; each calls ``then`` at its end."""
         blocks = self._x.shape[0]
         threads = min(self.threads, blocks)
         if threads == 1 or blocks * max(steps, 1) * self._busy < WORTH_A_THREAD:
             for first, last, some, ends in self._calls(0, blocks, steps):
-                self._run(0, first, last, some, settles, reads and ends)
+                self._run(0, first, last, some, reads and ends)
             if then is not None:
                 then(0, self.copies)
             return
@@ -1148,7 +1139,7 @@ class Simulator:
                 for first, last, some, ends in self._calls(edges[n], edges[n + 1], steps):
                     if over:
                         return
-                    self._run(n, first, last, some, settles, reads and ends)
+                    self._run(n, first, last, some, reads and ends)
                 if then is not None:
                     then(edges[n] * width, min(edges[n + 1] * width, self.copies))
 

@@ -10,6 +10,5 @@ the last node, see `warm`. `totals` accumulates the results of each pair. `recor
 `points` has a shorter computation for particles at surfaces, in scenes whose bodies neither collide nor roll.
 `overlap` checks by geometry alone whether bodies in a state overlap.
 
-The node of a step, where all this acts, is in `springgym.integrators.rows`, `springgym.rigid.node` for rigid
-bodies, and `springgym.integrators.node` for `points`.
+`springgym.step` is the step in which all this acts.
 """

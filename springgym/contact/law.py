@@ -14,8 +14,8 @@ which grows with ḣ, has a restitution that falls with the speed of impact.)
 No integrator samples this force. In a step of τ seconds from gap h₀ to h₁ it has the size of the exact
 discrete gradient F̄ = −(U(h₁) − U(h₀))/(h₁ − h₀), so that its work is −(U(h₁) − U(h₀)) whatever other forces
 act (Gonzalez, J. Nonlinear Sci. 6 (1996) 449, doi:10.1007/BF02440162), and the loss is that of the mean rate.
-An impulse acts at the node of the step, and the step ends t seconds later: t is half of τ, or τ for a copy
-that was just placed. With W the inverse of the effective mass and a the gap at the end without this contact,
+An impulse acts at the node of the step, and the step ends t = τ/2 later. With W the inverse of the effective
+mass and a the gap at the end without this contact,
 
     h₁ = a + G F̄(h₀, h₁) L((h₁ − h₀)/τ),    G = t τ W.
 
@@ -49,7 +49,7 @@ class Times(NamedTuple):
     """The times of a node [s]: of the drifts before and after it."""
 
     lead: Number
-    """h/2, or 0 for a copy just placed"""
+    """h/2; 0 where `springgym.step` searches before the first step"""
     out: Number
     """h/2"""
     whole: Number

@@ -759,6 +759,21 @@ def all_rows(typingctx, term):
     return (term.types[0] if several else term)(term), codegen
 
 
+@intrinsic
+def first_row(typingctx, term, body):
+    """Return the index of a body's first row among those of all bodies; 0 for an array, which is of one."""
+    several = _is_one_of(Ragged, term)
+
+    def codegen(context, builder, sig, args):
+        if not several:
+            return context.get_constant(types.intp, 0)
+        start = cgutils.unpack_tuple(builder, args[0])[1]
+        index = context.cast(builder, args[1], sig.args[1], types.intp)
+        return _item(context, builder, sig.args[0][1], start, index)
+
+    return types.intp(term, body), codegen
+
+
 # --- Compiled of these ------------------------------------------------------------------------------
 
 

@@ -17,8 +17,10 @@ from springgym.core.compiling import compiled, is_inner, kernel
 from springgym.core.kinds import Nested, Number
 from springgym.core.lanes import bodies_of, of_body
 from springgym.integrators.clock import Clock, tick
+from springgym.integrators.node import SPRINGS, Space
 from springgym.integrators.record import Control, Integrator, Phase
 from springgym.lazy import submodule
+from springgym.step import Bodies, advance_together
 from springgym.terms import Terms
 
 METHODS = (
@@ -111,70 +113,73 @@ def _method(name: str, special: str = "") -> tuple[Integrator, Callable[..., Non
 def advance_kernel(
     name: str, read: Callable[..., None], surfaces: bool = False, together: bool = False, cycles: bool = False
 ) -> Callable[..., None]:
-    """Return the compiled function that advances blocks of copies by a method.
+    """Return the compiled function that advances blocks of copies by a method, see `kernel_of`.
 
     Scenes with ``surfaces`` or of bodies that collide, and ``cycles`` of several steps, have their own
     function, so that other scenes need not wait for this code to compile. Bodies that collide or roll take
-    each step ``together``, or only find their contacts if the number of steps is `START`. Other bodies take
-    all steps one after another.
-
-    If the kernel is called with ``reads``, it also measures the copies by ``read``, a compiled function like
-    `springgym.measures.read`, with ``reading``, a `springgym.measures.Reading`. Only kernels of rigid bodies
-    use ``settles``. ``clock`` counts the steps.
+    each step ``together``; others take all steps one after another.
     """
+    if surfaces and together:
+        return kernel_of(advance_all, read)
     special = "integrate_in_cycles" if cycles else ""
     if surfaces:
-        special = "integrate_by_rows" if together else "integrate_through_nodes"
-    return _kernel(_method(name, special)[1], at_once if together else one_by_one, read)
-
-
-@compiled
-def one_by_one(
-    integrate: Callable[..., None],
-    phase: Phase,
-    workspace: Nested,
-    h: Number | Control,
-    steps: int,
-    terms: Terms,
-) -> None:
-    """Advance each body through all steps, one body after another."""
-    for body in range(bodies_of(phase.x)):
-        own = of_body(phase, body)
-        integrate(own.x, own.v, own.ledger, of_body(workspace, body), h, steps, of_body(terms, body))
-
-
-@compiled
-def at_once(
-    integrate: Callable[..., None], phase: Phase, workspace: Nested, h: Number, steps: int, terms: Terms
-) -> None:
-    """Advance all bodies together, step by step."""
-    integrate(phase.x, phase.v, phase.ledger, workspace, h, steps, terms)
+        special = "integrate_at_surfaces"
+    return kernel_of(advance_each(_method(name, special)[1]), read)
 
 
 @cache
-def _kernel(
-    integrate: Callable[..., None], take: Callable[..., None], read: Callable[..., None]
-) -> Callable[..., None]:
-    @kernel
+def advance_each(integrate: Callable[..., None]) -> Callable[..., None]:
+    """Return a function that advances bodies by a method, one after another."""
+
+    @compiled
     def advance(
+        phase: Phase, workspace: Nested, h: Number | Control, steps: int, placed: bool, terms: Terms
+    ) -> None:
+        if not placed:
+            for body in range(bodies_of(phase.x)):
+                own = of_body(phase, body)
+                space = of_body(workspace, body)
+                integrate(own.x, own.v, own.ledger, space, h, steps, of_body(terms, body))
+
+    return advance
+
+
+@compiled
+def advance_all(phase: Phase, workspace: Space, h: Number, steps: int, placed: bool, terms: Terms) -> None:
+    """Advance all bodies together, step by step, or find which touch in copies that were just ``placed``."""
+    bodies = Bodies(phase.x, phase.v, phase.ledger, workspace, terms, None)
+    advance_together(SPRINGS, bodies, h, steps, placed)
+
+
+@cache
+def kernel_of(advance: Callable[..., None], read: Callable[..., None]) -> Callable[..., None]:
+    """Return the compiled function that Python calls for a range of blocks.
+
+    In each block it prepares copies that were just ``placed``, or advances all copies by ``steps``, and their
+    ``clock``. Then it measures them if it ``reads``, by a compiled function like `springgym.measures.read`
+    with ``reading``, a `springgym.measures.Reading`.
+    """
+
+    @kernel
+    def advance_blocks(
         phase: Phase,
         workspace: Nested,
         blocks: tuple[int, int],
         h: Number | Control,
         steps: int,
-        settles: bool,
-        terms: Terms,
+        placed: bool,
+        terms: Nested,
         reading: Nested,
         reads: bool,
         clock: Clock,
     ) -> None:
         for block in range(blocks[0], blocks[1]):
-            here, own = at(phase, block), at(terms, block)
-            if steps != 0:
-                take(integrate, here, workspace, at(h, block), steps, own)
-            if steps > 0:
+            here = at(phase, block)
+            own = at(terms, block)
+            if placed or steps > 0:
+                advance(here, workspace, at(h, block), steps, placed, own)
                 tick(clock, block, steps)
             if reads:
                 read(block, here, reading, own)
 
-    return advance
+    return advance_blocks

@@ -1,20 +1,15 @@
-"""The node of a step with surfaces or colliding bodies, where all impulses of the step act at once.
+"""Bodies of springs in a step in which they may touch something, see `springgym.step`.
 
-Particles fly straight for half a step, receive the impulses of springs, gravity, actuators, dampers,
-surfaces, other bodies and friction, and fly straight for the other half. With v₋ and v₊ the velocities
-before and after the node, an impulse p changes the kinetic energy by exactly p · (v₋ + v₊)/2: this is what
-the ledger records, and a contact takes this mean for its rate of deformation (`springgym.contact.law`). The
-mean is zero for resting bodies, so that they lose nothing, and do not creep.
-
-States are those at the end of a drift, with positions and velocities of the same time. The impulses of
-contact at the last node are stored (`springgym.terms.LastNode`).
+Particles fly straight for half a step, to the node. There they receive the impulses of springs, gravity,
+actuators, dampers and contact, and then they fly straight for the other half.
 
 Forces act in this order: a kick to the node, half of the predicted impulse of contact, actuators and dampers,
 minus that half, a kick from the node, and contact. Dampers must use the mean velocity with contact; else
-resting bodies would seem to stretch. The prediction is the impulse of the last node.
+resting bodies would seem to stretch. The prediction is the impulse of the last node, which is stored
+(`springgym.terms.LastNode`).
 
-Surfaces act on each particle separately (`springgym.contact.points`). Bodies that collide or roll use
-`springgym.integrators.rows`.
+`SPRINGS` are bodies that collide or roll, whose contacts are solved together. `PARTICLES` touch surfaces one
+by one (`springgym.contact.points`).
 """
 
 from __future__ import annotations
@@ -23,22 +18,32 @@ from typing import NamedTuple
 
 import numpy as np
 
+from springgym.contact.ground import Grounded, find_ground
 from springgym.contact.law import Times
+from springgym.contact.movers import find_inertia, gather, turned
 from springgym.contact.points import impulses, near
-from springgym.contact.records import RowSpace
+from springgym.contact.records import MANY, ROWS, ContactRows, Problem, RowSpace, Surfaces, Turning
+from springgym.contact.round import Way
+from springgym.contact.solver import solve
 from springgym.contact.surfaces import coefficient
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Number, Rows, Vector
-from springgym.core.lanes import any_lane, load, of_body, select, store
-from springgym.core.vectors import dot, plus_scaled, row, set_row, vec
+from springgym.core.lanes import all_rows, any_lane, bodies_of, first_row, load, of_body, select, store
+from springgym.core.vectors import cross, dot, plus_scaled, row, set_row, vec
+from springgym.forces import actuate, divide_and_kick, divide_by_mass, drift, set_forces
 from springgym.forces.actuators import move_drive, push
-from springgym.forces.cycle import relax_in_turn
+from springgym.forces.cycle import count_step, damps_somewhere, relax_in_turn
 from springgym.forces.ledger import CONTACT, DAMPING, FRICTION, WORK, record
 from springgym.forces.springs import damp
+from springgym.step import Bodies, Kind
 from springgym.terms import Cycle, Dampers, LastNode, Terms
 
-START = -1
-"""Value for the number of steps for which a kernel only finds which bodies of fresh copies touch."""
+SWEEPS = 2
+"""Number of sweeps in which a node finds the impulses of its contacts, in alternating order."""
+
+ENOUGH = 1e-3
+"""Change of a gap, over Δ, below which sweeps end. With more than `MANY` bodies all `SWEEPS` are made, because
+the error of fewer sweeps shakes a pile."""
 
 
 class Space(NamedTuple):
@@ -60,27 +65,38 @@ class Space(NamedTuple):
     """workspace of the contacts of bodies that collide or roll; None if no body does"""
 
 
-class Bodies(NamedTuple):
-    """Bodies at a node, or one of them: `springgym.core.lanes.of_body` selects it in all fields."""
-
-    x: Rows
-    """(N, 3) positions at the node [m]"""
-    v: Rows
-    """(N, 3) velocities [m/s]: v₋ until contact has acted on the particle, then v₊"""
-    ledger: Ledger
-    space: Space
-    terms: Terms
-
-
-# --- Forces except contact ------------------------------------------------------------------------------
+# --- To the node ------------------------------------------------------------------------------------------
 
 
 @compiled
-def span_of(h: Number, goes: bool, x: Rows) -> Times:
-    """Return the times of a node in each lane; unless ``goes``, there is no drift before it."""
-    whole = h + 0.0 * load(of_body(x, 0), (0, 0))
-    half = 0.5 * whole
-    return Times(half if goes else 0.0 * whole, half, whole if goes else half)
+def expect_contact(body: int, bodies: Bodies) -> None:
+    """Mark all particles of a body as those that contact may act on."""
+    own = of_body(bodies, body)
+    for i in range(own.x.shape[0]):
+        own.space.busy[i] = True
+
+
+@compiled
+def arrive(body: int, bodies: Bodies, span: Times) -> None:
+    """Drift a body to the node, and find the velocities of its particles there without contact."""
+    own = of_body(bodies, body)
+    drift_to_node(own, span)
+    add_predicted(own, own.terms.last)
+    act_and_damp(own, span.whole)
+    subtract_predicted(own, span, own.terms.last)
+
+
+@compiled
+def drift_to_node(own: Bodies, span: Times) -> None:
+    """Drift to a node, and compute the forces on a body there."""
+    x, space, terms = own.x, own.space, own.terms
+    drift(x, own.v, span.lead)
+    set_forces(x, space.a, space.direction, damps_somewhere(terms.cycle), terms)
+    actuate(x, space.b, terms)
+    if acts_between_kicks(terms):
+        divide_and_kick(space.a, own.v, space.w, span.lead, terms.particles)
+    else:
+        divide_by_mass(space.a, terms.particles)
 
 
 @compiled
@@ -189,21 +205,21 @@ def record_cross_work(ledger: Ledger, work: Number, dampers: Dampers | None) -> 
         record(ledger, DAMPING, -1.0 * work)
 
 
-# --- Particles at surfaces ------------------------------------------------------------------------------
+# --- Particles that touch surfaces one by one ---------------------------------------------------------------
 
 
 @compiled
-def pass_particles(own: Bodies, span: Times) -> None:
-    """Apply all forces at a node to a body whose particles touch surfaces, and drift to the end of the step.
+def leave_surfaces(body: int, bodies: Bodies, span: Times) -> None:
+    """Apply surfaces to each particle of a body, and drift to the end of the step.
 
     The path of a particle that was beyond Δ of all surfaces begins where that of the last node ended.
     """
+    own = of_body(bodies, body)
     x, v, space, terms = own.x, own.v, own.space, own.terms
-    add_predicted(own, terms.last)
-    act_and_damp(own, span.whole)
-    subtract_predicted(own, span, terms.last)
     for i in range(x.shape[0]):
-        place, was, after = row(x, i), space.busy[i], free_velocity(i, span, own)
+        place = row(x, i)
+        was = space.busy[i]
+        after = free_velocity(i, span, own)
         end = plus_scaled(place, span.out, after)
         begin = end
         if was:
@@ -215,6 +231,7 @@ def pass_particles(own: Bodies, span: Times) -> None:
             store_predicted(i, vec(0.0, 0.0, 0.0), terms.last)
         set_row(v, i, after)
         set_row(x, i, plus_scaled(place, span.out, after))
+    count_step(terms.cycle)
 
 
 @compiled
@@ -240,3 +257,170 @@ def kick_by_surfaces(i: int, free: Vector, span: Times, own: Bodies) -> Vector:
     record(ledger, FRICTION, -1.0 * mass * dot(given.rub, mean))
     store_predicted(i, 0.5 * change, terms.last)
     return after
+
+
+# --- Bodies whose contacts are solved together --------------------------------------------------------------
+
+
+@compiled
+def arrive_together(body: int, bodies: Bodies, span: Times) -> None:
+    """Drift a body to the node, as `arrive` does, and store its free velocities in the form of contacts."""
+    arrive(body, bodies, span)
+    own = of_body(bodies, body)
+    space = bodies.space.rows
+    space.active[body] = False
+    space.rolls[body] = False
+    first = first_row(bodies.x, body)
+    for i in range(own.x.shape[0]):
+        # avoids −0, to which contacts of other copies would add 0
+        set_row(space.velocity, first + i, free_velocity(i, span, own) + vec(0.0, 0.0, 0.0))
+
+
+@compiled
+def at_node(bodies: Bodies, placed: bool) -> tuple[Rows, Rows]:
+    """Return positions and velocities of all particles: at the node, or where they were ``placed``."""
+    return all_rows(bodies.x), all_rows(bodies.v)
+
+
+@compiled
+def find_at_surfaces(body: int, bodies: Bodies, span: Times) -> None:
+    """List the contacts of a body with surfaces."""
+    own = of_body(bodies, body)
+    list_ground(body, first_row(bodies.x, body), own, span, bodies.space.rows, own.terms.surfaces)
+
+
+@compiled
+def list_ground(
+    body: int, first: int, own: Bodies, span: Times, space: RowSpace, surfaces: Surfaces | None
+) -> None:
+    """List the contacts of a body with surfaces, if there are any."""
+    if surfaces is not None:
+        terms, contacts = own.terms, space.contacts
+        free = space.velocity[first : first + own.x.shape[0]]
+        begin = Way(own.x, own.v, -1.0 * span.lead)
+        end = Way(own.x, free, span.out)
+        pair = terms.collisions.pairs.among + body
+        ground = Grounded(pair, body, first, own.x, begin, end, terms.particles.free, surfaces, contacts)
+        contacts.length[ROWS] = find_ground(contacts.length[ROWS], ground, terms.rounds)
+
+
+@compiled
+def join(bodies: Bodies, span: Times, problem: Problem, between: int) -> None:
+    """Set the velocities before the node of all bodies that have contacts, in the form of contacts."""
+    space = bodies.space.rows
+    contacts = space.contacts
+    for k in range(contacts.length[ROWS]):
+        first = problem.pairs.first[contacts.pair[k]]
+        space.active[first] = True
+        if k < between:
+            space.active[problem.pairs.second[contacts.pair[k]]] = True
+        elif contacts.late[k] == 1:
+            space.rolls[first] = True
+    for body in range(bodies_of(bodies.x)):
+        if space.active[body]:
+            first = first_row(bodies.x, body)
+            join_body(body, first, of_body(bodies, body), span, space, contacts.turning)
+
+
+@compiled
+def join_body(
+    body: int, first: int, own: Bodies, span: Times, space: RowSpace, turning: Turning | None
+) -> None:
+    """Set the velocities of a body before the node; if it turns as one, those without contact, too."""
+    if turning is not None and turning.turns[body]:
+        mass = own.terms.particles.mass
+        inverse_mass = own.terms.particles.inverse_mass
+        free = space.velocity[first : first + own.x.shape[0]]
+        ends = space.free[first : first + own.x.shape[0]]
+        for i in range(own.x.shape[0]):
+            set_row(ends, i, plus_scaled(row(own.x, i), span.out, row(free, i)))
+        for late in range(2 if space.rolls[body] else 1):
+            find_inertia(body, late, own.x if late == 0 else ends, mass, inverse_mass, turning)
+        gather(body, space.before, own.x, own.v, mass, turning)
+        gather(body, space.free, own.x, free, mass, turning)
+        for part in range(2):
+            set_row(space.velocity, first + part, row(space.free, first + part))
+    else:
+        for i in range(own.x.shape[0]):
+            set_row(space.before, first + i, row(own.v, i))
+
+
+@compiled
+def find_impulses(bodies: Bodies, span: Times, problem: Problem, between: int) -> None:
+    """Find all impulses by `SWEEPS` sweeps, or fewer if they change little."""
+    space = bodies.space.rows
+    store(space.contacts.going, 0, 1.0)
+    enough = ENOUGH if bodies_of(bodies.x) <= MANY else 0.0
+    solve(space.velocity, SWEEPS, enough, True, problem)
+
+
+@compiled
+def leave(body: int, bodies: Bodies, span: Times) -> None:
+    """Drift a body to the end of the step with the velocity that contact gave it, and record its losses."""
+    space = bodies.space.rows
+    own = of_body(bodies, body)
+    first = first_row(bodies.x, body)
+    drift_on(body, first, space.active[body], own, span, space, space.contacts.turning)
+    count_step(own.terms.cycle)
+
+
+@compiled
+def drift_on(
+    body: int, first: int, active: bool, own: Bodies, span: Times, space: RowSpace, turning: Turning | None
+) -> None:
+    """Drift a body to the end of the step; if contact is ``active``, with its changes and losses."""
+    last, mass = own.terms.last, own.terms.particles.mass
+    turns = turning is not None and turning.turns[body]
+    faster, spin, point = motion_by_contact(body, first, space, turning)
+    work = 0.0 * span.out
+    for i in range(own.x.shape[0]):
+        was = own.space.busy[i]
+        own.space.busy[i] = active
+        after = row(space.velocity, first + i)
+        if active:
+            free = free_velocity(i, span, own)
+            if turns:
+                after = free + (faster + cross(spin, row(own.x, i) - point))
+            change = after - free
+            others = before_contact(i, own.v, span, own)
+            others = others - plus_scaled(row(own.v, i), span.lead, row(own.space.a, i))
+            work = work + load(mass, i) * dot(others, change)
+            store_predicted(i, 0.5 * change, last)
+        elif was:
+            store_predicted(i, vec(0.0, 0.0, 0.0), last)
+        set_row(own.v, i, after)
+        set_row(own.x, i, plus_scaled(row(own.x, i), span.out, after))
+    if active:
+        record_cross_work(own.ledger, 0.5 * work, own.terms.dampers)
+        record_losses(body, own.ledger, space.contacts)
+
+
+@compiled
+def motion_by_contact(
+    body: int, first: int, space: RowSpace, turning: Turning | None
+) -> tuple[Vector, Vector, Vector]:
+    """Return the changes of v [m/s] and ω [rad/s] by contact of a body that turns, and its point X [m]."""
+    faster = 0.0 * row(space.velocity, first)
+    spin, point = faster, faster
+    if turning is not None and turning.turns[body] and space.active[body]:
+        faster = row(space.velocity, first) - row(space.free, first)
+        twist = row(space.velocity, first + 1) - row(space.free, first + 1)
+        spin = turned(body, 0, twist, turning)
+        point = row(turning.point, body)
+    return faster, spin, point
+
+
+@compiled
+def record_losses(body: int, ledger: Ledger, contacts: ContactRows) -> None:
+    """Record the losses of a body to restitution and friction."""
+    record(ledger, CONTACT, load(contacts.losses, (body, 0)))
+    record(ledger, FRICTION, load(contacts.losses, (body, 1)))
+    for entry in range(2):
+        store(contacts.losses, (body, entry), 0.0)
+
+
+SPRINGS = Kind(expect_contact, arrive_together, leave, at_node, find_at_surfaces, join, find_impulses)
+"""Bodies of springs that collide or roll."""
+
+PARTICLES = Kind(expect_contact, arrive, leave_surfaces)
+"""Bodies of springs whose particles touch surfaces one by one."""

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from springgym.contact.law import Times
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Number, Rows
-from springgym.core.lanes import bodies_of, of_body
 from springgym.forces import (
     act,
     actuate,
     divide_and_kick,
-    divide_by_mass,
-    drift,
     kick_and_drift,
     kick_through,
     paired,
@@ -21,9 +17,9 @@ from springgym.forces import (
     set_forces,
 )
 from springgym.forces.cycle import apply_wrench, count_step, damps_somewhere, relax_in_turn
-from springgym.integrators.node import START, Bodies, Space, acts_between_kicks, pass_particles, span_of
+from springgym.integrators.node import PARTICLES, Space, acts_between_kicks
 from springgym.integrators.record import Integrator
-from springgym.integrators.rows import pass_rows, store_energy_of_pairs
+from springgym.step import Bodies, advance_alone
 from springgym.terms import Terms
 
 RECORD = Integrator(
@@ -104,59 +100,8 @@ def integrate_in_cycles(
 
 
 @compiled
-def integrate_through_nodes(
+def integrate_at_surfaces(
     x: Rows, v: Rows, ledger: Ledger, workspace: Space, h: Number, steps: int, terms: Terms
 ) -> None:
-    """Drift h/2, pass the node, drift h/2, where particles may touch surfaces.
-
-    See `springgym.integrators.node`.
-    """
-    own, span = Bodies(x, v, ledger, workspace, terms), span_of(h, True, x)
-    expect_contact(own)
-    for _ in range(steps):
-        reach_node(own, span)
-        pass_particles(own, span)
-        count_step(terms.cycle)
-
-
-@compiled
-def integrate_by_rows(
-    x: Rows, v: Rows, ledger: Ledger, workspace: Space, h: Number, steps: int, terms: Terms
-) -> None:
-    """Advance through nodes where contacts are solved together, see `springgym.integrators.rows`.
-
-    All bodies take each step together. If ``steps`` is `START`, only find which bodies of fresh copies touch.
-    """
-    bodies, goes = Bodies(x, v, ledger, workspace, terms), steps != START
-    span = span_of(h, goes, x)
-    for n in range(bodies_of(x)):
-        expect_contact(of_body(bodies, n))
-    for _ in range(steps if goes else 1):
-        if goes:
-            for n in range(bodies_of(x)):
-                reach_node(of_body(bodies, n), span)
-        pass_rows(bodies, span, goes, workspace.rows)
-        if goes:
-            for n in range(bodies_of(x)):
-                count_step(of_body(terms, n).cycle)
-    store_energy_of_pairs(terms.collisions)
-
-
-@compiled
-def expect_contact(own: Bodies) -> None:
-    """Mark all particles of a body as those that contact may act on."""
-    for i in range(own.x.shape[0]):
-        own.space.busy[i] = True
-
-
-@compiled
-def reach_node(own: Bodies, span: Times) -> None:
-    """Drift to a node, and compute the forces on a body there."""
-    x, space, terms = own.x, own.space, own.terms
-    drift(x, own.v, span.lead)
-    set_forces(x, space.a, space.direction, damps_somewhere(terms.cycle), terms)
-    actuate(x, space.b, terms)
-    if acts_between_kicks(terms):
-        divide_and_kick(space.a, own.v, space.w, span.lead, terms.particles)
-    else:
-        divide_by_mass(space.a, terms.particles)
+    """Advance one body whose particles may touch surfaces, see `springgym.step`."""
+    advance_alone(PARTICLES, Bodies(x, v, ledger, workspace, terms, None), h, steps)

@@ -16,7 +16,7 @@ from springgym.checks import flag, instance, suggestion
 from springgym.core.blocks import set_copies
 from springgym.integrators.record import Integrator
 from springgym.resolution import longest_step
-from springgym.rigid.motion import kernel_reading, move_together
+from springgym.rigid import motion
 from springgym.rigid.shape import (
     Shape,
     check_rigid,
@@ -137,7 +137,7 @@ def advance_kernel(
     name: str, read: Callable[..., None], surfaces: bool = False, together: bool = False, cycles: bool = False
 ) -> Callable[..., None]:
     """Return the compiled function that advances blocks of copies of rigid bodies; all methods share it."""
-    return kernel_reading(read, move_together) if together else kernel_reading(read)
+    return motion.advance_kernel(read, together)
 
 
 def largest_step(scene: Scene, method: Integrator) -> float:

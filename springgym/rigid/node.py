@@ -1,13 +1,11 @@
-"""The node of a step of rigid bodies that may touch something: all impulses of the step act there at once.
+"""Rigid bodies in a step in which they may touch something, see `springgym.step`.
 
-A body flies freely for half a step (`springgym.rigid.flight`), receives the impulses of gravity, actuators,
-surfaces, other bodies and friction, and flies freely for the other half. As for particles that springs hold
-together (`springgym.integrators.node`), an impulse p changes the kinetic energy by p · (v₋ + v₊)/2, and a
-state is that at the end of a flight.
+A body flies freely for half a step (`springgym.rigid.flight`), to the node. There it receives the impulses of
+gravity, actuators and contact, and then it flies freely for the other half.
 
-All bodies take each step together. A step begins by reading position, attitude and momenta off the particles,
-so that results are bit-identical for calls of any length. Contacts are found from the particles, solved like
-those of springs (`springgym.contact.solver`), and turn each body as one.
+A step begins by reading position, attitude and momenta off the particles, so that results are bit-identical
+for calls of any length. Contacts are found from the particles, solved like those of springs
+(`springgym.contact.solver`), and turn each body as one.
 
 Flights are curved. The gaps at surfaces at the end of a step are first those of flights without contact, and
 then, by iteration, those of flights with the current impulses. A particle gets its impulse at the arm r for
@@ -26,20 +24,29 @@ from springgym.contact.movers import spin, velocity_between
 from springgym.contact.records import MANY, Problem, RowSpace, Surfaces
 from springgym.contact.records import ROWS as CONTACTS
 from springgym.contact.round import Way
-from springgym.contact.solver import add_totals, prepare_row, reach_of, solve
-from springgym.contact.totals import list_changing
-from springgym.contact.warm import keep_impulses
+from springgym.contact.solver import prepare_row, reach_of, solve
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Block, Mask, Number, Rows, Vector
-from springgym.core.lanes import all_rows, any_lane, bodies_of, epsilon, load, maximum, of_body, select, store
+from springgym.core.lanes import (
+    all_rows,
+    any_lane,
+    bodies_of,
+    epsilon,
+    first_row,
+    load,
+    maximum,
+    of_body,
+    select,
+    store,
+)
 from springgym.core.vectors import apply, choose, cross, dot, plus_scaled, row, set_row, vec
 from springgym.forces.ledger import WORK, record
-from springgym.integrators.record import Phase
-from springgym.integrators.rows import begin_rows, enter_touching, fetch, find_among, first_row, record_losses
+from springgym.integrators.node import record_losses
 from springgym.rigid.body import read_state, set_particles
 from springgym.rigid.flight import angular_velocity, combine, fly, turned
 from springgym.rigid.kick import load_of_actuators, weight
 from springgym.rigid.solid import Motion, Rigid, Solid, State, Twin
+from springgym.step import Bodies, Kind
 from springgym.terms import Thrust, Wrench
 
 SWEEPS, FLIGHTS = 80, 40
@@ -122,8 +129,8 @@ def product_of(one: Motion, other: Motion, solid: Solid) -> Number:
 
 
 @compiled
-def leave(node: RigidNode, given: Motion, solid: Solid) -> State:
-    """Return the state half a step later, after contact has changed the motion by ``given``."""
+def state_after(node: RigidNode, given: Motion, solid: Solid) -> State:
+    """Return the state half a step after the node, where contact changed the motion by ``given``."""
     velocity = node.falling + combine(node.axes, node.thrown[0] + given[0])
     state = State(node.state.q, node.free[1] + given[1], node.state.position, velocity)
     return fly(state, node.span.out, solid.rigid, solid.asymmetry)
@@ -209,14 +216,22 @@ def node_of(body: int, span: Times, space: Workspace, twin: Twin) -> tuple[Rigid
 
 
 @compiled
-def fly_to_node(body: int, bodies: Phase, span: Times, space: Workspace, twin: Twin) -> None:
+def arrive(body: int, bodies: Bodies, span: Times) -> None:
     """Fly a body to the node, and compute its motion after it without contact."""
-    x, v, _ = of_body(bodies, body)
+    x = of_body(bodies.x, body)
+    v = of_body(bodies.v, body)
+    twin = of_body(bodies.twins, body)
     rigid, asymmetry, terms = twin
-    rows, kept, b = space.rows, space.bodies[body], space.loads[body]
+    space = bodies.space
+    rows = space.rows
+    kept = space.bodies[body]
+    b = space.loads[body]
     turning = rows.contacts.turning
-    first, count, zero = first_row(bodies.x, body), bodies_of(bodies.x), 0.0 * span.out
-    behind, nothing = first + x.shape[0], vec(zero, zero, zero)
+    first = first_row(bodies.x, body)
+    behind = first + x.shape[0]
+    count = bodies_of(bodies.x)
+    zero = 0.0 * span.out
+    nothing = vec(zero, zero, zero)
     if not rigid.moves:
         for i in range(x.shape[0]):
             for of in (space.begin, space.here, space.end):
@@ -270,11 +285,11 @@ def change_by_contact(body: int, node: RigidNode, space: Workspace) -> Motion:
 
 
 @compiled
-def fly_on(body: int, bodies: Phase, span: Times, space: Workspace, twin: Twin) -> None:
+def fly_on(body: int, bodies: Bodies, span: Times, space: Workspace, twin: Twin) -> None:
     """Compute the end of a body's flight with the current impulses."""
     if twin[0].moves:
         node, solid = node_of(body, span, space, twin)
-        end = leave(node, change_by_contact(body, node, space), solid)
+        end = state_after(node, change_by_contact(body, node, space), solid)
         first = first_row(bodies.x, body)
         behind = first + solid.terms.particles.mass.size
         set_particles(space.end[first:behind], space.idle[first:behind], end, solid)
@@ -284,86 +299,90 @@ def fly_on(body: int, bodies: Phase, span: Times, space: Workspace, twin: Twin) 
 
 
 @compiled
-def grounded(body: int, bodies: Phase, space: Workspace, twins: Twin) -> Grounded:
+def grounded(body: int, bodies: Bodies) -> Grounded:
     """Return a body in the form that `find_ground` takes."""
-    terms, first = of_body(twins, body)[2], first_row(bodies.x, body)
+    space = bodies.space
+    terms = of_body(bodies.terms, body)
+    first = first_row(bodies.x, body)
     behind = first + terms.particles.mass.size
-    begin, end = Way(space.begin[first:behind], None, 0.0), Way(space.end[first:behind], None, 0.0)
-    pair, free = terms.collisions.pairs.among + body, terms.particles.free
+    begin = Way(space.begin[first:behind], None, 0.0)
+    end = Way(space.end[first:behind], None, 0.0)
+    pair = terms.collisions.pairs.among + body
     here = space.here[first:behind]
+    free = terms.particles.free
     return Grounded(pair, body, first, here, begin, end, free, terms.surfaces, space.rows.contacts)
-
-
-@compiled
-def find_below(
-    body: int, bodies: Phase, span: Times, space: Workspace, twins: Twin, surfaces: Surfaces | None
-) -> None:
-    """List the contacts of a body with surfaces, if there are any."""
-    twin = of_body(twins, body)
-    if surfaces is not None and twin[0].moves:
-        fly_on(body, bodies, span, space, twin)
-        contacts = space.rows.contacts
-        own = grounded(body, bodies, space, twins)
-        contacts.length[CONTACTS] = find_ground(contacts.length[CONTACTS], own, twin[2].rounds)
 
 
 # --- The node -------------------------------------------------------------------------------------------
 
 
 @compiled
-def pass_together(phase: Phase, span: Times, goes: bool, space: Workspace, twins: Twin) -> None:
-    """Advance all bodies by a step; unless ``goes``, only find which bodies of fresh copies touch."""
-    x, v, _ = phase
-    terms, rows, count = twins[2], space.rows, bodies_of(x)
-    collisions, contacts, places, speeds = terms.collisions, rows.contacts, all_rows(x), all_rows(v)
-    if goes:
-        for body in range(count):
-            fly_to_node(body, phase, span, space, of_body(twins, body))
-    else:
-        for i in range(places.shape[0]):
-            set_row(space.here, i, row(places, i))
-            set_row(space.idle, i, row(speeds, i))
-    fetch(x, terms.particles.mass, space.here, space.idle, rows, rows.lists)
-    inverse_mass = all_rows(terms.particles.inverse_mass)
-    problem = Problem(
-        span, rows.places, rows.before, inverse_mass, collisions.pairs, contacts, collisions.totals
-    )
-    among = contacts.length[CONTACTS] = find_among(problem, rows, rows.lists)
-    if goes:
-        for body in range(count):
-            find_below(body, phase, span, space, twins, terms.surfaces)
-    list_changing(contacts, collisions.totals, collisions.changing)
-    if not goes:
-        enter_touching(problem, collisions)
-        return
-    if contacts.length[CONTACTS] > 0:
-        begin_rows(among, rows.velocity, problem, collisions, rows.lists)
-        find_impulses(phase, among, problem, space, twins, terms.surfaces)
-    add_totals(rows.velocity, problem, collisions.changing)
-    keep_impulses(problem, collisions.warm)
-    for body in range(count):
-        leave_node(body, phase, span, space, of_body(twins, body))
+def keep_workspace(body: int, bodies: Bodies) -> None:
+    """Do nothing: the workspace of a rigid body is set anew in each step."""
 
 
 @compiled
-def find_impulses(
-    phase: Phase, among: int, problem: Problem, space: Workspace, twins: Twin, surfaces: Surfaces | None
-) -> None:
+def at_node(bodies: Bodies, placed: bool) -> tuple[Rows, Rows]:
+    """Return positions and velocities of all particles: at the node, or where they were ``placed``."""
+    here = bodies.space.here
+    speeds = bodies.space.idle
+    if placed:
+        x = all_rows(bodies.x)
+        v = all_rows(bodies.v)
+        for i in range(x.shape[0]):
+            set_row(here, i, row(x, i))
+            set_row(speeds, i, row(v, i))
+    return here, speeds
+
+
+@compiled
+def find_at_surfaces(body: int, bodies: Bodies, span: Times) -> None:
+    """List the contacts of a body with surfaces, given its flight without contact."""
+    list_ground(body, bodies, span, bodies.terms.surfaces)
+
+
+@compiled
+def list_ground(body: int, bodies: Bodies, span: Times, surfaces: Surfaces | None) -> None:
+    """List the contacts of a body with surfaces, if there are any."""
+    twin = of_body(bodies.twins, body)
+    if surfaces is not None and twin[0].moves:
+        fly_on(body, bodies, span, bodies.space, twin)
+        contacts = bodies.space.rows.contacts
+        own = grounded(body, bodies)
+        contacts.length[CONTACTS] = find_ground(contacts.length[CONTACTS], own, twin[2].rounds)
+
+
+@compiled
+def stay_joined(bodies: Bodies, span: Times, problem: Problem, between: int) -> None:
+    """Do nothing: rigid bodies arrive in the form of contacts."""
+
+
+@compiled
+def find_impulses(bodies: Bodies, span: Times, problem: Problem, between: int) -> None:
     """Find all impulses; at surfaces, iterate them with the flights that follow from them."""
-    contacts, span = space.rows.contacts, problem.span
+    iterate_flights(bodies, span, problem, between, bodies.terms.surfaces)
+
+
+@compiled
+def iterate_flights(
+    bodies: Bodies, span: Times, problem: Problem, between: int, surfaces: Surfaces | None
+) -> None:
+    """Find all impulses, and with ``surfaces`` the flights that follow from them, from each other."""
+    space = bodies.space
+    contacts = space.rows.contacts
     going = 1.0 + 0.0 * span.out
     enough = AGREED + 64 * epsilon(going)
-    sweeps, flights = (SWEEPS, FLIGHTS) if bodies_of(phase.x) <= MANY else (FEW, FEW)
-    for turn in range(1 if surfaces is None or contacts.length[CONTACTS] == among else flights):
+    sweeps, flights = (SWEEPS, FLIGHTS) if bodies_of(bodies.x) <= MANY else (FEW, FEW)
+    for turn in range(1 if surfaces is None or contacts.length[CONTACTS] == between else flights):
         store(contacts.going, 0, going)
         solve(space.rows.velocity, sweeps, enough, turn == 0, problem)
-        if surfaces is not None and turn < flights - 1 and contacts.length[CONTACTS] > among:
-            for body in range(bodies_of(phase.x)):
-                fly_on(body, phase, span, space, of_body(twins, body))
+        if surfaces is not None and turn < flights - 1 and contacts.length[CONTACTS] > between:
+            for body in range(bodies_of(bodies.x)):
+                fly_on(body, bodies, span, space, of_body(bodies.twins, body))
             moved = 0.0 * span.out
-            for k in range(among, contacts.length[CONTACTS]):
-                own = grounded(contacts.body[2 * k], phase, space, twins)
-                ahead = ahead_of(k, own, of_body(twins, contacts.body[2 * k])[2].rounds)
+            for k in range(between, contacts.length[CONTACTS]):
+                own = grounded(contacts.body[2 * k], bodies)
+                ahead = ahead_of(k, own, of_body(bodies.twins, contacts.body[2 * k])[2].rounds)
                 moved = maximum(moved, look_ahead(k, going > 0.5, ahead, space.rows.velocity, problem))
             going = select(moved > enough, going, 0.0)
             if not any_lane(going > 0.5):
@@ -402,13 +421,21 @@ def look_ahead(k: int, going: Mask, ahead: Number, v: Rows, problem: Problem) ->
 
 
 @compiled
-def leave_node(body: int, bodies: Phase, span: Times, space: Workspace, twin: Twin) -> None:
+def leave(body: int, bodies: Bodies, span: Times) -> None:
     """Fly a body on to the end of the step, and record the actuators' work and the losses in contact."""
-    x, v, ledger = of_body(bodies, body)
+    space = bodies.space
+    ledger = of_body(bodies.ledger, body)
+    twin = of_body(bodies.twins, body)
     if twin[0].moves:
         node, solid = node_of(body, span, space, twin)
         change = change_by_contact(body, node, space)
         middle = sum_of(sum_of(node.before, span.lead, node.rate), 0.5, sum_of(node.thrown, 1.0, change))
         record(ledger, WORK, product_of(node.thrown, middle, solid))
-        set_particles(x, v, leave(node, change, solid), solid)
+        x = of_body(bodies.x, body)
+        v = of_body(bodies.v, body)
+        set_particles(x, v, state_after(node, change, solid), solid)
     record_losses(body, ledger, space.rows.contacts)
+
+
+RIGID = Kind(keep_workspace, arrive, leave, at_node, find_at_surfaces, stay_joined, find_impulses)
+"""Rigid bodies whose contacts are solved together."""
