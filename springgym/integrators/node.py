@@ -42,8 +42,8 @@ SWEEPS = 2
 """Number of sweeps in which a node finds the impulses of its contacts, in alternating order."""
 
 ENOUGH = 1e-3
-"""Change of a gap, over Δ, below which sweeps end. With more than `MANY` bodies all `SWEEPS` are made, because
-the error of fewer sweeps shakes a pile."""
+"""Change of a gap, over Δ, below which sweeps end. With more than `MANY` bodies, all `SWEEPS` are made: the
+error of fewer sweeps shakes a pile."""
 
 
 class Space(NamedTuple):
@@ -399,7 +399,7 @@ def drift_on(
 def motion_by_contact(
     body: int, first: int, space: RowSpace, turning: Turning | None
 ) -> tuple[Vector, Vector, Vector]:
-    """Return the changes of v [m/s] and ω [rad/s] by contact of a body that turns, and its point X [m]."""
+    """Return the changes by contact of v [m/s] and ω [rad/s] of a body that rotates, and its point X [m]."""
     faster = 0.0 * row(space.velocity, first)
     spin, point = faster, faster
     if turning is not None and turning.turns[body] and space.active[body]:
