@@ -48,7 +48,8 @@ def save_agent(path: Path, model: BaseAlgorithm) -> None:
     tensors = model.policy.state_dict()
     arrays = {name: tensor.cpu().numpy() for name, tensor in tensors.items() if agent.acts(algo, name)}
     if normalize := model.get_vec_normalize_env():
-        found, limits = normalize.obs_rms, np.array([normalize.epsilon, normalize.clip_obs])
+        found = normalize.obs_rms
+        limits = np.array([normalize.epsilon, normalize.clip_obs])
         parts = [found] if isinstance(found, RunningMeanStd) else [found[name] for name in sorted(found)]
         mean, variance = (np.concatenate([getattr(part, name) for part in parts]) for name in ("mean", "var"))
         arrays |= dict(zip(STATISTICS, (mean, variance, limits), strict=True))

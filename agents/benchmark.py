@@ -76,9 +76,9 @@ from runs import locked, open_run, versions
 from tqdm import tqdm
 
 from springgym.cli import INTERRUPTED, guarded, write_text
-from springgym.extras import install
-from springgym.registration import spec_of
-from springgym.strict_yaml import read_json, read_yaml
+from springgym.core.extras import install
+from springgym.envs.registration import spec_of
+from springgym.scenes.strict_yaml import read_json, read_yaml
 
 ROOT = Path(__file__).resolve().parent.parent
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -116,7 +116,8 @@ def run_cell(cell: Cell, plan: Plan) -> dict[str, Any]:
     folder.mkdir(parents=True, exist_ok=True)
     arguments = [] if cell.algorithm in UNTRAINED else training(cell, plan)
     with open(folder / "log.txt", "a", encoding="utf-8") as log, redirect_stdout(log), redirect_stderr(log):
-        steps, seconds = 0, 0.0
+        steps = 0
+        seconds = 0.0
         if cell.algorithm in UNTRAINED:
             agent = cell.algorithm
             env_id, kwargs = find_task([], cell.task, [])
@@ -447,7 +448,8 @@ def collected(
     cells: Sequence[Cell], plan: Plan, results: Iterator[Outcome | None], path: Path
 ) -> list[tuple[Cell, str]]:
     """Write rows as they come, show how far all has come, and return what failed."""
-    failed, left = [], {cell: config_of(cell, plan) for cell in cells}
+    failed = []
+    left = {cell: config_of(cell, plan) for cell in cells}
     with tqdm(total=len(cells), unit="run", mininterval=1.0, smoothing=0.02) as bar:
         for result in results:
             if result is not None:
@@ -458,7 +460,8 @@ def collected(
                     tqdm.write(f"{cell}: failed: {row}")
                 else:
                     add_row(path, row)
-                    success, (scale, unit) = percent(row["success_rate"]), score(cell.task)
+                    success = percent(row["success_rate"])
+                    scale, unit = score(cell.task)
                     tqdm.write(
                         f"{cell}: success {success}, return {scale * row['mean_return']:.3f} per {unit}, "
                         f"{row['seconds']:.0f} s of processor time"

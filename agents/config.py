@@ -21,8 +21,8 @@ import gymnasium as gym
 
 from springgym.cli import Parser, check_new
 from springgym.envs.agent import Algorithm
-from springgym.registration import UnknownEnvironment, find, spec_of
-from springgym.strict_yaml import Tree, YamlError, build, parse_yaml, read_yaml
+from springgym.envs.registration import UnknownEnvironment, find, spec_of
+from springgym.scenes.strict_yaml import Tree, YamlError, build, parse_yaml, read_yaml
 
 ConfigError = YamlError
 CONFIG_FOLDER = Path(__file__).resolve().parent.parent / "configs"

@@ -18,12 +18,12 @@ from config import ConfigError
 from gymnasium import spaces
 from runs import HELD_OUT_SEED
 
-from springgym.bodies.rotations import axes
-from springgym.envs import billiards, detumble, duel, free_top, juggle, labyrinth, top, tower, tumble
 from springgym.envs.agent import Policy
+from springgym.envs.registration import find
 from springgym.envs.task import Task
-from springgym.registration import find
-from springgym.scene import GRAVITY
+from springgym.envs.tasks import billiards, detumble, duel, free_top, juggle, labyrinth, top, tower, tumble
+from springgym.model.bodies.rotations import axes
+from springgym.model.scene import GRAVITY
 
 UNTRAINED = ("noop", "random", "classical")
 """Names of the agents of `make_controller` that need no training."""
@@ -42,7 +42,8 @@ def top_moment(task: Task, observations: np.ndarray) -> tuple[np.ndarray, np.nda
     40 n×z carries part of the weight, −20 ω⊥ damps the nutation; 3 (ω_wanted − ω₃) keeps the spin.
     """
     seen = task.seen(observations)
-    axis, spin = seen["axis"], seen["spin"][:, 0]
+    axis = seen["axis"]
+    spin = seen["spin"][:, 0]
     upright = UP - axis * axis[:, 2:]
     moment = 60.0 * upright + 40.0 * np.cross(axis, UP) - 20.0 * seen["across"]
     return moment, 3.0 * (top.WANTED - spin)
@@ -71,7 +72,8 @@ def gyroscope_moment(task: Task, observations: np.ndarray) -> np.ndarray:
     −10 ω⊥ damps the nutation.
     """
     seen = task.seen(observations)
-    axis, wanted = seen["axis"], seen["target"]
+    axis = seen["axis"]
+    wanted = seen["target"]
     towards = wanted - axis * _dot(axis, wanted)
     return np.clip(60.0 * np.sign(seen["spin"]) * towards, -20.0, 20.0) - 10.0 * seen["across"]
 
@@ -83,7 +85,8 @@ def gyroscope_torque(task: Task, observations: np.ndarray) -> np.ndarray:
 
 def gyroscope_impulse(task: Task, observations: np.ndarray) -> np.ndarray:
     """Control SpringGyroscope with an impulse on the head, 0.5 m from the pin."""
-    moment, axis = gyroscope_moment(task, observations), task.seen(observations)["axis"]
+    moment = gyroscope_moment(task, observations)
+    axis = task.seen(observations)["axis"]
     return _saturated(task.period * np.cross(moment, axis) / 0.5, task.limits)
 
 
@@ -99,8 +102,11 @@ def pendulum_moment(task: Task, observations: np.ndarray) -> np.ndarray:
     the weight takes 8.5.
     """
     seen = task.seen(observations)
-    axis, across = seen["axis"], seen["across"]
-    lift, inertia, strongest = 8.5, 1.25, 4.25
+    axis = seen["axis"]
+    across = seen["across"]
+    lift = 8.5
+    inertia = 1.25
+    strongest = 4.25
     erecting = np.cross(axis, np.where(axis[:, 2:] < -0.9999, [1.0, 0.0, 0.0], UP))
     soon = across - 0.08 * lift / inertia * erecting
     short = lift * (1.0 - axis[:, 2:]) - 0.5 * inertia * _dot(across, across)
@@ -117,7 +123,8 @@ def pendulum_torque(task: Task, observations: np.ndarray) -> np.ndarray:
 
 def pendulum_impulse(task: Task, observations: np.ndarray) -> np.ndarray:
     """Control SpringPendulum with an impulse on the far corner, √3 m from the pin."""
-    moment, axis = pendulum_moment(task, observations), task.seen(observations)["axis"]
+    moment = pendulum_moment(task, observations)
+    axis = task.seen(observations)["axis"]
     return _saturated(task.period * np.cross(moment, axis) / np.sqrt(3.0), task.limits)
 
 
@@ -156,11 +163,13 @@ def regulator(
     """
     n, m = control.shape
     both = np.block([[drift, control], [np.zeros((m, n + m))]]) * period
-    power, exponential = np.eye(n + m), np.eye(n + m)
+    power = np.eye(n + m)
+    exponential = np.eye(n + m)
     for k in range(1, 20):
         power = power @ both / k
         exponential += power
-    a, b = exponential[:n, :n], exponential[:n, n:]
+    a = exponential[:n, :n]
+    b = exponential[:n, n:]
     cost = np.diag(weights)
     for _ in range(3000):
         gain = np.linalg.solve(effort * np.eye(m) + b.T @ cost @ b, b.T @ cost @ a)
@@ -196,13 +205,17 @@ def _free_top_gain(period: float) -> np.ndarray:
     I₁ω⊥' = Mgl n×z + (h − l) z×F − I₃ω₃ n',  n' = ω×n,  M X'' = F.
     """
     mass, low, high, moment = FREE_TOP
-    whirl, fall = 1.25 * free_top.WANTED / moment, mass * G * low / moment
-    drift, control = np.zeros((8, 8)), np.zeros((8, 2))
-    drift[0, 3], drift[1, 2] = 1.0, -1.0
+    whirl = 1.25 * free_top.WANTED / moment
+    fall = mass * G * low / moment
+    drift = np.zeros((8, 8))
+    control = np.zeros((8, 2))
+    drift[0, 3] = 1.0
+    drift[1, 2] = -1.0
     drift[2, [1, 3]] = -fall, -whirl
     drift[3, [0, 2]] = fall, whirl
     drift[4, 6] = drift[5, 7] = 1.0
-    control[2, 1], control[3, 0] = -high / moment, high / moment
+    control[2, 1] = -high / moment
+    control[3, 0] = high / moment
     control[6, 0] = control[7, 1] = 1 / mass
     return regulator(drift, control, np.array([10.0, 10, 1, 1, 20, 20, 1, 1]), 1e-4, period)
 
@@ -214,8 +227,10 @@ def free_top_push(task: free_top.SpringFreeTop, observations: np.ndarray) -> np.
     middle from 0.1 m on, falling to 0 at 0.05 m, with the lean F h/(Mgl) for which the weight balances it.
     The way that the regulator sees is at most 0.1 m.
     """
-    seen, (mass, low, high, _) = task.seen(observations), FREE_TOP
-    centre, friction = seen["centre"], task.contact.friction
+    seen = task.seen(observations)
+    mass, low, high, _ = FREE_TOP
+    centre = seen["centre"]
+    friction = task.contact.friction
     away = np.linalg.norm(centre, axis=1, keepdims=True)
     inwards = -centre / np.maximum(away, 1e-9)
     steady = friction * np.clip(away / 0.05 - 1.0, 0.0, 1.0) * inwards  # over Mg
@@ -232,7 +247,8 @@ def tumble_push(task: Task, observations: np.ndarray) -> tuple[np.ndarray, np.nd
     It is half lifted while on the way.
     """
     seen = task.seen(observations)
-    offset, normal = seen["offset"].copy(), seen["normal"]
+    offset = seen["offset"].copy()
+    normal = seen["normal"]
     offset[:, 2] = 0.0
     error = np.linalg.norm(offset, axis=1, keepdims=True)
     axis = np.cross(normal, -UP)
@@ -265,13 +281,15 @@ def tumble_impulses(task: tumble.SpringTumble, observations: np.ndarray) -> np.n
         for values, limit in zip(tumble_push(task, observations), (force, task.torque), strict=True)
     )
     seen = task.seen(observations)
-    first, third = seen["side"], seen["axis"]
+    first = seen["side"]
+    third = seen["axis"]
     triad = np.stack([first, np.cross(third, first), third], axis=1)
     arms = _corner_arms() @ triad
     moments = np.cross(arms[:, :, None], np.eye(3)).swapaxes(2, 3)  # of the unit forces, (n, corners, 3, 3)
     shares = np.concatenate([np.broadcast_to(np.eye(3), moments.shape), moments], axis=2)
     shares = shares.swapaxes(1, 2).reshape(len(arms), 6, -1)
-    inverse, wanted = np.linalg.pinv(shares), np.column_stack([push, twist])[:, :, None]
+    inverse = np.linalg.pinv(shares)
+    wanted = np.column_stack([push, twist])[:, :, None]
     forces = inverse @ wanted
     for _ in range(4):
         forces = np.clip(forces, -force / 4, force / 4)
@@ -293,7 +311,8 @@ def balance_torque(task: Task, observations: np.ndarray) -> np.ndarray:
     is I₁ (60 n×n* − 12 ω⊥), I₁ = 0.11 kg·m², and carries the plate, Mgl n×z, and the ball, m g r×z.
     """
     seen = task.seen(observations)
-    place, away = seen["place"], np.zeros((len(observations), 1))
+    place = seen["place"]
+    away = np.zeros((len(observations), 1))
     rate = _dot(seen["place_velocity"], seen["place_velocity"]) / np.maximum(_dot(place, place), 1e-6)
     falling = seen["velocity"] - seen["place_velocity"]
     rolling = -rate * place - 9.0 * seen["offset"] - 5.0 * falling
@@ -332,7 +351,9 @@ def _pushed(
     taken
         Force that it takes to push the box [N].
     """
-    rows, at, across = np.arange(len(along)), seen["beside"], 1 - along
+    rows = np.arange(len(along))
+    at = seen["beside"]
+    across = 1 - along
     turn = _axes(seen)
     velocity = np.einsum("nij,nj->ni", turn, seen["pusher_velocity"])
     side = -np.sign(lacking[rows, along])
@@ -343,7 +364,8 @@ def _pushed(
     ahead = bearing + np.clip(around, -0.6, 0.6)
     way = 0.4 * np.stack([np.cos(ahead), np.sin(ahead)], axis=1) - at
     wanted = 0.9 * way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 0.1)
-    gap, off = side * at[rows, along] - 0.27, beside - at[rows, across]
+    gap = side * at[rows, along] - 0.27
+    off = beside - at[rows, across]
     aligned = np.exp(-((off / 0.04) ** 2))
     speed = np.clip(2.0 * (np.abs(lacking[rows, along]) - 0.02), 0.08, 0.4)
     closing = np.zeros_like(at)
@@ -410,7 +432,8 @@ def labyrinth_tilt(task: labyrinth.SpringLabyrinth, observations: np.ndarray) ->
     with its square.
     """
     gain = min(5.0, task.rate / 0.06)
-    fast, brake = 0.06 * gain, 0.01 * gain**2
+    fast = 0.06 * gain
+    brake = 0.01 * gain**2
     seen = task.seen(observations)
     points = seen["way"].reshape(len(observations), -1, 2)
     legs = np.diff(points[:, :3], axis=1)
@@ -439,15 +462,21 @@ def juggle_wrench(task: juggle.SpringJuggle, observations: np.ndarray) -> np.nda
     after the other: half of what it comes too early or late is added to T.
     """
     seen = task.seen(observations)
-    rows, names = np.arange(len(observations)), ("", "other_")[: task.balls]
+    rows = np.arange(len(observations))
+    names = ("", "other_")[: task.balls]
     ball = np.stack([seen[f"{name}ball"] for name in names])
     velocity = np.stack([seen[f"{name}ball_velocity"] for name in names])
     spin = np.stack([seen[f"{name}spin"] for name in names])
     height = np.maximum(ball[..., 2] - juggle.BALL_RADIUS - 0.003, 0.0)
     left = (velocity[..., 2] + np.sqrt(velocity[..., 2] ** 2 + 2.0 * G * height)) / G
-    first, last, here = left.argmin(axis=0), left.max(axis=0), (left.argmin(axis=0), rows)
+    first = left.argmin(axis=0)
+    last = left.max(axis=0)
+    here = (left.argmin(axis=0), rows)
     column = np.array(task.columns)[first, None] * [1.0, 0.0]
-    ball, velocity, spin, left = ball[here], velocity[here], spin[here], left[here]
+    ball = ball[here]
+    velocity = velocity[here]
+    spin = spin[here]
+    left = left[here]
     error = np.stack([seen[f"{name}height_offset"][:, 0] for name in names])[here]
     up = np.sqrt(8.0 / G * np.maximum(seen["wanted_height"][:, 0] - 0.3 * error, 0.05))
     if task.balls == 2:
@@ -457,7 +486,8 @@ def juggle_wrench(task: juggle.SpringJuggle, observations: np.ndarray) -> np.nda
     leaving = np.column_stack([(column - place[:, :2]) / up[:, None], G * up / 2.0])
     change = leaving - velocity
     change[:, 2] += G * left
-    struck, push = leaving - change, change
+    struck = leaving - change
+    push = change
     for _ in range(4):
         size = np.linalg.norm(push, axis=1)
         normal = push / size[:, None]
@@ -481,11 +511,14 @@ def _tower_gain(period: float) -> np.ndarray:
     A force F there is l above the centre of mass: M X'' = F, I n'' = l (F − Mg n).
     """
     width, _, height = tower.SIDES
-    arm, moment = height / 2, tower.MASS * (width**2 + height**2) / 4
-    drift, control = np.zeros((4, 4)), np.zeros((4, 1))
+    arm = height / 2
+    moment = tower.MASS * (width**2 + height**2) / 4
+    drift = np.zeros((4, 4))
+    control = np.zeros((4, 1))
     drift[0, 1] = drift[2, 3] = 1.0
     drift[3, 2] = -arm * tower.MASS * G / moment
-    control[1, 0], control[3, 0] = 1 / tower.MASS, arm / moment
+    control[1, 0] = 1 / tower.MASS
+    control[3, 0] = arm / moment
     return regulator(drift, control, np.array([20.0, 1.0, 5.0, 1.0]), 0.03, period)
 
 
@@ -497,8 +530,11 @@ def tower_crane(task: tower.SpringTower, observations: np.ndarray) -> np.ndarray
     It is let go less than 8 cm above if it is to fall within 2.8 cm, upright and slowly turning.
     """
     seen = task.seen(observations)
-    way, velocity, turning = seen["way"], seen["velocity"], seen["turning"]
-    aside, drift = np.linalg.norm(way[:, :2], axis=1), np.linalg.norm(velocity[:, :2], axis=1)
+    way = seen["way"]
+    velocity = seen["velocity"]
+    turning = seen["turning"]
+    aside = np.linalg.norm(way[:, :2], axis=1)
+    drift = np.linalg.norm(velocity[:, :2], axis=1)
     above = (aside < 0.03) & (drift < 0.1)
     near = way[:, :2] * np.minimum(1.0, 0.45 / np.maximum(aside, 1e-9))[:, None]
     near[~above & (way[:, 2] < 0.04)] = 0.0
@@ -524,7 +560,8 @@ def billiards_stroke(task: Task, observations: np.ndarray) -> np.ndarray:
     velocity, and friction takes 2 μ g d of a squared velocity on a way d.
     """
     seen = task.seen(observations)
-    way, slowing = seen["to_pocket"], billiards.FRICTION * G
+    way = seen["to_pocket"]
+    slowing = billiards.FRICTION * G
     farther = np.linalg.norm(way, axis=1, keepdims=True)
     onward = way / np.maximum(farther, 1e-9)
     aim = seen["to_ball"] - (2.0 * billiards.RADIUS + 0.25 * billiards.REACH) * onward
@@ -538,7 +575,7 @@ def billiards_stroke(task: Task, observations: np.ndarray) -> np.ndarray:
 
 
 def duel_push(task: Task, observations: np.ndarray) -> np.ndarray:
-    """Control SpringDuel: the strongest of its scripts, see `springgym.envs.duel.Script`."""
+    """Control SpringDuel: the strongest of its scripts, see `springgym.envs.tasks.duel.Script`."""
     return duel.OPPONENTS["strong"](observations).astype(np.float32)
 
 
@@ -620,7 +657,8 @@ def make_controller(
         return lambda observations: np.zeros((len(observations), *action_space.shape), np.float32)
     if name == "random":
         rng = np.random.default_rng(HELD_OUT_SEED)
-        low, high = action_space.low, action_space.high
+        low = action_space.low
+        high = action_space.high
         return lambda observations: rng.uniform(low, high, (len(observations), *action_space.shape)).astype(
             np.float32
         )

@@ -42,8 +42,8 @@ import springgym  # noqa: F401  (registers the environments)
 from springgym.checks import printable
 from springgym.cli import guarded, write_text
 from springgym.envs.agent import Policy
+from springgym.envs.registration import find, nearest_id, spec_of
 from springgym.envs.trained import published
-from springgym.registration import find, nearest_id, spec_of
 
 #: Keyword arguments of an environment that belong to the agent and not to the task.
 INTERFACE = ("observation", "action", "goals")

@@ -55,7 +55,8 @@ def imitate(run: Run, model: PPO) -> int:
     -------
     environment steps that it took
     """
-    config, env = run.config, model.get_env()
+    config = run.config
+    env = model.get_env()
     assert isinstance(config, PPOConfig)
     assert env is not None
     steps = config.bc_steps // config.n_envs
@@ -65,12 +66,16 @@ def imitate(run: Run, model: PPO) -> int:
 
 def played(model: PPO, env: VecEnv, controller: Policy, steps: int, seed: int) -> tuple[torch.Tensor, ...]:
     """Let the controller play; return what the agent sees (n, D), the actions (n, A), and returns (n,)."""
-    normalize, space = model.get_vec_normalize_env(), env.action_space
+    normalize = model.get_vec_normalize_env()
+    space = env.action_space
     assert isinstance(space, spaces.Box)
     rng = np.random.default_rng(seed)
     noise = math.exp(float(model.policy.log_std.detach().mean()))
     observations: Any = env.reset()
-    seen, wanted, rewards, ends = [], [], [], []
+    seen = []
+    wanted = []
+    rewards = []
+    ends = []
     for _ in range(steps):
         now: Any = normalize.get_original_obs() if normalize else observations
         actions = controller(now)
@@ -83,8 +88,10 @@ def played(model: PPO, env: VecEnv, controller: Policy, steps: int, seed: int) -
     found: Any = np.concatenate(seen)
     given = np.array(rewards)
     if normalize:
-        found, given = normalize.normalize_obs(found), normalize.normalize_reward(given)
-    returns, after = np.zeros_like(given), np.zeros(given.shape[1])
+        found = normalize.normalize_obs(found)
+        given = normalize.normalize_reward(given)
+    returns = np.zeros_like(given)
+    after = np.zeros(given.shape[1])
     for n in reversed(range(steps)):
         after = given[n] + model.gamma * after * ~ends[n]
         returns[n] = after
@@ -94,7 +101,8 @@ def played(model: PPO, env: VecEnv, controller: Policy, steps: int, seed: int) -
 
 def fit(model: PPO, seen: torch.Tensor, wanted: torch.Tensor, returns: torch.Tensor) -> None:
     """Bring the policy's means to what is ``wanted``, and the critic to the ``returns``; the noise stays."""
-    policy, size = model.policy, min(model.batch_size, len(seen))
+    policy = model.policy
+    size = min(model.batch_size, len(seen))
     learned = [parameter for name, parameter in policy.named_parameters() if name != "log_std"]
     optimizer = torch.optim.Adam(learned, RATE)
     falls = torch.optim.lr_scheduler.LinearLR(optimizer, 1.0, 0.0, EPOCHS * (len(seen) // size))

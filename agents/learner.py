@@ -20,7 +20,8 @@ class Falling:
     """A learning rate that falls to 0 in a straight line until the run ends."""
 
     def __init__(self, rate: float) -> None:
-        self.rate, self.left = rate, 1.0
+        self.rate = rate
+        self.left = 1.0
 
     def __call__(self, steps_left: float) -> float:
         """Return the rate, given the share of the steps that is left."""
@@ -51,7 +52,8 @@ def make_training_env(run: Run) -> StaggeredMonitor:
         If there is no such environment, or its actions are not numbers.
     """
     with making(run.env_id):
-        copies, kwargs = network_config(run).n_envs, run.config.env_kwargs
+        copies = network_config(run).n_envs
+        kwargs = run.config.env_kwargs
         env = make_sb3(run.env_id, copies, run.seed, stagger=True, env_kwargs=kwargs)
     assert isinstance(env, StaggeredMonitor)
     if not isinstance(env.action_space, spaces.Box):

@@ -31,21 +31,28 @@ class Search:
 
     def __init__(self, run: Run, columns: tuple[str, ...]) -> None:
         assert isinstance(run.config, LinearConfig)
-        self.run, self.config, self.columns = run, run.config, columns
+        self.run = run
+        self.config = run.config
+        self.columns = columns
         copies = self.config.population * self.config.episodes
         with making(run.env_id):
             adapter = make_sb3(run.env_id, copies, env_kwargs=run.config.env_kwargs).unwrapped
         assert isinstance(adapter, SB3VecEnv)
         self.env: gym.vector.VectorEnv = adapter.vector_env
-        seen, done = self.env.single_observation_space, self.env.single_action_space
+        seen = self.env.single_observation_space
+        done = self.env.single_action_space
         if not isinstance(seen, spaces.Box) or not isinstance(done, spaces.Box) or len(seen.shape) != 1:
             raise ConfigError(f"{run.env_id}: linear control maps numbers to numbers, not {seen} to {done}")
-        self.inputs, self.outputs, self.low, self.high = seen.shape[0], done.shape[0], done.low, done.high
+        self.inputs = seen.shape[0]
+        self.outputs = done.shape[0]
+        self.low = done.low
+        self.high = done.high
         self.limit = time_limit(self.env.spec)  # type: ignore[arg-type]
         size = self.outputs * (self.inputs + 1)
         self.rng = np.random.default_rng(run.seed)
         self.mean, self.spread = np.zeros(size), np.full(size, self.config.spread)
-        self.timesteps, self.seconds = 0, 0.0
+        self.timesteps = 0
+        self.seconds = 0.0
         self.rows = np.zeros((0, len(columns)))
 
     @property
@@ -78,12 +85,17 @@ class Search:
 
     def _play(self, policies: np.ndarray, seeds: list[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
         """Return, length and success (population, episodes), and how many steps were taken in all."""
-        count, episodes = len(policies), len(seeds)
+        count = len(policies)
+        episodes = len(seeds)
         matrices = policies.reshape(count, self.outputs, self.inputs + 1)
-        weight, bias = matrices[:, None, :, :-1], matrices[:, None, :, -1]
+        weight = matrices[:, None, :, :-1]
+        bias = matrices[:, None, :, -1]
         observations, _ = self.env.reset(seed=seeds * count)  # type: ignore[arg-type]  # it takes a list
-        returns, lengths = np.zeros(count * episodes), np.zeros(count * episodes, int)
-        successes, running, taken = np.zeros(count * episodes), np.ones(count * episodes, bool), 0
+        returns = np.zeros(count * episodes)
+        lengths = np.zeros(count * episodes, int)
+        successes = np.zeros(count * episodes)
+        running = np.ones(count * episodes, bool)
+        taken = 0
         unknown = np.full(count * episodes, np.nan)
         while running.any():
             seen = np.asarray(observations, float).reshape(count, episodes, self.inputs)
@@ -146,7 +158,9 @@ class Search:
                 if arrays[name].shape != self.mean.shape or not np.isfinite(arrays[name]).all():
                     raise ValueError(f"{name} belongs to another policy")
             self.rng.bit_generator.state = json.loads(str(arrays["generator"]))
-            self.mean, self.spread, self.rows = arrays["mean"], arrays["spread"], arrays["rows"]
+            self.mean = arrays["mean"]
+            self.spread = arrays["spread"]
+            self.rows = arrays["rows"]
             self.timesteps, self.seconds = int(arrays["clock"][0]), float(arrays["clock"][1])
         except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
             raise ConfigError(f"{self.path}: this is not a checkpoint of this run: {error}") from error

@@ -51,7 +51,7 @@ from runs import HELD_OUT_SEED, time_limit
 
 import springgym
 from springgym.cli import INTERRUPTED, guarded
-from springgym.registration import ENVIRONMENTS, find, spec_of
+from springgym.envs.registration import ENVIRONMENTS, find, spec_of
 
 AT_ONCE = 10
 """Number of episodes that are played at once."""
@@ -130,7 +130,8 @@ def returns(model: VectorEnv, actions: np.ndarray) -> np.ndarray:
     A failure costs 1 a period: what comes after the plan is lost, too, and is more than what a plan earns.
     """
     periods = actions.shape[1]
-    total, goes_on = np.zeros(len(actions)), np.ones(len(actions), bool)
+    total = np.zeros(len(actions))
+    goes_on = np.ones(len(actions), bool)
     for now in actions.swapaxes(0, 1):
         _, _, terminated, _, infos = model.step(now)
         total += goes_on * sum(infos[name] for name in infos if name.startswith("reward_"))
@@ -261,9 +262,11 @@ def play_episodes(task: str, planner: Planner, seeds: Sequence[int]) -> list[dic
 def summary(task: str, played: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Return mean return and success with their intervals, and what planning takes, of episodes of a task."""
     own: Any = gym.make(task).unwrapped
-    returns, successes = [one["return"] for one in played], [one["success"] for one in played]
+    returns = [one["return"] for one in played]
+    successes = [one["success"] for one in played]
     known = None not in successes
-    seconds, steps = sum(one["seconds"] for one in played), sum(one["steps"] for one in played)
+    seconds = sum(one["seconds"] for one in played)
+    steps = sum(one["steps"] for one in played)
     return {
         "task": task,
         "seconds": round(seconds, 2),
@@ -305,7 +308,8 @@ def make_row(task: str, planner: Planner, first: int, episodes: int, partial: Pa
     same = part and {name: part.get(name) for name in row} == row
     played = part["played"][:episodes] if same else []
     while len(played) < episodes:
-        start, count = first + len(played), min(AT_ONCE, episodes - len(played))
+        start = first + len(played)
+        count = min(AT_ONCE, episodes - len(played))
         played = [*played, *play_episodes(task, planner, range(start, start + count))]
         if partial:
             add_row(partial, {**row, "played": played})

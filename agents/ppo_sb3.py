@@ -59,7 +59,9 @@ def evaluate(model: PPO, env_id: str, episodes: int = 100) -> tuple[np.ndarray, 
     envs: Any = make(env_id, episodes)
     envs.seed(range(1_000_000, 1_000_000 + episodes))
     observations = envs.reset()
-    returns, successes, running = np.zeros(episodes), np.zeros(episodes, bool), np.ones(episodes, bool)
+    returns = np.zeros(episodes)
+    successes = np.zeros(episodes, bool)
+    running = np.ones(episodes, bool)
     while running.any():
         actions, _ = model.predict(observations, deterministic=True)
         observations, rewards, dones, infos = envs.step(actions)

@@ -170,7 +170,8 @@ class Recorder(BaseCallback):
     def write_row(self) -> None:
         """Append a row and start the next one."""
         reward_per_step = self.reward / self.steps
-        episodes, successes = self.model.ep_info_buffer, self.model.ep_success_buffer
+        episodes = self.model.ep_info_buffer
+        successes = self.model.ep_success_buffer
         row = (
             self.num_timesteps,
             round(self.seconds, 2),
@@ -188,7 +189,10 @@ class Recorder(BaseCallback):
         if reached is not None:
             shown["success"] = f"{100 * reached:.0f} %"
         self.bar.set_postfix(shown, refresh=False)
-        self.row_at, self.steps, self.episodes, self.reward = self.num_timesteps, 0, 0, 0.0
+        self.row_at = self.num_timesteps
+        self.steps = 0
+        self.episodes = 0
+        self.reward = 0.0
 
 
 # --- Checkpoints ---------------------------------------------------------------------------------------

@@ -25,8 +25,8 @@ from evaluate import Evaluation, evaluate, find_task
 from runs import HELD_OUT_SEED, open_run, versions, waited_for, write_rows
 
 from springgym.checks import counted, printable, shown
-from springgym.registration import find
-from springgym.strict_yaml import read_json
+from springgym.envs.registration import find
+from springgym.scenes.strict_yaml import read_json
 
 Row = Mapping[str, Any]
 Rows = dict[tuple[Any, ...], dict[str, Any]]
@@ -481,7 +481,8 @@ def interval_of_returns(returns: Sequence[float]) -> tuple[float, float]:
 
 def wilson(successes: int, episodes: int) -> tuple[float, float]:
     """Return an interval for the rate of success (Wilson 1927, doi:10.1080/01621459.1927.10502953)."""
-    z, rate = 1.96, successes / episodes
+    z = 1.96
+    rate = successes / episodes
     centre = rate + z * z / (2 * episodes)
     half = z * math.sqrt(rate * (1 - rate) / episodes + z * z / (4 * episodes**2))
     low, high = ((centre + side * half) / (1 + z * z / episodes) for side in (-1, 1))

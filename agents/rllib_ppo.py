@@ -103,7 +103,9 @@ def evaluate(module: Any, env_id: str, kwargs: dict[str, Any], episodes: int) ->
         )
     observations, _ = env.reset(seed=HELD_OUT_SEED)
     size = env.single_action_space.shape[0]
-    returns, running, successes = np.zeros(episodes), np.ones(episodes, bool), np.zeros(episodes)
+    returns = np.zeros(episodes)
+    running = np.ones(episodes, bool)
+    successes = np.zeros(episodes)
     unknown = np.full(episodes, np.nan)
     while running.any():
         with torch.no_grad():
@@ -135,7 +137,8 @@ def learn(options: argparse.Namespace) -> int:
             f"--runners × --copies × n_steps = {batch} is not a multiple of {config.batch_size}"
         )
     folder = (options.out or Path("runs") / f"{options.env_id}-rllib-{options.seed}").absolute()
-    checkpoint, table = folder / "checkpoint", folder / "metrics.csv"
+    checkpoint = folder / "checkpoint"
+    table = folder / "metrics.csv"
     if checkpoint.exists() != options.resume:
         what = "holds a run: give --resume, or another --out" if checkpoint.exists() else "has no checkpoint"
         raise ConfigError(f"{folder} {what}")
@@ -151,10 +154,13 @@ def learn(options: argparse.Namespace) -> int:
         folder.mkdir(parents=True, exist_ok=True)
         rows = list(csv.reader(table.read_text().splitlines()))[1:] if options.resume else []
         steps, seconds = (int(rows[-1][0]), float(rows[-1][1])) if rows else (0, 0.0)
-        kwargs, started, n = {**config.env_kwargs, **config.eval_env_kwargs}, time.perf_counter() - seconds, 0
+        kwargs = {**config.env_kwargs, **config.eval_env_kwargs}
+        started = time.perf_counter() - seconds
+        n = 0
         while steps < total:
             algo.train()
-            steps, n = steps + batch, n + 1
+            steps = steps + batch
+            n = n + 1
             if n % 10 == 0 or steps >= total:
                 seconds = time.perf_counter() - started
                 earned, success = evaluate(algo.get_module(), options.env_id, kwargs, options.episodes)

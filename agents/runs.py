@@ -41,10 +41,10 @@ from gymnasium import spaces
 from gymnasium.envs.registration import EnvSpec
 
 from springgym.cli import write_text
+from springgym.core.extras import SOURCE
 from springgym.envs import agent
 from springgym.envs.agent import Algorithm, Network, Policy
-from springgym.extras import SOURCE
-from springgym.strict_yaml import build, read_yaml
+from springgym.scenes.strict_yaml import build, read_yaml
 
 HELD_OUT_SEED = 1_000_000
 """First seed of the episodes that every run is reported on. A run's seed is below it; of that, copies that

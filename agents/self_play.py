@@ -38,8 +38,8 @@ from tqdm import tqdm
 
 from springgym.cli import INTERRUPTED, guarded, whole_file
 from springgym.envs import parallel
-from springgym.envs.duel import OPPONENTS
 from springgym.envs.sb3 import make_sb3
+from springgym.envs.tasks.duel import OPPONENTS
 
 if TYPE_CHECKING:
     from springgym.envs.players import ParallelDuel, ParallelOptions
@@ -48,7 +48,8 @@ ID = "SpringDuel-v0"
 SEEN: ParallelOptions = {"observation": "features"}
 """Opponents get the features of the duel."""
 MOST_RATED = 10
-ANCHOR, POINTS = ("script", 1000.0), 400.0 / np.log(10.0)
+ANCHOR = ("script", 1000.0)
+POINTS = 400.0 / np.log(10.0)
 RESAMPLES = 200
 
 Player = Callable[[np.ndarray], np.ndarray]
@@ -64,7 +65,8 @@ class League:
     def __call__(self, observations: np.ndarray) -> np.ndarray:
         """Return the actions of each copy's opponent."""
         actions = np.zeros((len(observations), 2))
-        copies, count = np.arange(len(observations)), len(self.players)
+        copies = np.arange(len(observations))
+        count = len(self.players)
         played = np.where(2 * copies < len(copies), count - 1, copies % count)
         for n in np.unique(played):
             actions[played == n] = self.players[n](observations[played == n])
@@ -76,7 +78,10 @@ class Keeper(BaseCallback):
 
     def __init__(self, run: Run, league: League, every: int, bar: tqdm) -> None:
         super().__init__()
-        self.run, self.league, self.every, self.bar = run, league, every, bar
+        self.run = run
+        self.league = league
+        self.every = every
+        self.bar = bar
         self.kept = 0
 
     def _on_training_start(self) -> None:
@@ -144,7 +149,8 @@ def learn(run: Run, every: int) -> None:
         model = new_model(run, env)
     steps = run.config.total_timesteps - model.num_timesteps
     if steps > 0:
-        total, done = run.config.total_timesteps, model.num_timesteps
+        total = run.config.total_timesteps
+        done = model.num_timesteps
         with tqdm(total=total, initial=done, unit="step", unit_scale=True, desc=ID) as bar:
             model.learn(steps, callback=Keeper(run, league, every, bar), reset_num_timesteps=False)
     env.close()
@@ -184,7 +190,8 @@ def duel(env: ParallelDuel, first: Player, second: Player, seed: int) -> float:
     while env.agents:
         actions = {name: who(seen[name][None])[0] for name, who in (("first", first), ("second", second))}
         seen, _, _, _, infos = env.step(actions)
-    won, lost = infos["first"]["is_success"], infos["second"]["is_success"]
+    won = infos["first"]["is_success"]
+    lost = infos["second"]["is_success"]
     return 1.0 if won and not lost else 0.0 if lost and not won else 0.5
 
 
@@ -193,7 +200,8 @@ def ratings(played: Sequence[Duels], count: int, points: Sequence[np.ndarray] | 
 
     The likeliest are found as Hunter (2004), MM algorithms for generalized Bradley-Terry models, has it.
     """
-    won, met = np.zeros((count, count)), np.zeros((count, count))
+    won = np.zeros((count, count))
+    met = np.zeros((count, count))
     for n, (i, j, own) in enumerate(played):
         got = own if points is None else points[n]
         won[i, j] += got.sum() + 0.5
@@ -227,7 +235,8 @@ def rate(run: Run, duels: int) -> list[dict[str, str]]:
         anchored(ratings(played, len(names), [rng.choice(one.points, len(one.points)) for one in played]))
         for _ in range(RESAMPLES)
     ]
-    error, strong = np.std(again, axis=0), names.index("strong")
+    error = np.std(again, axis=0)
+    strong = names.index("strong")
     rows = []
     for n in np.argsort(-rating):
         against = [one for one in played if {one.first, one.second} == {n, strong}]

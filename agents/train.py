@@ -46,8 +46,8 @@ from watch import record
 import springgym  # noqa: F401  (registers the environments)
 from springgym.cli import INTERRUPTED, guarded
 from springgym.envs.agent import Algorithm
+from springgym.envs.registration import find
 from springgym.envs.sb3 import StaggeredMonitor
-from springgym.registration import find
 
 MOST_STEPS = 10**12
 
@@ -90,7 +90,8 @@ def main(arguments: Sequence[str] | None = None, program: str = "train.py") -> i
 def begin(options: argparse.Namespace) -> int:
     """Start a new run."""
     algo: Algorithm = options.algo or "ppo"
-    seed, overrides = options.seed or 0, options.overrides
+    seed = options.seed or 0
+    overrides = options.overrides
     if options.timesteps is not None:
         overrides = [*overrides, f"total_timesteps={options.timesteps}"]
     config = load_config(algo, options.env_id, overrides, options.config)
@@ -214,7 +215,8 @@ def begin_with_imitation(run: Run, model: BaseAlgorithm, recorder: Recorder) -> 
 
 def finish_search(search: Search, episodes: int) -> int:
     """Search what is left, then evaluate and show the agent."""
-    run, total = search.run, search.config.total_timesteps
+    run = search.run
+    total = search.config.total_timesteps
     started = Recorder.clock() - search.seconds
     try:
         with tqdm(

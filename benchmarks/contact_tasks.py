@@ -33,12 +33,12 @@ from benchmarks.errors import batch
 from benchmarks.peers import has
 from benchmarks.steady import RandomPlay, fractions, native, single
 from benchmarks.timing import Case, Row, rates, row_over
-from springgym.bodies import Body
-from springgym.bodies.body import inertia
-from springgym.bodies.distances import largest_distances
-from springgym.bodies.rotations import axes
-from springgym.scene import Placed, Scene
-from springgym.surfaces import Bowl, Contact
+from springgym.model.bodies import Body
+from springgym.model.bodies.body import inertia
+from springgym.model.bodies.distances import largest_distances
+from springgym.model.bodies.rotations import axes
+from springgym.model.scene import Placed, Scene
+from springgym.model.surfaces import Bowl, Contact
 
 TASKS = tuple(
     f"Spring{name}-v0" for name in ("Balance", "Shove", "Stack", "Juggle", "Labyrinth", "Tower", "Duel")
@@ -99,7 +99,8 @@ def bowl_of(scene: Scene) -> Bowl | None:
 def geom_xml(placed: Placed, scene: Scene, origin: np.ndarray) -> str:
     """Return the shape of a body in MuJoCo's XML; the frame has its origin at a point (3,) of the body at
     rest [m]."""
-    body, middle = placed.body, centre_of(placed.body)
+    body = placed.body
+    middle = centre_of(placed.body)
     if body.rounds:
         (ball,) = body.rounds
         middle = ball.centre
@@ -134,7 +135,8 @@ def pair_xml(one: str, other: str, contact: Contact) -> str:
 
 def body_xml(placed: Placed, scene: Scene) -> str:
     """Return a body that moves, in MuJoCo's XML, with the mass and inertia of its particles."""
-    body, origin = placed.body, anchor_of(placed)
+    body = placed.body
+    origin = anchor_of(placed)
     centre = centre_of(body)
     about = inertia(body.positions - centre, body.masses)[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
     site = f'<site name="{placed.name}" pos="{text(*(body.positions[-1] - origin))}"/>'
@@ -151,7 +153,8 @@ def model_xml(scene: Scene) -> str:
     Touching shapes are named in pairs, each with the friction and restitution of the scene.
     """
     world = pairs = assets = tendons = ""
-    contact, collisions = scene.contact, scene.collisions
+    contact = scene.contact
+    collisions = scene.collisions
     assert isinstance(contact, Contact)
     moving = [placed for placed in scene.bodies if not is_fixed(placed)]
     for placed in scene.bodies:
@@ -164,7 +167,8 @@ def model_xml(scene: Scene) -> str:
         vertices = top.body.positions - anchor_of(top)
         assets = f'<asset><mesh name="top" vertex="{text(*vertices.ravel())}"/></asset>'
         world += f'<site name="bowl" pos="{text(*bowl.centre)}"/>'
-        reach, rebound = text(contact.reach or 0.0), solref_of(contact)
+        reach = text(contact.reach or 0.0)
+        rebound = solref_of(contact)
         tendons = "".join(
             f'<spatial limited="true" range="0 {text(bowl.radius)}" margin="{reach}" '
             f'solreflimit="{rebound}"><site site="bowl"/><site site="{placed.name}"/></spatial>'
@@ -274,7 +278,8 @@ class MuJoCoPlay:
     ) -> np.ndarray:
         """Return force [N] and torque about the centre of mass [N·m], (6,), on a body with particles x."""
         prefix = f"{placed.name}." if len(self.scene.bodies) > 1 else ""
-        force, torque = np.zeros(3), np.zeros(3)
+        force = np.zeros(3)
+        torque = np.zeros(3)
         if f"{prefix}force" in driven:
             force += driven[f"{prefix}force"][copy]
         if f"{prefix}torque" in driven:
@@ -292,19 +297,23 @@ class MuJoCoPlay:
 
     def place(self, copies: np.ndarray) -> None:
         """Put bodies where the particles of the simulator are, in some copies (k,)."""
-        positions, velocities = self.at.simulator.positions, self.at.simulator.velocities
+        positions = self.at.simulator.positions
+        velocities = self.at.simulator.velocities
         for copy in copies:
             data = self.data[copy]
             self.mujoco.mj_resetData(self.model, data)
             for placed, own, number in self.bodies:
-                x, v = positions[copy, own], velocities[copy, own]
+                x = positions[copy, own]
+                v = velocities[copy, own]
                 place, quaternion, velocity, turning = self._pose(placed, x, v)
                 joint = self.model.body_jntadr[number]
-                q, w = self.model.jnt_qposadr[joint], self.model.jnt_dofadr[joint]
+                q = self.model.jnt_qposadr[joint]
+                w = self.model.jnt_dofadr[joint]
                 if not placed.pinned:
                     data.qpos[q : q + 3] = place
                     data.qvel[w : w + 3] = velocity
-                    q, w = q + 3, w + 3
+                    q = q + 3
+                    w = w + 3
                 data.qpos[q : q + 4] = quaternion
                 data.qvel[w : w + 3] = turning
 
@@ -314,7 +323,8 @@ class MuJoCoPlay:
         The rotation is that which brings its particles at rest nearest to the particles x, weighted by mass;
         the angular velocity is I⁻¹ L.
         """
-        body, masses = placed.body, placed.body.masses[:, None]
+        body = placed.body
+        masses = placed.body.masses[:, None]
         rest, centre, speed = centre_of(body), *(((masses * of).sum(axis=0) / masses.sum()) for of in (x, v))
         left, _, right = np.linalg.svd((masses * (body.positions - rest)).T @ (x - centre))
         proper = np.diag([1.0, 1.0, np.sign(np.linalg.det(right.T @ left.T))])
@@ -329,7 +339,8 @@ class MuJoCoPlay:
         """Return positions [m] and velocities [m/s] of the particles in a copy, (2, N, 3)."""
         for update in (self.mujoco.mj_kinematics, self.mujoco.mj_comPos, self.mujoco.mj_comVel):
             update(self.model, data)
-        x, v = self.scene.positions.copy(), np.zeros(self.scene.positions.shape)
+        x = self.scene.positions.copy()
+        v = np.zeros(self.scene.positions.shape)
         moving = np.zeros(6)
         for placed, own, number in self.bodies:
             turn = data.xmat[number].reshape(3, 3)

@@ -17,8 +17,8 @@ import numpy as np
 from benchmarks.conditions import progress
 from benchmarks.errors import EPISODES, EVERY, PERIODS, batch, references, repeated
 from benchmarks.timing import Row
-from springgym.integrators import integrator
-from springgym.registration import ENVIRONMENTS
+from springgym.dynamics.methods import integrator
+from springgym.envs.registration import ENVIRONMENTS
 from springgym.simulator import Simulator
 
 FACTORS = (1 / 4, 2**-1.5, 1 / 2, 2**-0.5, 1, 2, 4, 8, 12)
@@ -51,10 +51,12 @@ def curve(
     """
     envs = batch(env_id, episodes, **options)
     at = envs.unwrapped.episodes
-    task, usual = at.task, at.simulator
+    task = at.task
+    usual = at.simulator
     exact = references(task, usual.step, episodes)[0]
     found = ladder(env_id, episodes, **options)
-    played, steps_took = [], []
+    played = []
+    steps_took = []
     for step in repeated(envs, (exact, *found.values()), periods, every):
         if step.repeated:
             played.append(step)
@@ -88,7 +90,8 @@ def ladder(env_id: str, copies: int, **options: Any) -> dict[tuple[str, int], Si
     """Return the simulators of an environment by method and steps of a control period, the default among
     them; without those that it refuses to be made with."""
     at = batch(env_id, copies, **options).unwrapped.episodes
-    usual, scene = at.simulator.integrator, at.task.scene
+    usual = at.simulator.integrator
+    scene = at.task.scene
     found: dict[tuple[str, int], Simulator] = {}
     for method in (usual.name, *(() if scene.can_touch else HIGHER)):
         share = usual.evaluations / integrator(method).evaluations

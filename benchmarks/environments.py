@@ -12,7 +12,7 @@ import gymnasium as gym
 from benchmarks.peers import has
 from benchmarks.steady import RandomPlay, adapted, fractions, limit_of, native, single, synchronous
 from benchmarks.timing import Case, Row, measured
-from springgym.registration import ENVIRONMENTS
+from springgym.envs.registration import ENVIRONMENTS
 
 if TYPE_CHECKING:
     from stable_baselines3.common.vec_env import VecEnv
@@ -94,7 +94,8 @@ def compiled_alone(env_id: str, copies: int, facts: Mapping[str, Any], options: 
     Each run begins from the same state.
     """
     episodes = native(env_id, copies, **options).envs.episodes
-    simulator, steps = episodes.simulator, episodes.steps
+    simulator = episodes.simulator
+    steps = episodes.steps
     began = simulator.state()
 
     def run() -> None:

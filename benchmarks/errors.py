@@ -19,12 +19,14 @@ import numpy as np
 
 from benchmarks.conditions import progress
 from benchmarks.timing import Row
-from springgym.bodies.distances import largest_distances
+from springgym.envs.registration import ENVIRONMENTS
 from springgym.envs.task import Task
-from springgym.registration import ENVIRONMENTS
+from springgym.model.bodies.distances import largest_distances
 from springgym.simulator import Simulator
 
-EPISODES, PERIODS, EVERY = 64, 250, 10
+EPISODES = 64
+PERIODS = 250
+EVERY = 10
 
 References = Callable[[Task, float, int], tuple[Simulator, ...]]
 """From a task, the step of its environment and how many copies: what takes exact steps, the best first."""
@@ -77,7 +79,9 @@ def step_errors(
     envs = batch(env_id, episodes, error=True, **options)
     at = envs.unwrapped.episodes
     exact, *others = references(at.task, at.simulator.step, episodes)
-    errors, estimates, apart = [], [], [0.0]
+    errors = []
+    estimates = []
+    apart = [0.0]
     for step in repeated(envs, (exact, *others), periods, every):
         if not step.repeated:
             continue
@@ -122,7 +126,8 @@ def repeated(
     action.
     """
     at = envs.unwrapped.episodes
-    own, parts = at.simulator, at.task.periods
+    own = at.simulator
+    parts = at.task.periods
     every = every if parts == 1 else 2
     rng = np.random.default_rng(0)
     envs.reset(seed=0)

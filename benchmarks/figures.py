@@ -32,7 +32,8 @@ COLORS = {
     "rigid verlet": "#2b5c96",
 }
 """Implicit methods are warm, explicit ones cold."""
-PEER, INK = "#9aa3ad", "#343c4c"
+PEER = "#9aa3ad"
+INK = "#343c4c"
 PEERS = ("MuJoCo", "SciPy")
 MARKS = {"MuJoCo": "s", "SciPy": "^"}
 TITLES = {
@@ -170,7 +171,8 @@ def _work_precision(figure: Figure, result: dict[str, Any]) -> None:
         peer = next((program for program in PEERS if name.startswith(program)), None)
         color = PEER if peer else COLORS.get(name, INK)
         good = [row for row in rows if row["error"] is not None and row["error"] < MOST]
-        costs, errors = [row["cost"] for row in good], [max(row["error"], LEAST) for row in good]
+        costs = [row["cost"] for row in good]
+        errors = [max(row["error"], LEAST) for row in good]
         axes.plot(
             costs,
             errors,
@@ -227,7 +229,9 @@ def _spin_down(figure: Figure, result: dict[str, Any]) -> None:
         axes.set_title(f"step {1e3 * step:g} ms", fontsize=9, loc="left")
         ends = []
         for curve in (curve for curve in result["curves"] if curve["step"] == step):
-            times, spins, name = curve["times"], curve["spins"], curve["method"].replace("_", " ")
+            times = curve["times"]
+            spins = curve["spins"]
+            name = curve["method"].replace("_", " ")
             theory = name.startswith("theory")
             color = "k" if theory else COLORS[curve["method"]]
             wild = next((k for k, spin in enumerate(spins) if not 0 <= spin <= 1.06), None)
@@ -400,11 +404,13 @@ def draw_curves(rows: list[dict[str, Any]], path: Path) -> None:
     down = -(-len(names) // ACROSS)
     tall = PANEL * down + BELOW
     figure = canvas(7.6, tall)
-    width, height = 0.9 / ACROSS, PANEL / tall
+    width = 0.9 / ACROSS
+    height = PANEL / tall
     costs = [row["microseconds"] for row in rows]
     errors = [row["median"] for row in rows]
     for n, name in enumerate(names):
-        left, top = 0.085 + width * (n % ACROSS), 1 - 0.02 / down - height * (n // ACROSS)
+        left = 0.085 + width * (n % ACROSS)
+        top = 1 - 0.02 / down - height * (n // ACROSS)
         axes = plain(figure, left, top - 0.8 * height, 0.86 * width, 0.62 * height)
         axes.set(
             xscale="log",

@@ -22,17 +22,17 @@ from numpy.typing import ArrayLike, DTypeLike
 
 from benchmarks.conditions import progress
 from springgym import theory
-from springgym.bodies import Body, ball, box, cube, rope, rotation, start, top
-from springgym.bodies.elasticity import spring_force_and_jacobian
 from springgym.cli import guarded
-from springgym.collisions import distance
-from springgym.contact.law import SLOW
-from springgym.core.blocks import numbers
-from springgym.forces.springs import decay
-from springgym.scene import GRAVITY, Placed, Scene
+from springgym.core.language.blocks import numbers
+from springgym.dynamics.contact.law import SLOW
+from springgym.dynamics.forces.springs import decay
+from springgym.dynamics.terms import Decay
+from springgym.model.bodies import Body, ball, box, cube, rope, rotation, start, top
+from springgym.model.bodies.elasticity import spring_force_and_jacobian
+from springgym.model.collisions import distance
+from springgym.model.scene import GRAVITY, Placed, Scene
+from springgym.model.surfaces import Bowl, Contact, Plane, floor, incline
 from springgym.simulator import PrecisionWarning, SimulationDivergedError, Simulator
-from springgym.surfaces import Bowl, Contact, Plane, floor, incline
-from springgym.terms import Decay
 
 NONE = (0.0, 0.0, 0.0)
 """Zero gravity, which uses the same compiled code as gravity."""
@@ -78,7 +78,9 @@ def kept_by_nodes(simulator: Simulator) -> np.ndarray:
     before and after it. Each impulse at a node changes the kinetic energy as the ledger says, and the linear
     springs of a vibration keep the sum. `Simulator.shadow_energy` is kept by all motion between impacts.
     """
-    scene, x, half = simulator.scene, simulator.positions, simulator.step / 2 * simulator.velocities
+    scene = simulator.scene
+    x = simulator.positions
+    half = simulator.step / 2 * simulator.velocities
 
     def springs(places: np.ndarray) -> np.ndarray:
         lengths = np.linalg.norm(np.diff(places[:, scene.springs], axis=2)[:, :, 0], axis=2)
@@ -188,7 +190,8 @@ def stiffness_range(broken: bool) -> Outcome:
     """
     stiffness = 10.0 ** np.arange(3, 10)
     gaps, strains = np.transpose([swung_cube(k, longer=1e-6 * broken) for k in stiffness])
-    power, load = fitted_power(stiffness, gaps), (strains * stiffness / 9.81).max()
+    power = fitted_power(stiffness, gaps)
+    load = (strains * stiffness / 9.81).max()
     return Outcome(
         f"strain · k/Mg {load:.2f}, p = {power:.3f}, gap {gaps[0]:.0e} … {gaps[-1]:.0e} m",
         bool(load < 1 and abs(power + 1) < 0.02),
@@ -325,14 +328,16 @@ def flips(broken: bool) -> Outcome:
     simulator = Simulator(Scene(body, *start(body, omega=omega), gravity=NONE))
     every = math.ceil(interval / 400 / simulator.step)
     times: list[float] = []
-    before, when = 0.0, 0.0
+    before = 0.0
+    when = 0.0
     while len(times) < 21 and simulator.time[0] < 25 * interval:
         simulator.advance(every)
         x = simulator.positions[0]
         along = float((x[2] - x[1]) @ simulator.measure().angular_momentum[0])
         if before * along < 0:
             times.append(when + (simulator.time[0] - when) * before / (before - along))
-        before, when = along, simulator.time[0]
+        before = along
+        when = simulator.time[0]
     worst = float(np.abs(np.diff(times) / interval - 1).max(initial=0.0))
     return Outcome(f"{len(times) - 1} intervals, worst {worst:.1e}", len(times) == 21 and worst < 1e-3)
 
@@ -361,7 +366,8 @@ def million_steps(broken: bool) -> Outcome:
         )
         for name in ("momentum", "angular_momentum")
     )
-    band, trend = np.abs(energy).max(), abs(np.mean(energy[:50]) - np.mean(energy[50:]))
+    band = np.abs(energy).max()
+    trend = abs(np.mean(energy[:50]) - np.mean(energy[50:]))
     return Outcome(
         f"energy {band:.1e}, trend {trend:.1e}, P and L {change:.1e}",
         bool(band < 1e-4 and trend < 1e-6 and change < 1e-11),
@@ -395,7 +401,8 @@ def squeezed(broken: bool) -> Outcome:
     Broken: spring force without a guard at L = 0.
     """
     body = cube(damping=0.0)
-    collapsed, inverted = body.positions.copy(), body.positions.copy()
+    collapsed = body.positions.copy()
+    inverted = body.positions.copy()
     collapsed[0] = collapsed[6] + (0.0 if broken else 1e-12)  # scenes refuse 0
     inverted[0] = 1.5 * inverted[6]
     largest = 0.0
@@ -433,7 +440,9 @@ def fast_drop(broken: bool) -> Outcome:
     began = start(body, rotation=(0.3, 0.5, 0.2), position=(0.0, 0.0, 21.0))
     scene = Scene(body, *began, surfaces=(floor(),), contact=Contact(reach=0.005))
     simulator = contact_simulator(scene, broken)
-    lowest, highest, fallen = np.inf, 0.0, False
+    lowest = np.inf
+    highest = 0.0
+    fallen = False
     for _ in range(600):
         simulator.advance(math.ceil(0.02 / simulator.step), check=False)
         lowest = min(lowest, simulator.positions[0][:, 2].min())
@@ -465,7 +474,8 @@ def below_and_corner(broken: bool) -> Outcome:
     def energy() -> float:
         return float((simulator.measure().energy if broken else kept_by_nodes(simulator))[0])
 
-    first, most = energy(), -math.inf
+    first = energy()
+    most = -math.inf
     for _ in range(200):
         simulator.advance(10, check=False)
         most = max(most, energy() / first)
@@ -489,7 +499,10 @@ def hundred_bounces(broken: bool) -> Outcome:
     simulator = contact_simulator(scene, broken)
     if not broken:
         simulator = Simulator(scene, step=simulator.largest_step / 10)
-    first, bounces, touched, worst = simulator.measure().energy[0], 0, False, 0.0
+    first = simulator.measure().energy[0]
+    bounces = 0
+    touched = False
+    worst = 0.0
     while bounces < 100 and simulator.time[0] < 200:
         simulator.advance(10, check=False)
         measured = simulator.measure()
@@ -502,7 +515,8 @@ def hundred_bounces(broken: bool) -> Outcome:
 
 def pair(damping: float) -> Body:
     """Make two particles side by side that bounce as one."""
-    x, one = np.array([[0.0, 0, 0], [1, 0, 0]]), np.ones(1)
+    x = np.array([[0.0, 0, 0], [1, 0, 0]])
+    one = np.ones(1)
     return Body("pair", x, np.ones(2), np.array([(0, 1)]), 100 * one, damping * one, floppy=True)
 
 
@@ -556,7 +570,8 @@ def slope(broken: bool) -> Outcome:
     Wanted: 1° below: < 1e-5 m of creep in 10 s; 1° above: g (sin α − μ cos α) ± 1 %.
     Broken: friction 6 % too small.
     """
-    limit, friction = math.atan(0.5), 0.5 * (1 - 0.06 * broken)
+    limit = math.atan(0.5)
+    friction = 0.5 * (1 - 0.06 * broken)
     steep = limit + math.radians(1)
     below = resting_cube(limit - math.radians(1), friction)
     drift(below, 2.0)
@@ -600,7 +615,9 @@ def rings(broken: bool) -> Outcome:
     Wanted: spinning at 40 rad/s for 1 s: strain < 0.01, energy within 1e-4.
     Broken: the step of the smallest ring for all.
     """
-    strain, worst, shared = 0.0, 0.0, None
+    strain = 0.0
+    worst = 0.0
+    shared = None
     with np.errstate(all="ignore"):
         for ring in (6, 12, 24, 48):
             body = top(ring=ring, damping=0.0)
@@ -610,7 +627,8 @@ def rings(broken: bool) -> Outcome:
             shared = shared or Simulator(scene).step
             simulator = forced(scene, shared) if broken else Simulator(scene)
             energy = energies(simulator, 100, math.ceil(0.01 / simulator.step))
-            change, stretched = np.abs(energy / energy[0] - 1).max(), simulator.measure().strain[0]
+            change = np.abs(energy / energy[0] - 1).max()
+            stretched = simulator.measure().strain[0]
             worst, strain = (float(np.maximum(*pair)) for pair in ((worst, change), (strain, stretched)))
     return Outcome(f"strain {strain:.1e}, energy {worst:.1e}", strain < 0.01 and worst < 1e-4)
 
@@ -648,11 +666,13 @@ def wild_actions(broken: bool) -> Outcome:
     """
     import gymnasium as gym
 
-    from springgym.registration import ENVIRONMENTS, register
+    from springgym.envs.registration import ENVIRONMENTS, register
 
     register()
-    random, copies = np.random.default_rng(2), 64
-    bad, steps = [], 0
+    random = np.random.default_rng(2)
+    copies = 64
+    bad = []
+    steps = 0
     for row in ENVIRONMENTS:
         with warnings.catch_warnings(), np.errstate(all="ignore" if broken else "warn"):
             warnings.simplefilter("ignore" if broken else "error")
@@ -663,7 +683,8 @@ def wild_actions(broken: bool) -> Outcome:
                     step=1.5 * simulator.largest_step, _control=1.5 * simulator.largest_step
                 )
             env.reset(seed=3)
-            low, high = env.action_space.low, env.action_space.high
+            low = env.action_space.low
+            high = env.action_space.high
             for n in range(10 if broken else math.ceil(1e5 / copies)):
                 drawn = random.uniform(low, high)
                 action = drawn if n // 50 % 2 else np.where(drawn > 0.5 * (low + high), high, low)
@@ -755,10 +776,12 @@ def unbalanced(broken: bool) -> Outcome:
     Wanted: gap after 1 s ∝ kᵖ over k = 1e6 … 1e8 with p = −1.00 ± 0.02.
     Broken: the twin of the balanced top.
     """
-    stiffness, gaps = np.array([1e6, 1e7, 1e8]), []
+    stiffness = np.array([1e6, 1e7, 1e8])
+    gaps = []
     for k in stiffness:
         body = top(stiffness=k, damping=0.0, scaled={0: 2.0})
-        tip, crown = body.particle("tip"), body.particle("crown")
+        tip = body.particle("tip")
+        crown = body.particle("crown")
         began = start(body, tilt=0.4, spin=20.0, pinned=(tip,), gravity=GRAVITY)
         simulator = Simulator(Scene(body, *began, pinned=(tip,)))
         count = math.ceil(1 / simulator.step)
@@ -798,7 +821,7 @@ def degenerate(broken: bool) -> Outcome:
         return {name: array}
 
     inputs: list[tuple[str, dict[str, Any], tuple[str, ...]]] = [
-        ("zero-length spring", changed("positions", 1, 0.0), ("spring 0", "same place")),
+        ("zero-length spring", changed("positions", 1, 0.0), ("spring 0", "same position")),
         ("zero mass", changed("masses", 2, 0.0), ("masses[2]",)),
         ("negative mass", changed("masses", 3, -1.0), ("masses[3]",)),
         ("mass not a number", changed("masses", 1, math.nan), ("masses[1]",)),
@@ -825,7 +848,8 @@ def degenerate(broken: bool) -> Outcome:
 LEFT, RIGHT = slice(0, 8), slice(8, 16)
 """The particles of two cubes."""
 
-EDGE_UP, EDGE_ASIDE = rotation((0, 0, 1), math.pi / 4), rotation((0, 1, 0), math.pi / 4)
+EDGE_UP = rotation((0, 0, 1), math.pi / 4)
+EDGE_ASIDE = rotation((0, 1, 0), math.pi / 4)
 CORNER = rotation((0, 1, 0), math.atan(math.sqrt(0.5))) @ EDGE_UP
 """Rotations of a cube after which an upright edge, an edge along y, or a corner points to ±x."""
 
@@ -843,14 +867,17 @@ def two_cubes(copies: int, contact: Contact = LOSSLESS) -> Simulator:
 
 def momenta(simulator: Simulator) -> np.ndarray:
     """Return momentum and angular momentum about the origin, (copies, 6)."""
-    m, x, v = simulator.scene.masses[:, None], simulator.positions, simulator.velocities
+    m = simulator.scene.masses[:, None]
+    x = simulator.positions
+    v = simulator.velocities
     return np.concatenate([(m * v).sum(axis=1), (m * np.cross(x, v)).sum(axis=1)], axis=1)
 
 
 def deepest(simulator: Simulator) -> float:
     """Return the depth of a corner or an edge of one of two cubes in the other [m], in any copy: 0 if they
     are apart."""
-    x, body = simulator.positions, simulator.scene.bodies[0].body
+    x = simulator.positions
+    body = simulator.scene.bodies[0].body
     depth = 0.0
     for own, other in ((LEFT, RIGHT), (RIGHT, LEFT)):
         faces = x[:, other][:, body.triangles]
@@ -871,18 +898,21 @@ def thrown(rows: list[tuple[np.ndarray, np.ndarray, tuple[float, float]]], speed
     body = simulator.scene.bodies[0].body
     x = np.zeros((len(rows), 16, 3))
     for n, (left, right, aside) in enumerate(rows):
-        x[n, LEFT], x[n, RIGHT] = body.positions @ left.T, body.positions @ right.T
+        x[n, LEFT] = body.positions @ left.T
+        x[n, RIGHT] = body.positions @ right.T
         gap = 0.03 + x[n, LEFT, 0].max() - x[n, RIGHT, 0].min()
         x[n, RIGHT] += (gap, *aside)
     v = np.zeros_like(x)
-    v[:, LEFT, 0], v[:, RIGHT, 0] = speed / 2, -speed / 2
+    v[:, LEFT, 0] = speed / 2
+    v[:, RIGHT, 0] = -speed / 2
     simulator.place(x, v)
     return simulator
 
 
 def parted(simulator: Simulator, speed: float, most: float = 0.05) -> Outcome:
     """Let two cubes collide, and check that they part and lose at most a share ``most`` of their energy."""
-    kept, energy = momenta(simulator), simulator.measure().energy
+    kept = momenta(simulator)
+    energy = simulator.measure().energy
     depth = 0.0
     for _ in range(60):
         simulator.advance(math.ceil(0.2 / speed / 60 / simulator.step), check=False)
@@ -910,7 +940,8 @@ def random_impacts(broken: bool) -> Outcome:
     body = cube(damping=0.0)
     reach = float(two_cubes(1).scene.meetings.reach[0])
     stiff = replace(LOSSLESS, strength=0.5 * float(body.stiffness.max()) * reach**3, reach=reach)
-    told, well = [], []
+    told = []
+    well = []
     for name, contact, bound in (("c = k Δ³/2", stiff, 2e-3), ("default", LOSSLESS, 1e-2)):
         words, worst, rest = impacts_of_cubes(two_cubes(128, contact), broken)
         told.append(f"{name}: {words}")
@@ -920,8 +951,11 @@ def random_impacts(broken: bool) -> Outcome:
 
 def impacts_of_cubes(simulator: Simulator, broken: bool) -> tuple[str, float, bool]:
     """Return what was measured, in words, the error of energy, and whether all else is as it should be."""
-    copies, speed, random = simulator.copies, 2.0, np.random.default_rng(1)
-    body, radius = simulator.scene.bodies[0].body, math.sqrt(0.75)
+    copies = simulator.copies
+    speed = 2.0
+    random = np.random.default_rng(1)
+    body = simulator.scene.bodies[0].body
+    radius = math.sqrt(0.75)
     way, side = random.normal(size=(2, copies, 3))
     way /= np.linalg.norm(way, axis=1)[:, None]
     side -= (side * way).sum(axis=1)[:, None] * way
@@ -936,14 +970,17 @@ def impacts_of_cubes(simulator: Simulator, broken: bool) -> tuple[str, float, bo
     simulator.place(x, v)
     if broken:
         terms(simulator).particles.inverse_mass.values[3] *= 1 - 1e-9
-    kept, energy = momenta(simulator), kept_by_nodes(simulator)
+    kept = momenta(simulator)
+    energy = kept_by_nodes(simulator)
     simulator.advance(math.ceil(2.2 * body.swept / speed / simulator.step), check=False)
     told = simulator.pairs()
     hit = told.impulse[:, 0] > 0
     size = float(np.abs(kept).max())
     moved = float(np.abs(momenta(simulator) - kept).max()) / size
     gained = np.abs(kept_by_nodes(simulator) / energy - 1)[hit & ~told.touching[:, 0]]
-    worst, missed, depth = float(np.quantile(gained, 0.99)), int(told.late_contacts.sum()), deepest(simulator)
+    worst = float(np.quantile(gained, 0.99))
+    missed = int(told.late_contacts.sum())
+    depth = deepest(simulator)
     words = (
         f"{int(hit.sum())} hits, P and L {moved:.0e}, energy {worst:.1e}, {missed} missed, {depth:.2g} m deep"
     )
@@ -1002,7 +1039,8 @@ def stack_at_rest(broken: bool) -> Outcome:
     if broken:
         terms(simulator).collisions.pairs.friction[:] = 0.0
     simulator.advance(math.ceil(20 / simulator.step), check=False)
-    x, first = simulator.positions, simulator.measure()
+    x = simulator.positions
+    first = simulator.measure()
     fastest = 0.0
     for _ in range(60):
         simulator.advance(math.ceil(1 / simulator.step), check=False)
@@ -1029,7 +1067,8 @@ def heap(broken: bool) -> Outcome:
     Broken: bodies a million times softer than they are to each other.
     """
     random = np.random.default_rng(6)
-    stone, marble = cube(0.3, 1.0, damping=40.0), ball(0.15)
+    stone = cube(0.3, 1.0, damping=40.0)
+    marble = ball(0.15)
     bodies = []
     for n in range(20):
         body = marble if n % 4 == 3 else stone
@@ -1043,7 +1082,8 @@ def heap(broken: bool) -> Outcome:
         terms(simulator).collisions.pairs.strength[:] *= 1e-6
     first = simulator.measure()
     simulator.advance(math.ceil(6 / simulator.step), check=False)
-    last, told = simulator.measure(), simulator.pairs()
+    last = simulator.measure()
+    told = simulator.pairs()
     try:
         scene.check_start(simulator.positions, 0 * simulator.velocities)
         apart = True

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.timing import Case
-from springgym.bodies import rotation, start, top
-from springgym.bodies.distances import rms_distance
-from springgym.scene import Scene
+from springgym.model.bodies import rotation, start, top
+from springgym.model.bodies.distances import rms_distance
+from springgym.model.scene import Scene
 from springgym.simulator import PAPER_STEP, Simulator
 
 WORK = 16e6

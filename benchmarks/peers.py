@@ -20,16 +20,16 @@ import numpy as np
 from benchmarks.problems import Problem
 from benchmarks.timing import SAMPLES, Rung, Stepper, rung_of
 from springgym import theory
-from springgym.bodies.body import inertia
-from springgym.bodies.elasticity import spring_force_and_jacobian
 from springgym.checks import TINY
-from springgym.core.blocks import aligned_zeros
-from springgym.forces.springs import interleaved
-from springgym.integrators import integrator
-from springgym.scene import Scene
+from springgym.core.language.blocks import aligned_zeros
+from springgym.dynamics.forces.springs import interleaved
+from springgym.dynamics.methods import integrator
+from springgym.dynamics.stability import largest_step
+from springgym.model.bodies.body import inertia
+from springgym.model.bodies.elasticity import spring_force_and_jacobian
+from springgym.model.scene import Scene
+from springgym.model.surfaces import Plane, scales
 from springgym.simulator import Simulator
-from springgym.stability import largest_step
-from springgym.surfaces import Plane, scales
 
 if TYPE_CHECKING:
     from scipy.optimize import OptimizeResult
@@ -78,7 +78,8 @@ def _reference(
     sizes = {"REAL": real, "REGISTERS": registers, "DIVIDE": int(divide)}
     sizes |= {"PARTICLES": particles, "SPRINGS": springs}
     with tempfile.TemporaryDirectory() as folder:
-        library, compiled = Path(folder) / "reference.so", Path(folder) / "reference.o"
+        library = Path(folder) / "reference.so"
+        compiled = Path(folder) / "reference.o"
         source = Path(__file__).with_name("reference.cpp")
         defined = [f"-D{name}={value}" for name, value in sizes.items()]
         subprocess.run([compiler, *FLAGS, *defined, "-c", str(source), "-o", str(compiled)], check=True)
@@ -116,8 +117,11 @@ def _cpp(
     compiler: str, scene: Scene, step: float, copies: int, precision: str, method: str, way: tuple[int, bool]
 ) -> Peer:
     """Return the reference in one of the `WAYS`, or in `SINGLE`."""
-    body, dtype, (registers, _) = scene.body, np.dtype(precision), way
-    particles, springs = len(body.masses), len(body.springs)
+    body = scene.body
+    dtype = np.dtype(precision)
+    registers, _ = way
+    particles = len(body.masses)
+    springs = len(body.springs)
     library = _reference(compiler, precision, way, particles, springs)
     width = max(1, registers * library.register_bytes() // dtype.itemsize)
     blocks = -(-copies // width)
@@ -164,7 +168,10 @@ class MuJoCo:
         import mujoco
 
         mujoco.set_mju_user_warning(lambda message: None)  # a step too long shows in the error
-        self.mujoco, self.scene, self.step, self.rigid = mujoco, scene, step, rigid
+        self.mujoco = mujoco
+        self.scene = scene
+        self.step = step
+        self.rigid = rigid
         self.evaluations = MUJOCO.get(integrator, 1)
         world, self.start, self.velocities = _rigid_body(scene) if rigid else _springs(scene)
         self.model = mujoco.MjModel.from_xml_string(
@@ -236,8 +243,10 @@ def _text(values: Iterable[float]) -> str:
 
 def _springs(scene: Scene) -> tuple[str, np.ndarray, np.ndarray]:
     """Return the scene as MuJoCo's XML, initial positions of particles [m] and joint velocities [m/s]."""
-    body, free = scene.body, scene.free
-    sites, bodies = "", ""
+    body = scene.body
+    free = scene.free
+    sites = ""
+    bodies = ""
     for n, (x, m) in enumerate(zip(scene.positions, body.masses.tolist(), strict=True)):
         site = f'<site name="s{n}" pos="{{}}"/>'
         if not free[n]:
@@ -262,7 +271,8 @@ def _rigid_body(scene: Scene) -> tuple[str, np.ndarray, np.ndarray]:
     The positions are those of its particles.
     """
     start = Simulator(scene, dynamics="rigid")
-    x, masses = start.positions[0] - scene.positions[scene.pivot], scene.body.masses
+    x = start.positions[0] - scene.positions[scene.pivot]
+    masses = scene.body.masses
     centre = masses @ x / masses.sum()
     about = inertia(x - centre, masses)[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
     world = (
@@ -292,18 +302,21 @@ def mujoco_rungs(problem: Problem, scene: Scene) -> list[Rung]:
 
 def derivative(scene: Scene) -> Callable[[float, np.ndarray], np.ndarray]:
     """Return d/dt of positions and velocities, flat, in NumPy; surfaces are smooth planes."""
-    body, free = scene.body, scene.free
+    body = scene.body
+    free = scene.free
     gravity = np.array(scene.gravity or (0, 0, 0))
     first, second = body.springs.T
     ends = np.zeros((len(body.masses), len(first)))
-    ends[first, np.arange(len(first))], ends[second, np.arange(len(first))] = 1.0, -1.0
+    ends[first, np.arange(len(first))] = 1.0
+    ends[second, np.arange(len(first))] = -1.0
     ends *= (free / body.masses)[:, None]
     planes = [plane for plane in scene.surfaces if isinstance(plane, Plane)]
     strength, reach = scales(scene.contact, body) if planes else (0.0, 1.0)
 
     def slope(_: float, state: np.ndarray) -> np.ndarray:
         x, v = state.reshape(2, -1, 3)
-        apart, closing = x[second] - x[first], v[second] - v[first]
+        apart = x[second] - x[first]
+        closing = v[second] - v[first]
         length = np.sqrt((apart * apart).sum(axis=1))
         rate = (apart * closing).sum(axis=1) / length
         pull = (body.stiffness * (length - body.lengths) + body.damping * rate) / length
@@ -318,7 +331,8 @@ def derivative(scene: Scene) -> Callable[[float, np.ndarray], np.ndarray]:
 
 def jacobian(scene: Scene) -> Callable[[float, np.ndarray], np.ndarray]:
     """Return the derivative of `derivative` by the state; the dampers' along their springs alone."""
-    body, count = scene.body, 3 * len(scene.body.masses)
+    body = scene.body
+    count = 3 * len(scene.body.masses)
     weight = np.repeat(scene.free / body.masses, 3)[:, None]
     dampers = body.with_(stiffness=np.maximum(body.damping, TINY))
 
@@ -340,7 +354,8 @@ def scipy_rungs(problem: Problem, scene: Scene) -> list[Rung]:
         return []
     from scipy.integrate import solve_ivp
 
-    slope, matrix = derivative(scene), jacobian(scene)
+    slope = derivative(scene)
+    matrix = jacobian(scene)
     began = np.concatenate([scene.positions.ravel(), scene.velocities.ravel()])
     times = problem.seconds * np.arange(1, SAMPLES + 1) / SAMPLES
 

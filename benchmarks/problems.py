@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from springgym import theory
-from springgym.bodies import box, cube, from_points, rope, rotation, start, top
-from springgym.integrators import METHODS, integrator
-from springgym.scene import GRAVITY, Scene
-from springgym.surfaces import Contact, floor
+from springgym.dynamics.methods import METHODS, integrator
+from springgym.model.bodies import box, cube, from_points, rope, rotation, start, top
+from springgym.model.scene import GRAVITY, Scene
+from springgym.model.surfaces import Contact, floor
 from springgym.theory.frames import carry
 from springgym.theory.top import TopState
 
@@ -92,7 +92,8 @@ def _swing_theory(t: float) -> np.ndarray:
     return start(cube(), tilt=math.pi - theta[0], pinned=(0,), stretched=False).positions
 
 
-SIDES, TUMBLING = (1.0, 0.7, 0.4), (0.2, 6.0, 0.2)
+SIDES = (1.0, 0.7, 0.4)
+TUMBLING = (0.2, 6.0, 0.2)
 
 
 def _free(stiffness: float) -> Scene:
@@ -120,7 +121,8 @@ def _bounce(stiffness: float) -> Scene:
     return Scene(body, *began, surfaces=(floor(),), contact=Contact(strength=0.05, reach=0.02))
 
 
-SLIDING, FRICTION = 1.5, 0.3
+SLIDING = 1.5
+FRICTION = 0.3
 
 
 def _slide(stiffness: float) -> Scene:

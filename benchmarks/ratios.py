@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from springgym.registration import ENVIRONMENTS
+from springgym.envs.registration import ENVIRONMENTS
 
 MORE = 1.1
 """Programs whose errors differ by less than this factor are compared by speed."""
@@ -70,7 +70,8 @@ def _wanted() -> dict[str, tuple[str, dict[str, Any], dict[str, Any]]]:
             wanted[f"{method} {precision}, 1024 copies: 2 threads / 1"] = ("kernel", two, one)
     for row in ENVIRONMENTS:
         same = {"environment": row.id, "copies": 64}
-        own, other = {"how": "native", "threads": 1} | same, {"how": "SyncVectorEnv"} | same
+        own = {"how": "native", "threads": 1} | same
+        other = {"how": "SyncVectorEnv"} | same
         wanted[f"{row.id}, 64 copies: native / SyncVectorEnv"] = ("environments", own, other)
     adapter, looped = ({"how": f"PPO collects, {how}"} for how in ("adapter", "DummyVecEnv"))
     wanted["PPO collects, 64 copies: adapter / DummyVecEnv"] = ("environments", adapter, looped)

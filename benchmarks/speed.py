@@ -31,13 +31,13 @@ from benchmarks.errors import errors
 from benchmarks.paper_top import error, exact_positions, paper_top, rounding, stepping
 from benchmarks.ratios import ratios
 from benchmarks.timing import Case, Row, measured
-from springgym.bodies import Body, cube, start
-from springgym.bodies.distances import rms_distance
 from springgym.cli import check_new, guarded, write_text
-from springgym.core.blocks import block_array
-from springgym.scene import DriveActuator, Placed, Scene, ThrustActuator, WrenchActuator
+from springgym.core.language.blocks import block_array
+from springgym.model.bodies import Body, cube, start
+from springgym.model.bodies.distances import rms_distance
+from springgym.model.scene import DriveActuator, Placed, Scene, ThrustActuator, WrenchActuator
+from springgym.model.surfaces import Bowl, Contact, floor
 from springgym.simulator import PAPER_STEP
-from springgym.surfaces import Bowl, Contact, floor
 
 FIGURES = (".svg", ".png", ".pdf")
 """The file name endings of the formats in which the figure can be drawn."""
@@ -93,7 +93,8 @@ def two_bodies(body: Body, way: tuple[float, float, float]) -> Feature:
 def all_features() -> dict[str, Feature]:
     """Return the optional features of a scene, each on the paper's top, loose where there are surfaces; and
     bodies that collide."""
-    plain, damped = paper_top(), paper_top(damping=100.0)
+    plain = paper_top()
+    damped = paper_top(damping=100.0)
     crown, tip = (plain.body.particle(name) for name in ("crown", "tip"))
     body = plain.body
     x, v = start(body, tilt=0.3, spin=50.0)
@@ -175,7 +176,8 @@ def against_peers(rounds: int) -> list[Row]:
     the others do. Error as for the kernel, of damped tops from their own exact motion, of rigid bodies from
     the exact rigid motion.
     """
-    plain, damped = paper_top(), paper_top(damping=100.0)
+    plain = paper_top()
+    damped = paper_top(damping=100.0)
     cases = []
 
     def own(

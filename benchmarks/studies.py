@@ -13,10 +13,10 @@ from benchmarks.problems import CUSPS, PROBLEMS, TOP
 from benchmarks.timing import rows_of, rung_of
 from benchmarks.work_precision import edge, own_rung, reference, stepper
 from springgym import theory
-from springgym.bodies import cube, start, top
-from springgym.bodies.distances import largest_distance
-from springgym.rigid import METHODS
-from springgym.scene import Scene
+from springgym.dynamics.rigid import METHODS
+from springgym.model.bodies import cube, start, top
+from springgym.model.bodies.distances import largest_distance
+from springgym.model.scene import Scene
 from springgym.simulator import Simulator
 from springgym.theory.frames import carry
 
@@ -48,7 +48,8 @@ def spin_down(quick: bool = False) -> dict[str, Any]:
             spins = []
             for _ in times:
                 simulator.advance(round(0.04 / step), check=False)
-                x, v = simulator.positions[0], simulator.velocities[0]
+                x = simulator.positions[0]
+                v = simulator.velocities[0]
                 x = x - body.masses @ x / body.mass
                 turning = body.masses @ (x[:, 0] * v[:, 1] - x[:, 1] * v[:, 0])
                 spins.append(float(turning / (body.masses @ (x[:, :2] ** 2).sum(axis=1)) / SPIN))
@@ -74,7 +75,8 @@ def rigid_gap(quick: bool = False) -> dict[str, Any]:
     stiffness = [1e5, 1e6, 1e7, 1e8]
     result: dict[str, Any] = {"kind": "rigid gap", "stiffness": stiffness, "gaps": {}, "powers": {}}
     for name in ("cusp-top", "cube-swing", "free-body"):
-        problem, gaps = PROBLEMS[name], []
+        problem = PROBLEMS[name]
+        gaps = []
         assert problem.rigid is not None
         for k in stiffness:
             scene = problem.scene(k)
@@ -122,7 +124,8 @@ def _crossing(rows: list[dict[str, Any]]) -> float | None:
     for n in range(1, len(known)):
         if ratio[n - 1] < 0 <= ratio[n]:
             share = ratio[n - 1] / (ratio[n - 1] - ratio[n])
-            below, above = known[n - 1]["stiffness"], known[n]["stiffness"]
+            below = known[n - 1]["stiffness"]
+            above = known[n]["stiffness"]
             return float(below * (above / below) ** share)
     return None
 

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.conditions import progress
-from springgym.bodies.distances import largest_distance
-from springgym.scene import Scene
+from springgym.model.bodies.distances import largest_distance
+from springgym.model.scene import Scene
 
 
 class Case(NamedTuple):

@@ -1,7 +1,7 @@
 """Find the cheapest model of a top that precesses within a given error: ``python -m benchmarks.top_models``.
 
 A real top precesses more slowly than a rigid one, because spin stretches it, see
-`springgym.bodies.precession.precession_gap`: the relative difference is 7e-7 for steel. If you accept a
+`springgym.model.bodies.precession.precession_gap`: the relative difference is 7e-7 for steel. If you accept a
 larger error, you can make the top softer and take longer steps, or make it rigid. This command tries such
 models, and measures their error and cost. *Materials* in the documentation shows it.
 """
@@ -18,16 +18,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from springgym.bodies import Body, softened, solid_top, start
-from springgym.bodies.elastic import Elastic
-from springgym.bodies.precession import heavy_top, precession_gap
-from springgym.bodies.rotations import axes
 from springgym.checks import TINY, number
 from springgym.cli import guarded, significant
-from springgym.dynamics import DYNAMICS
-from springgym.integrators import METHODS
-from springgym.materials import MATERIALS, Material
-from springgym.scene import Scene
+from springgym.dynamics.methods import METHODS
+from springgym.dynamics.stepping import DYNAMICS
+from springgym.model.bodies import Body, softened, solid_top, start
+from springgym.model.bodies.elastic import Elastic
+from springgym.model.bodies.precession import heavy_top, precession_gap
+from springgym.model.bodies.rotations import axes
+from springgym.model.materials import MATERIALS, Material
+from springgym.model.scene import Scene
 from springgym.scenes.checks.tops import angles, mean_rate
 from springgym.scenes.plan import Plan
 from springgym.scenes.reading import load
@@ -112,7 +112,8 @@ def needed(plan: Plan, wanted: float, implicit: Sequence[str] = ("tr_bdf2",), du
     ValueError
         If the plan is of several bodies or no heavy top, or it has no steady precession.
     """
-    steady, scene = _asked(plan), plan.scene
+    steady = _asked(plan)
+    scene = plan.scene
 
     def tried(dynamics: str, integrator: str, factor: float = 1.0, step: float | None = None) -> Model:
         try:
@@ -149,7 +150,8 @@ def _asked(plan: Plan) -> Steady:
 
 def _turning(scene: Scene) -> tuple[float, float]:
     """Return the tilt of the axis [rad] and ω along it [rad/s] that a scene starts with."""
-    x, body = scene.positions, scene.body
+    x = scene.positions
+    body = scene.body
     axis = axes(x, body.markers)[:, 2]
     r = x - x[scene.pivot]
     momentum = body.masses @ np.cross(r, scene.velocities)
@@ -213,10 +215,11 @@ def real_top(material: Material | str, duration: float = 1.0) -> dict[str, str]:
     """Return a row of the table of real tops: a solid cone of a material by verlet at its default step.
 
     The gap is the share by which it precesses faster than a rigid top, measured and predicted, and over that
-    of the solid, see `springgym.bodies.elastic.Elastic`; dI₃/I₃ the share by which spin makes its largest
-    moment grow; alone and batch are simulated seconds in a second, of one copy and of `COPIES` together.
-    """
-    plan, body = load("steel-top"), solid_top(0.03, 0.04, material)
+    of the solid, see `springgym.model.bodies.elastic.Elastic`; dI₃/I₃ the share by which spin makes its
+    largest moment grow; alone and batch are simulated seconds in a second, of one copy and of `COPIES`
+    together."""
+    plan = load("steel-top")
+    body = solid_top(0.03, 0.04, material)
     steady = _steady(body, plan.scene, *_turning(plan.scene))
     rate, alone = _precessing(plan, body, steady, duration)
     batch = Simulator(alone.scene, step=alone.step, copies=COPIES)
@@ -300,7 +303,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _said(plan: Plan, need: Need) -> Iterator[str]:
-    best, steady = need.cheapest, need.steady
+    best = need.cheapest
+    steady = need.steady
     slower = "slower" if steady.gap < 0 else "faster"
     yield (
         f"{plan.name}: tilt {steady.tilt:.4g} rad, spin {steady.spin:.5g} rad/s; a rigid top precesses at "

@@ -27,13 +27,13 @@ from benchmarks.conditions import progress
 from benchmarks.peers import mujoco_rungs, scipy_rungs
 from benchmarks.problems import PROBLEMS, Problem
 from benchmarks.timing import SAMPLES, Rung, Stepper, row_of, rows_of, rung_of
-from springgym.bodies.distances import largest_distance
-from springgym.integrators import integrator
-from springgym.integrators.record import ITERATIONS, REJECTIONS, STEPS
-from springgym.scene import Scene
+from springgym.dynamics.methods import integrator
+from springgym.dynamics.methods.record import ITERATIONS, REJECTIONS, STEPS
+from springgym.dynamics.stability import automatic_step, largest_step, steps_in
+from springgym.model.bodies.distances import largest_distance
+from springgym.model.scene import Scene
+from springgym.model.surfaces import Contact
 from springgym.simulator import Simulator
-from springgym.stability import automatic_step, largest_step, steps_in
-from springgym.surfaces import Contact
 
 TOLERANCES = (1e-3, 1e-5, 1e-7)
 """Errors that methods are compared at."""
@@ -90,7 +90,8 @@ def own_rung(
 
 def stepper(simulator: Simulator) -> Stepper:
     """Let a simulator take steps from the state it is in; it is compiled first."""
-    method, began = simulator.integrator, simulator.state()
+    method = simulator.integrator
+    began = simulator.state()
     before = np.zeros(3)
 
     def begin() -> None:
@@ -151,7 +152,8 @@ def model_error(problem: Problem) -> dict[str, Any]:
     """Return the springs' distance from rigid theory at the end, at k, 2k and 4k, and the power of k."""
     assert problem.rigid is not None
     rigid = problem.rigid(problem.seconds)
-    factors, gaps = (1, 2, 4), []
+    factors = (1, 2, 4)
+    gaps = []
     for factor in factors:
         scene = problem.scene(factor * problem.stiffness)
         positions, _, _ = reference(problem, scene)
@@ -172,7 +174,8 @@ def local_errors(problem: Problem, scene: Scene, quick: bool) -> list[dict[str, 
     automatic = steps_in(problem.period, automatic_step(scene, method, problem.period))
     counts = sorted({automatic, *(first * 2**n for n in range(4 if quick else 7))})
     finest = _simulator(scene, "verlet", problem.period / (8 * counts[-1]))
-    states, ends = [], []
+    states = []
+    ends = []
     for _ in range(round(problem.seconds / problem.period)):
         states.append((finest.positions[0], finest.velocities[0]))
         finest.advance(8 * counts[-1], check=False)

@@ -51,10 +51,11 @@ from results import (  # noqa: E402
 from runs import write_rows  # noqa: E402
 
 from springgym.cli import Parser, guarded, write_text  # noqa: E402
-from springgym.registration import ENVIRONMENTS, VARIANTS, Row, Variant  # noqa: E402
-from springgym.strict_yaml import YamlError, read_json  # noqa: E402
+from springgym.envs.registration import ENVIRONMENTS, VARIANTS, Row, Variant  # noqa: E402
+from springgym.scenes.strict_yaml import YamlError, read_json  # noqa: E402
 
-ROWS, PAGE = HERE / "baselines.json", HERE / "baselines.md"
+ROWS = HERE / "baselines.json"
+PAGE = HERE / "baselines.md"
 CURVES = HERE / "figures" / "curves"
 PLANNER = HERE / "planner.json"
 """Rows of ``agents/plan.py``."""
@@ -374,7 +375,8 @@ def table_of_plans(rows: Sequence[dict[str, Any]]) -> list[str]:
     ]
     for row in rows:
         scale, unit = measure(row["task"])
-        plans, (low, high) = row["planner"], (scale * end for end in row["return_interval"])
+        plans = row["planner"]
+        low, high = (scale * end for end in row["return_interval"])
         least, most = (max(0.0, 100 * end) for end in row["success_interval"])
         results = [
             f"`{row['task']}`",
@@ -422,7 +424,8 @@ def table_of_data(rows: Sequence[dict[str, Any]]) -> list[str]:
     found = list(by_data.values())
     found.sort(key=lambda runs: (*identity(runs[0])[:2], runs[0]["data"][0]["mean_return"]))
     for runs in found:
-        task, data = runs[0]["task"], runs[0]["data"]
+        task = runs[0]["task"]
+        data = runs[0]["data"]
         scale, unit = measure(task)
         mark = " †" if any(map(is_old, runs)) else ""
         returns = " + ".join(f"{scale * own['mean_return']:z.2f}{unit}" for own in data)
@@ -495,7 +498,8 @@ def table_of_agents() -> list[str]:
 
 def page(rows: Sequence[dict[str, Any]]) -> str:
     """The page of these rows."""
-    lines, offline = [INTRODUCTION, *suite(rows)], recorded()
+    lines = [INTRODUCTION, *suite(rows)]
+    offline = recorded()
     if old := sum(map(is_old, [*rows, *offline])):
         lines.append(OLD.format(old=old, all=len(rows) + len(offline)))
     for tier, what in TIERS.items():
@@ -589,7 +593,8 @@ def draw_curve(
     Every curve is interpolated at common places, as far as all of them reach.
     """
     tables = [np.array([point[:3] for point in points], float) for points in curves]
-    first, last = max(t[0, column] for t in tables), min(t[-1, column] for t in tables)
+    first = max(t[0, column] for t in tables)
+    last = min(t[-1, column] for t in tables)
     at = np.linspace(first, last, 100) if column else np.geomspace(max(first, 1.0), last, 100)
     values = scale * np.array([np.interp(at, table[:, column], table[:, 2]) for table in tables])
     middle = np.median(values, axis=0)

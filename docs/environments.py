@@ -31,7 +31,7 @@ from benchmarks.curves import cost  # noqa: E402
 from benchmarks.errors import EPISODES, EVERY, PERIODS  # noqa: E402
 from springgym.cli import write_text  # noqa: E402
 from springgym.envs.randomisation import RANDOMIZABLE  # noqa: E402
-from springgym.registration import ENVIRONMENTS, VARIANTS, Row  # noqa: E402
+from springgym.envs.registration import ENVIRONMENTS, VARIANTS, Row  # noqa: E402
 
 PAGE = HERE / "environments.md"
 FEATURES = HERE / "features.md"
@@ -179,7 +179,8 @@ def of_runs(runs: Sequence[Report]) -> tuple[str, str, str]:
     """Return the mean return of runs of a task, its interval if it is known, and "(seeds)" of several."""
     scale, _ = measure(runs[0]["task"])
     means = scale * np.array([run["mean_return"] for run in runs])
-    seeds, interval = f"({len(runs)})" if len(runs) > 1 else "", ""
+    seeds = f"({len(runs)})" if len(runs) > 1 else ""
+    interval = ""
     if len(runs) == 1 and "return_interval" in runs[0]:  # of the planner
         low, high = scale * np.array(runs[0]["return_interval"])
         interval = f"{low:z.2f}–{high:z.2f}"
@@ -554,9 +555,9 @@ goal's quantities, computed from the motion alone, not from `s.goal`. Each `Goal
 quantities, with their number and the distance within which they count as reached:
 
 ```python
-from springgym.bodies import cube
+from springgym.model.bodies import cube
 from springgym.envs.goals import GoalTolerance
-from springgym.scene import Scene
+from springgym.model.scene import Scene
 
 
 def start(rng):
@@ -656,9 +657,9 @@ goals, memory, reward terms, marks and colours:
 import gymnasium
 import numpy as np
 import springgym
-from springgym.bodies import cube
-from springgym.scene import Scene
-from springgym.surfaces import floor
+from springgym.model.bodies import cube
+from springgym.model.scene import Scene
+from springgym.model.surfaces import floor
 
 scene = Scene(cube(), positions=cube().positions + [0, 0, 1.5], surfaces=(floor(),))
 

@@ -23,7 +23,7 @@ import imageio_ffmpeg
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from springgym.registration import ENVIRONMENTS
+from springgym.envs.registration import ENVIRONMENTS
 from springgym.rendering import Renderer
 from springgym.scenes import load
 from springgym.scenes.film import GIF_FPS, visible_speed
@@ -96,7 +96,8 @@ def environments(folder: Path, args: argparse.Namespace) -> None:
         motion = played(classical(row.id), SEED)
         motion = replace(motion, marks=[replace(marks, text=(), key=()) for marks in motion.marks])
         *_, picture = islice(pictures(motion, 50.0, 1.0, TILE), 1 + round(50 * MOMENT))
-        left, top = TILE * (n % COLUMNS), (TILE + caption) * (n // COLUMNS)
+        left = TILE * (n % COLUMNS)
+        top = (TILE + caption) * (n // COLUMNS)
         sheet.paste(Image.fromarray(picture), (left, top))
         write.text((left + TILE // 2, top + TILE + caption // 2), row.id, INK, font, anchor="mm")
     sheet.save(folder / "environments.webp", quality=85, method=6)

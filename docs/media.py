@@ -27,8 +27,8 @@ import numpy as np
 from springgym import load_agent
 from springgym.cli import write_text
 from springgym.envs.agent import Policy
+from springgym.envs.registration import ENVIRONMENTS
 from springgym.envs.trained import PUBLISHED
-from springgym.registration import ENVIRONMENTS
 from springgym.rendering import Marks, save_video
 from springgym.scenes import film, load, names
 from springgym.scenes.checks import Check, check
@@ -98,7 +98,8 @@ def rows(checks: Iterable[Check]) -> list[list[str]]:
         numbers = [f"{each.theory:.5g}", f"{each.measured:.5g}", each.unit]
         off, allowed = (two_figures(each, x) for x in (each.measured - each.theory, each.tolerance))
         if each.unit and not each.theory:  # then these are no %
-            off, allowed = off.removesuffix(f" {each.unit}"), allowed.removesuffix(f" {each.unit}")
+            off = off.removesuffix(f" {each.unit}")
+            allowed = allowed.removesuffix(f" {each.unit}")
         told.append([each.verdict, each.quantity, *numbers, off, allowed])
     return told
 
@@ -129,7 +130,8 @@ def played(env: gym.Env, policy: Policy, still: int) -> Iterator[np.ndarray]:
     """Yield pictures of episodes, each until it ends or ``still`` steps after it has succeeded."""
     for seed in count(SEED):
         observation, _ = env.reset(seed=seed)
-        over, left = False, still
+        over = False
+        left = still
         yield from env.render()  # type: ignore[misc]
         while not over and left:
             observation, _, terminated, truncated, info = env.step(policy(observation[None])[0])

@@ -78,7 +78,8 @@ def show_films(app: Sphinx, doctree: nodes.document) -> None:
             name = POSTER.search(image["uri"])
             if name is None:
                 continue
-            filmed, caption = (MEDIA / f"{name[1]}.mp4").exists(), image["alt"]
+            filmed = (MEDIA / f"{name[1]}.mp4").exists()
+            caption = image["alt"]
             if links:
                 paragraph["classes"] = ["films"]
                 image["alt"] = ""  # the caption beside it says the same

@@ -5,23 +5,22 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from springgym.lazy import submodule
-from springgym.registration import register
+from springgym.core.lazy import submodule
+from springgym.envs.registration import register
+from springgym.version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from springgym.bodies import Body
     from springgym.envs.base import get_state, set_state
     from springgym.envs.scene import make_scene_env
     from springgym.envs.trained import load_agent
-    from springgym.scene import Placed, Scene
+    from springgym.model.bodies import Body
+    from springgym.model.scene import Placed, Scene
     from springgym.simulator import Simulator
 
-__version__ = "0.2.0"
-
 _PUBLIC = {
-    "Body": "springgym.bodies",
-    "Placed": "springgym.scene",
-    "Scene": "springgym.scene",
+    "Body": "springgym.model.bodies",
+    "Placed": "springgym.model.scene",
+    "Scene": "springgym.model.scene",
     "Simulator": "springgym.simulator",
     "get_state": "springgym.envs.base",
     "load_agent": "springgym.envs.trained",

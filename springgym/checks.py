@@ -37,7 +37,8 @@ tensor, (m r²)³, are still doubles."""
 MANY = 2**53
 """Bound on whole numbers: up to here each is a double, too."""
 
-FLOAT, INDEX = np.dtype(np.float64), np.dtype(np.int64)
+FLOAT = np.dtype(np.float64)
+INDEX = np.dtype(np.int64)
 
 FEW = 4096
 """Largest size of an array that BLAS processes on one thread."""

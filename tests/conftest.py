@@ -56,7 +56,7 @@ def own_ids() -> Iterator[None]:
 
 @contextmanager
 def _few_kernels() -> Iterator[None]:
-    from springgym.core import blocks
+    from springgym.core.language import blocks
     from tests.collisions.stepped import all_kinds_of_terms
 
     layout = blocks.block_layout

@@ -32,7 +32,8 @@ def check_calls(simulator: Simulator, calls: Sequence[int], more: int = 100) -> 
             other.advance(steps, check=False)
             other.measure()
         assert all_reported(other) == all_reported(simulator)
-    state, kept = simulator.state(), pickle.loads(pickle.dumps(others[1]))
+    state = simulator.state()
+    kept = pickle.loads(pickle.dumps(others[1]))
     others[0].advance(more)
     others[0].restore(state)
     for one in (simulator, others[0], kept):
@@ -64,9 +65,11 @@ def check_alone(
 def check_contacts(simulator: Simulator, steps: int) -> np.ndarray:
     """Check that each step changes the momentum of the first body by what its contacts give, and by gravity,
     and that asking for them changes no bit; return their impulses (steps, copies, 3) [N·s]."""
-    other, scene = copy.copy(simulator), simulator.scene
+    other = copy.copy(simulator)
+    scene = simulator.scene
     weight = scene.bodies[0].body.mass * np.array(scene.gravity or (0.0, 0.0, 0.0))
-    given, momenta = [], [simulator.measure(0).momentum]
+    given = []
+    momenta = [simulator.measure(0).momentum]
     for _ in range(steps):
         found = simulator.contacts()
         given.append((found.impulse * (found.first == 0)[..., None]).sum(axis=1))

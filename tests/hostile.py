@@ -125,7 +125,8 @@ def outcome(call: Call, argument: str, value: Any) -> str:
             warnings.simplefilter("ignore")
             call(**{argument: value})
     except Exception as error:
-        message, name = str(error), call.called.get(argument, argument)
+        message = str(error)
+        name = call.called.get(argument, argument)
         if call.beyond and re.search(call.beyond, message):
             return "accepted"
         named = re.search(rf"(?<![A-Za-z_])({name})(?![A-Za-z])", message)

@@ -43,7 +43,8 @@ def circles(graph: dict[str, set[str]]) -> list[list[str]]:
     """Return the groups of modules that import each other, directly or through others."""
     reached: dict[str, set[str]] = {}
     for module in graph:
-        found, waiting = set(), [module]
+        found = set()
+        waiting = [module]
         while waiting:
             new = graph[waiting.pop()] - found
             found |= new

@@ -9,9 +9,9 @@ import sys
 import pytest
 
 import springgym
-from springgym import extras
 from springgym.cli import check_new, guarded, main, whole_file
-from springgym.extras import install
+from springgym.core import extras
+from springgym.core.extras import install
 
 
 def write_half(path, error):
@@ -153,7 +153,8 @@ def test_a_link_stays_one(tmp_path):
 
 def test_a_link_that_leads_nowhere_comes_to_lead_to_the_file(tmp_path):
     """One that leads to itself cannot, and is refused."""
-    link, circle = tmp_path / "link.txt", tmp_path / "circle.txt"
+    link = tmp_path / "link.txt"
+    circle = tmp_path / "circle.txt"
     link.symlink_to(tmp_path / "target.txt")
     circle.symlink_to(circle)
     check_new(link)

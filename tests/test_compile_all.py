@@ -20,10 +20,9 @@ import numpy as np
 import pytest
 from llvmlite import binding
 
-from springgym import compile_all
-from springgym.cli import main
-from springgym.core import compiling
-from springgym.core.compiling import INTELS, KERNELS, LEVELS, MADE, fitting_level, shipped
+from springgym.cli import compile_all, main
+from springgym.core.compiler import compiling
+from springgym.core.compiler.compiling import INTELS, KERNELS, LEVELS, MADE, fitting_level, shipped
 from tests.params import slow_but
 from tests.test_compiling import FILES, RUN, finish, flipped, start
 
@@ -144,7 +143,8 @@ def test_code_of_a_level_is_found_by_who_is_told_the_level(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Nobody else finds it; and it is of that level for sure, or under another name."""
-    package, cache = tmp_path / "user", tmp_path / "cache"
+    package = tmp_path / "user"
+    cache = tmp_path / "cache"
     package.mkdir()
     for name, text in FILES.items():
         (package / name).write_text(text)
@@ -177,7 +177,8 @@ needs_level = pytest.mark.skipif(LEVEL is None, reason="this processor has no le
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A wheel of compiled code, and beside it the package ``user`` whose kernel it holds."""
     folder = tmp_path_factory.mktemp("wheel")
-    package, compiled = folder / "user", folder / "compiled"
+    package = folder / "user"
+    compiled = folder / "compiled"
     package.mkdir()
     for name, text in FILES.items():
         (package / name).write_text(text)

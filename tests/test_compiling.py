@@ -20,17 +20,17 @@ import pytest
 from numba import typeof
 from numba.core.compiler_lock import global_compiler_lock
 
-from springgym import integrators
-from springgym.bodies import cube
-from springgym.core import compiling
-from springgym.core.blocks import WIDTH, at, block_array
-from springgym.core.compiling import SameTypes, _checksum, cache_directory, compiled, kernel
-from springgym.core.lanes import any_lane, load, store
-from springgym.core.vectors import dot
-from springgym.integrators import verlet
-from springgym.integrators.record import Phase
-from springgym.measures import read
-from springgym.scene import Scene, WrenchActuator
+from springgym.core.compiler import compiling
+from springgym.core.compiler.compiling import SameTypes, _checksum, cache_directory, compiled, kernel
+from springgym.core.language.blocks import WIDTH, at, block_array
+from springgym.core.language.lanes import any_lane, load, store
+from springgym.core.language.vectors import dot
+from springgym.dynamics import methods as integrators
+from springgym.dynamics.measures import read
+from springgym.dynamics.methods import verlet
+from springgym.dynamics.methods.record import Phase
+from springgym.model.bodies import cube
+from springgym.model.scene import Scene, WrenchActuator
 from springgym.simulator import Simulator
 from tests.params import slow_but
 
@@ -48,14 +48,14 @@ FILES = {
     "__init__.py": "",
     "constants.py": "OFFSET = 1.0\n",
     "inner.py": (
-        "from springgym.core.compiling import compiled\n"
+        "from springgym.core.compiler.compiling import compiled\n"
         "from user.constants import OFFSET\n"
         "@compiled\n"
         "def shifted(a):\n"
         "    return a + OFFSET\n"
     ),
     "outer.py": (
-        "from springgym.core.compiling import kernel\n"
+        "from springgym.core.compiler.compiling import kernel\n"
         "from user.inner import shifted\n"
         "@kernel\n"
         "def double_sum(a):\n"
@@ -261,7 +261,8 @@ def test_a_kernel_that_was_sent_to_another_process_compiles(cache: Path) -> None
 
 @pytest.mark.parametrize(("quiet", "lines"), slow_but([("", 1), ("logging.disable()", 0)], ("", 1)))
 def test_a_script_tells_on_stderr(quiet: str, lines: int, package: Path, tmp_path: Path) -> None:
-    run = f"import logging, springgym.core.compiling as compiling\ncompiling.PATIENCE = 0.0\n{quiet}\n{RUN}"
+    patience = "import logging, springgym.core.compiler.compiling as compiling\ncompiling.PATIENCE = 0.0"
+    run = f"{patience}\n{quiet}\n{RUN}"
     process = start(package, tmp_path / "cache", run)
     out, error = process.communicate(timeout=60)
     assert out == "8.0 0\n"
@@ -271,7 +272,7 @@ def test_a_script_tells_on_stderr(quiet: str, lines: int, package: Path, tmp_pat
 def test_a_terminal_counts_the_seconds(package: Path, tmp_path: Path) -> None:
     """In one line that is erased; here one of a compiler that takes two seconds more."""
     reader, writer = os.openpty()
-    slow = """import time, springgym.core.compiling as compiling
+    slow = """import time, springgym.core.compiler.compiling as compiling
 compiling.PATIENCE = 0.0
 built = compiling.DUMPS
 compiling.DUMPS = lambda *given: time.sleep(2.5) or built(*given)
@@ -348,7 +349,8 @@ def test_types_are_those_that_numba_finds() -> None:
     """Arrays differ in one property each, tuples in their entries or names; each is asked for twice."""
     packed, aligned = (np.dtype([("a", "f8")], align=align) for align in (False, True))
     assert packed == aligned
-    square, fixed = np.zeros((2, 2)), np.zeros(2)
+    square = np.zeros((2, 2))
+    fixed = np.zeros(2)
     fixed.setflags(write=False)
     arrays = [np.zeros(2), np.zeros(2, int), np.zeros(2, packed), np.zeros(2, aligned), np.zeros(4)[::2]]
     arrays += [fixed, square, np.asfortranarray(square), np.zeros((3, 3))[::2, ::2], np.zeros(())]
@@ -377,8 +379,8 @@ kept = {path}
 del {path}
 with warnings.catch_warnings(record=True) as given:
     warnings.simplefilter("always")
-    import springgym.core.compiling
-    if {path!r} in springgym.core.compiling.LACKING:
+    import springgym.core.compiler.compiling
+    if {path!r} in springgym.core.compiler.compiling.LACKING:
         {path} = kept  # Numba itself needs it
     from user.outer import double_sum, triple_sum
     value = double_sum(3.0) + triple_sum(3.0)
@@ -405,7 +407,11 @@ def test_a_numba_that_lacks_something_costs_compilations(lacks: str, package: Pa
     assert not (tmp_path / "cache").exists()
 
 
-ALLOWED = ("springgym/core/compiling.py", "springgym/core/lanes.py", "springgym/core/vec.py")
+ALLOWED = (
+    "springgym/core/compiler/compiling.py",
+    "springgym/core/language/lanes.py",
+    "springgym/core/language/vec.py",
+)
 """Files that may reach into Numba."""
 
 

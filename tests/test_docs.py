@@ -12,8 +12,8 @@ from typing import Any
 import gymnasium as gym
 import pytest
 
+from springgym.envs.registration import ENVIRONMENTS
 from springgym.envs.sb3 import make_sb3
-from springgym.registration import ENVIRONMENTS
 from tests.envs.cases import DUEL
 from tests.params import slow_unless
 
@@ -98,7 +98,8 @@ def test_every_environment_has_a_row_of_the_planner() -> None:
     rows = {row["task"]: row for row in writer.planned()}
     tasks = {own["task"]: own for own in writer.read(writer.ROWS) if own["algorithm"] == "noop"}
     for env_id in (row.id for row in page_writer().MEASURED):
-        row, own = rows[env_id], tasks[env_id]
+        row = rows[env_id]
+        own = tasks[env_id]
         assert row["episodes"] >= 5
         assert row["config"] == planner.digest(planner.planner_of(env_id)), env_id
         assert row["probe"] == own["probe"] or writer.is_old(row) or writer.is_old(own), env_id
@@ -233,7 +234,8 @@ def test_pages_begin_with_what_gymnasiums_begin_with() -> None:
 
 def test_a_new_environment_has_its_page_and_no_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
     """So that all tests of a pull request are green before its results are there."""
-    writer, measured = page_writer(), page_writer("measured")
+    writer = page_writer()
+    measured = page_writer("measured")
     report = writer.read()
     new = writer.ENVIRONMENTS[0]._replace(id="SpringFunnel-v0")
     monkeypatch.setattr(writer, "NEW", {new.id})

@@ -11,15 +11,16 @@ import numpy as np
 import pytest
 
 from benchmarks.speed import all_features
-from springgym.scene import Scene
+from springgym.model.scene import Scene
+from springgym.model.surfaces import Bowl, floor
 from springgym.simulator import PAPER_STEP, Simulator
-from springgym.surfaces import Bowl, floor
 from tests.params import slow_but
 
 pytestmark = pytest.mark.own_kernels
 
 FEATURES = all_features()
-PLAIN, STANDING = FEATURES["damping"].off, FEATURES["friction"].off
+PLAIN = FEATURES["damping"].off
+STANDING = FEATURES["friction"].off
 FLOATING = FEATURES["plane out of reach"].off.with_(surfaces=(floor(-1e3),))
 BELOW = FEATURES["plane"].off.with_(surfaces=(floor(-1e3),))
 STEPS = 200
@@ -71,7 +72,8 @@ surfaces are foreseen to give is added before dampers act, and taken back."""
 @pytest.mark.parametrize(("name", "method"), slow_but(CASES, ("without surfaces", "verlet")))
 def test_idle_is_absent_to_the_bit(name: str, method: str) -> None:
     off, on, options, values = ABSENT_AND_IDLE[name]
-    without, idle = moved(off, method), moved(on, method, values, **options)
+    without = moved(off, method)
+    idle = moved(on, method, values, **options)
     np.testing.assert_array_equal(idle, without)
     assert np.abs(without[0] - off.positions).max() > 0.01
 

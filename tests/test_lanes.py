@@ -12,7 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from springgym.core.blocks import (
+from springgym.core.compiler.compiling import kernel
+from springgym.core.language.blocks import (
     aligned_zeros,
     ascending,
     block_array,
@@ -22,8 +23,7 @@ from springgym.core.blocks import (
     set_copies,
     to_copies,
 )
-from springgym.core.compiling import kernel
-from springgym.core.lanes import (
+from springgym.core.language.lanes import (
     any_lane,
     block_dtype,
     inverse_sqrt,
@@ -56,7 +56,8 @@ def invert(a: Any, out: Any) -> None:
 @pytest.mark.parametrize("width", WIDTHS)
 def test_inverse_roots_are_rounded_as_root_and_division(width: int, dtype: Any) -> None:
     """However they are found: of any size, of squares, and beside powers of 4, which are hard to round."""
-    random, eps = np.random.default_rng(0), np.finfo(dtype).eps
+    random = np.random.default_rng(0)
+    eps = np.finfo(dtype).eps
     spread = np.exp(random.uniform(-60, 60, 160_000))
     squares = (1 + random.integers(0, 4096, 160_000) / 4096) ** 2 * (
         1 + random.integers(-3, 4, 160_000) * eps
@@ -72,7 +73,9 @@ def test_inverse_roots_are_rounded_as_root_and_division(width: int, dtype: Any) 
 @kernel
 def operate(a: Any, b: Any, shared: Any, out: Any) -> int:
     """Every operation on lanes, one a row of ``out``; the result counts masks with a lane set."""
-    x, y, s = load(a, 0), load(b, 0), shared[0]
+    x = load(a, 0)
+    y = load(b, 0)
+    s = shared[0]
     store(out, 0, x + y)
     store(out, 1, x - y)
     store(out, 2, x * y)
@@ -178,11 +181,13 @@ def test_each_copy_has_a_row_of_its_own(width: int, dtype: Any, differ: int | No
 
     Rows may be the same in all copies, or in all but the last one.
     """
-    random, count = np.random.default_rng(width), 7
+    random = np.random.default_rng(width)
+    count = 7
     rows, own, out = (
         aligned_zeros(shape, block_dtype(dtype, width)) for shape in ((count,), (count, 3), (count, 3))
     )
-    n, lanes = random.integers(0, count, width), np.arange(width)
+    n = random.integers(0, count, width)
+    lanes = np.arange(width)
     if differ is not None:
         n[:] = 3
         n[width - 1] += differ
@@ -217,7 +222,8 @@ def test_rows_of_a_batch(copies: int, dtype: Any) -> None:
 
 
 def test_numbers_beyond_a_bound_are_not_put() -> None:
-    rows, lanes = np.linspace(-3.0, 3.0, 8).reshape(2, 4), flat_numbers(block_array(2, (4,), np.float64))
+    rows = np.linspace(-3.0, 3.0, 8).reshape(2, 4)
+    lanes = flat_numbers(block_array(2, (4,), np.float64))
     assert not put(lanes, np.arange(2), rows, 2.9)
     for wrong in (math.nan, math.inf, -math.inf):
         assert not put(lanes, np.arange(2), np.where(rows == 3.0, wrong, rows), 1e30)

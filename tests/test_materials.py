@@ -7,7 +7,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from springgym.materials import MATERIALS, Grain, Material, material_of
+from springgym.model.materials import MATERIALS, Grain, Material, material_of
 
 FIGURES = ("young", "poisson", "density", "loss")
 

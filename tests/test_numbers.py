@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks import conditions
-from springgym.registration import ENVIRONMENTS, VARIANTS, Row
+from springgym.envs.registration import ENVIRONMENTS, VARIANTS, Row
 from tests.test_docs import page_writer
 
 ROOT = Path(__file__).parents[1]
@@ -70,7 +70,8 @@ def test_what_is_changed_by_hand_or_in_the_source_is_found() -> None:
         assert where in text
         found = MEASURED.differences(text.replace(where, f"{where}9"), REPORT)
         assert any(of.startswith(told) for of in found)
-    report, how = copy.deepcopy(REPORT), ("native, float32", 1)
+    report = copy.deepcopy(REPORT)
+    how = ("native, float32", 1)
     (own,) = (own for own in report["environments"]["rows"] if (own["how"], own.get("threads")) == how)
     own["median"] *= 2
     for page in ("README.md", "docs/speed.md", "docs/index.md"):
@@ -150,7 +151,7 @@ def test_a_release_has_numbers_of_its_own_code() -> None:
 
 
 def test_an_older_source_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    name, added = "springgym/scene.py", {"old": "x = 1\n", "told": '"""Otherwise."""  # told\n'}
+    name, added = "springgym/model/scene.py", {"old": "x = 1\n", "told": '"""Otherwise."""  # told\n'}
 
     def git(command: str, *arguments: str) -> str | None:
         if command == "show":

@@ -76,7 +76,8 @@ def test_an_sdist_holds_what_its_tests_need(clone: Path, tmp_path: Path) -> None
 @pytest.mark.slow
 def test_a_wheel_trains(clone: Path, tmp_path: Path) -> None:
     """It holds scripts, configurations and published agents, which its commands find wherever it lies."""
-    site, folder = tmp_path / "site", tmp_path / "elsewhere"
+    site = tmp_path / "site"
+    folder = tmp_path / "elsewhere"
     folder.mkdir()
     with zipfile.ZipFile(built("wheel", clone, tmp_path / "wheel")) as wheel:
         wheel.extractall(site)

@@ -75,7 +75,7 @@ def to_release(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for path in ("pyproject.toml", "springgym/__init__.py", *pages):
         (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / path).write_text(text(path), encoding="utf-8")
-    (tmp_path / "springgym" / "__init__.py").write_text('__version__ = "1.2.3"\n')
+    (tmp_path / "springgym" / "version.py").write_text('__version__ = "1.2.3"\n')
     log = "## 1.2.3 (2031-02-03)\n\n### Added\n- A [top](docs/top.md).\n\n## 1.2.2 (2030-01-01)\n\n- Old.\n"
     (tmp_path / "CHANGELOG.md").write_text(log)
     monkeypatch.setattr(release, "ROOT", tmp_path)
@@ -180,7 +180,8 @@ def block(command: str) -> str:
     return f"Text.\n\n```sh\n{command}\n```\n"
 
 
-JOB, TESTS = "echo .venv/springgym train Top", "echo .venv/python -m pytest && {} && echo 2 passed"
+JOB = "echo .venv/springgym train Top"
+TESTS = "echo .venv/python -m pytest && {} && echo 2 passed"
 
 
 def ci_run(folder: Path, *blocks: str) -> subprocess.CompletedProcess[str]:

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from springgym import rigid
-from springgym.bodies import Body, box, cube, rigid_velocities, rope, rotation, start, top
-from springgym.scene import DriveActuator, Scene, ThrustActuator, WrenchActuator
+from springgym.dynamics import rigid
+from springgym.model.bodies import Body, box, cube, rigid_velocities, rope, rotation, start, top
+from springgym.model.scene import DriveActuator, Scene, ThrustActuator, WrenchActuator
+from springgym.model.surfaces import PaperContact, floor
 from springgym.simulator import Simulator
-from springgym.surfaces import PaperContact, floor
 from springgym.theory import free_body, pendulum
 from springgym.theory import top as heavy_top
 from springgym.theory.frames import carry
@@ -21,7 +21,8 @@ from tests.params import slow_but
 GRAVITY = (0.0, 0.0, -9.81)
 NONE = (0.0, 0.0, 0.0)  # the same compiled code as under gravity
 TOP = top(damping=0.0)
-TIP, CROWN = TOP.particle("tip"), TOP.particle("crown")
+TIP = TOP.particle("tip")
+CROWN = TOP.particle("crown")
 UNBALANCED = top(damping=0.0, scaled={0: 2.0})
 BRICK = box((1.0, 0.7, 0.4), mass=(0.2, 0.1, 0.1, 0.15, 0.1, 0.1, 0.15, 0.1), damping=0.0)
 
@@ -51,7 +52,8 @@ def test_moments_of_the_paper_s_top_about_its_tip_and_its_axis_is_the_third() ->
 def test_shape_is_principal_right_handed_and_pairs_the_closest_moments(sides: tuple[float, ...]) -> None:
     body = box(sides, mass=BRICK.masses)
     shape = rigid.principal_shape(Scene(body))
-    r, m = shape.positions, body.masses
+    r = shape.positions
+    m = body.masses
     tensor = np.sum(m * (r * r).sum(axis=1)) * np.eye(3) - (m * r.T) @ r
     np.testing.assert_allclose(tensor, np.diag(shape.moments), atol=1e-15)
     np.testing.assert_allclose(m @ r, 0.0, atol=1e-15)
@@ -65,7 +67,8 @@ def test_shape_is_principal_right_handed_and_pairs_the_closest_moments(sides: tu
 @pytest.mark.parametrize(("body", "pinned"), [(BRICK, ()), (TOP, (TIP,))], ids=["brick", "top"])
 def test_a_copy_of_another_size_is_another_body(body: Body, pinned: tuple[int, ...], also: tuple) -> None:
     """It moves as a scene of the larger body does; a couple turns it 1/s² as fast, as I is Σ m r²."""
-    sizes, seconds = np.array([0.5, 1.0, 2.0]), 0.5
+    sizes = np.array([0.5, 1.0, 2.0])
+    seconds = 0.5
     options = {"dynamics": "rigid", "integrator": "suzuki", "step": 5e-3}
     scene = Scene(body, pinned=pinned, gravity=NONE, wrench=WrenchActuator())
     simulator = Simulator(scene, copies=3, varying=("lengths", *also), **options)
@@ -112,7 +115,8 @@ def top_in_theory(t: float) -> tuple[np.ndarray, np.ndarray]:
 
 def cube_in_theory(t: float) -> tuple[np.ndarray, np.ndarray]:
     """The cube on a vertex, swinging from 2.5 rad."""
-    body, at = cube(damping=0.0), pendulum.cube_on_vertex(1.0, 1.0)
+    body = cube(damping=0.0)
+    at = pendulum.cube_on_vertex(1.0, 1.0)
     theta, rate = pendulum.motion(at.i1, at.mgl, 2.5, 0.0, np.array([t]))
     down = start(body, tilt=np.pi, pinned=(0,), stretched=False).positions
     x = down @ rotation((0, 1, 0), -theta[0]).T
@@ -159,7 +163,8 @@ def test_a_free_symmetric_body_is_exact_for_every_step() -> None:
     """Steps of 0.7 s turn it by 30 rad: nothing is left of the step but round-off of the angle."""
     moments, axes = TOP.principal()
     omega = np.array([12.0, -5.0, 40.0])
-    times, r = np.array([0.0, 7.0]), TOP.positions - TOP.centre
+    times = np.array([0.0, 7.0])
+    r = TOP.positions - TOP.centre
     motion = free_body.motion(moments, omega, times, axes)
     (first, v), (last, _) = (carry(motion.attitude[n] @ axes.T, motion.omega_world[n], r) for n in range(2))
     simulator = final(Scene(TOP, first, v, gravity=NONE), "verlet", 0.7, 7.0)
@@ -169,7 +174,9 @@ def test_a_free_symmetric_body_is_exact_for_every_step() -> None:
 
 # --- Order, with everything that acts -----------------------------------------------------------------
 
-FORCE, TORQUE, BODY_TORQUE = np.array([5.0, -3.0, 4.0]), np.array([6.0, 9.0, 7.0]), np.array([2.0, 1.0, 3.0])
+FORCE = np.array([5.0, -3.0, 4.0])
+TORQUE = np.array([6.0, 9.0, 7.0])
+BODY_TORQUE = np.array([2.0, 1.0, 3.0])
 THRUST = np.array([[4.0, 2.0, -1.0], [-3.0, 1.0, 2.0]])
 
 
@@ -198,9 +205,11 @@ def drive(simulator: Simulator) -> None:
 
 def driven_reference(scene: Scene, seconds: float) -> np.ndarray:
     """Positions by Newton's and Euler's equations in the world frame, DOP853 at 1e-13."""
-    body, held = scene.body, bool(scene.pinned)
+    body = scene.body
+    held = bool(scene.pinned)
     shape = scene.positions - (scene.positions[TIP] if held else body.masses @ scene.positions / body.mass)
-    m, g = body.masses, np.asarray(scene.gravity)
+    m = body.masses
+    g = np.asarray(scene.gravity)
     centre = m @ shape / body.mass
     tensor = np.sum(m * (shape * shape).sum(axis=1)) * np.eye(3) - (m * shape.T) @ shape
     i, j, k = body.markers
@@ -210,7 +219,9 @@ def driven_reference(scene: Scene, seconds: float) -> np.ndarray:
     axes = np.column_stack([e1, np.cross(e3, e1), e3])
 
     def slope(_: float, y: np.ndarray) -> np.ndarray:
-        turn, spin, momentum = y[:9].reshape(3, 3), y[9:12], y[15:18]
+        turn = y[:9].reshape(3, 3)
+        spin = y[9:12]
+        momentum = y[15:18]
         third = turn @ axes[:, 2]
         torque = TORQUE - scene.wrench.perpendicular * (TORQUE @ third) * third
         torque = torque + turn @ axes @ BODY_TORQUE
@@ -254,7 +265,8 @@ def test_gravity_wrench_and_thrust_are_those_of_newton_and_euler(
 @pytest.mark.parametrize("method", rigid.METHODS)
 def test_fitted_order_is_the_declared_one_for_motion_and_energy_balance(method: str) -> None:
     order = rigid.METHODS[method].record.order
-    scene, seconds = driven(pinned=True), 0.4
+    scene = driven(pinned=True)
+    seconds = 0.4
     exact = driven_reference(scene, seconds)
     steps = np.array([16, 24, 32]) * (8 if order == 2 else 1)
     errors = []
@@ -310,7 +322,8 @@ def test_placing_takes_over_momenta_centre_and_triad_of_a_deformed_body_and_leav
     x = UNBALANCED.positions + 1e-3 * rng.standard_normal(UNBALANCED.positions.shape)
     v = rng.standard_normal(x.shape)
     simulator.place(x, v, copies=np.array([9, 2]))
-    m, measures = UNBALANCED.masses, simulator.measure()
+    m = UNBALANCED.masses
+    measures = simulator.measure()
     centre = m @ x / m.sum()
     for copy in (2, 9):
         np.testing.assert_allclose(measures.momentum[copy], m @ v, rtol=1e-13)
@@ -418,7 +431,8 @@ def test_state_survives_restoring_and_pickling() -> None:
     simulator = twin(driven(pinned=True), "suzuki", 2e-3)
     drive(simulator)
     simulator.advance(10, check=False)
-    state, copy = simulator.state(), pickle.loads(pickle.dumps(simulator))
+    state = simulator.state()
+    copy = pickle.loads(pickle.dumps(simulator))
     simulator.advance(10, check=False)
     expected = simulator.positions
     simulator.restore(state)

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from springgym import stability
-from springgym.bodies import Body, cube, rope
-from springgym.integrators import METHODS, integrator
-from springgym.scene import Scene
+from springgym.dynamics import stability
+from springgym.dynamics.methods import METHODS, integrator
+from springgym.model.bodies import Body, cube, rope
+from springgym.model.scene import Scene
 from springgym.simulator import Simulator
 
 VERLET = integrator("verlet")
@@ -25,7 +25,8 @@ def axial(scene: Scene) -> complex:
     body = scene.body
     stretch = np.eye(len(body.lengths)) - np.eye(len(body.lengths), k=-1)  # of springs, by the free particles
     pull = stretch.T / body.masses[1:, None]
-    stiff, damped = pull * body.stiffness @ stretch, pull * body.damping @ stretch
+    stiff = pull * body.stiffness @ stretch
+    damped = pull * body.damping @ stretch
     nothing = np.zeros_like(stiff)
     modes = np.linalg.eigvals(np.block([[nothing, np.eye(len(stiff))], [-stiff, -damped]]))
     slow = modes[modes.imag > 0]

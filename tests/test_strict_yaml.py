@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import pytest
 
-from springgym.strict_yaml import LARGEST, YamlError, build, fit, parse_yaml, read_json, read_yaml
+from springgym.scenes.strict_yaml import LARGEST, YamlError, build, fit, parse_yaml, read_json, read_yaml
 
 
 @dataclass
@@ -48,7 +48,8 @@ flags: {on: true}
 anything: [1, {a: b}]
 """
     )
-    sides, factors = (1.0, 2.0, 3e-4), {0: 2.0, 7: 0.5}
+    sides = (1.0, 2.0, 3e-4)
+    factors = {0: 2.0, 7: 0.5}
     rest = ({"on": True}, [1, {"a": "b"}])
     assert thing == Thing(3, 1e5, None, "blue", (1.0, 2.5), 0.0, sides, factors, *rest)
     assert made("count: 1\nsides: [[1, 2], [3]]").sides == ((1.0, 2.0), (3.0,))

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from springgym.bodies import start, top
-from springgym.scene import Scene
+from springgym.dynamics.stability import steps_in
+from springgym.model.bodies import start, top
+from springgym.model.scene import Scene
 from springgym.simulator import Simulator
-from springgym.stability import steps_in
 from springgym.theory.top import (
     HeavyTop,
     TopState,
@@ -72,7 +72,8 @@ def test_nutation_frequency() -> None:
     """A small nutation about steady precession has ω_n² = [(Mgl)² − 2 I₁Mgl Ω² cos θ + I₁²Ω⁴]/(I₁Ω)²."""
     rigid = steady_precession(RIGID, TILT, SPIN)[0]
     simulator = spinning_top(1e6, rigid * 1.05, step=2.5e-4)
-    samples, duration = 4000, 4.0
+    samples = 4000
+    duration = 4.0
     _, tilt = turned(simulator, duration, samples)
     assert np.ptp(tilt) > 1e-3
     # The frequency of a pure oscillation from its zero crossings, interpolated.
@@ -113,6 +114,7 @@ def test_verlet_keeps_lz() -> None:
 @pytest.mark.slow
 def test_rk4_loses_lz() -> None:
     """RK4 keeps L_z to its order only: at the paper's step it loses more than a millionth in 10 s."""
-    coarse, fine = drift_of_lz("rk4", 5e-4), drift_of_lz("rk4", 2.5e-4)
+    coarse = drift_of_lz("rk4", 5e-4)
+    fine = drift_of_lz("rk4", 2.5e-4)
     assert 1e-7 < coarse < 1e-4
     assert fine < coarse / 10

@@ -13,9 +13,9 @@ import pytest
 import springgym
 from springgym.envs import options
 from springgym.envs.base import SpringEnv, _Common
-from springgym.envs.duel import OPPONENTS
+from springgym.envs.registration import ENVIRONMENTS
 from springgym.envs.scene import SceneOptions, SceneTask, make_scene_env
-from springgym.registration import ENVIRONMENTS
+from springgym.envs.tasks.duel import OPPONENTS
 from tests.envs.cases import IDS, task_type
 
 ROOT = Path(__file__).parent.parent
@@ -30,7 +30,8 @@ def test_every_environment_declares_what_it_takes():
     common = keywords(SpringEnv.__init__) | keywords(_Common._make) - {"copies"} | keywords(options.Settings)
     assert set(get_type_hints(options.EnvOptions)) == common | {"observation"}
     for row in ENVIRONMENTS:
-        module, task = import_module(f"springgym.envs.{row.module}"), task_type(row.id)
+        module = import_module(f"springgym.envs.{row.module}")
+        task = task_type(row.id)
         declared = get_type_hints(getattr(module, f"{row.name.removeprefix('Spring')}Options"))
         taken = get_type_hints(task.__init__)
         del taken["return"], taken["modes"]
@@ -63,7 +64,7 @@ from gymnasium import spaces
 
 import springgym
 from springgym.envs import parallel
-from springgym.envs.top import SpringTopEnv, SpringTopVectorEnv
+from springgym.envs.tasks.top import SpringTopEnv, SpringTopVectorEnv
 
 env = SpringTopEnv(action="impulse", render_mode="rgb_array", step=1e-4, body={"height": 1.0})
 envs = SpringTopVectorEnv(4, autoreset_mode="SameStep", observation="features", max_episode_steps=10)

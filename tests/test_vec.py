@@ -8,17 +8,19 @@ import numpy as np
 import pytest
 from numba.core.errors import NumbaError
 
-from springgym.core.blocks import aligned_zeros, numbers
-from springgym.core.compiling import kernel
-from springgym.core.lanes import block_dtype, load
-from springgym.core.vectors import choose, cross, dot, plus_scaled, row, set_row, vec, vector
+from springgym.core.compiler.compiling import kernel
+from springgym.core.language.blocks import aligned_zeros, numbers
+from springgym.core.language.lanes import block_dtype, load
+from springgym.core.language.vectors import choose, cross, dot, plus_scaled, row, set_row, vec, vector
 
 WIDTHS = (1, 16)
 
 
 @kernel
 def formulas(x: Any, shared: Any, out: Any) -> None:
-    u, w, s = row(x, 0), row(x, 1), load(x, (2, 0))
+    u = row(x, 0)
+    w = row(x, 1)
+    s = load(x, (2, 0))
     fixed = vector(shared)
     set_row(out, 0, u + w)
     set_row(out, 1, u - w)
@@ -39,7 +41,9 @@ def formulas(x: Any, shared: Any, out: Any) -> None:
 
 def by_numpy(x: np.ndarray, shared: np.ndarray) -> np.ndarray:
     """Return what `formulas` gives of ``x`` (3, 3, width), but for what is rounded once instead of twice."""
-    u, w, s = x[0], x[1], x[2, 0]
+    u = x[0]
+    w = x[1]
+    s = x[2, 0]
     fixed = shared[:, None].astype(x.dtype)
     products = u[2] * w[2] + (u[1] * w[1] + u[0] * w[0])
     return np.stack(
@@ -64,11 +68,13 @@ def by_numpy(x: np.ndarray, shared: np.ndarray) -> np.ndarray:
 def test_formulas_are_those_of_numpy(width: int, dtype: Any) -> None:
     random = np.random.default_rng(0)
     x, out = (aligned_zeros((rows,), block_dtype(dtype, width)) for rows in (9, 36))
-    x, out = x.reshape(3, 3), out.reshape(12, 3)
+    x = x.reshape(3, 3)
+    out = out.reshape(12, 3)
     numbers(x)[:] = random.normal(0, 10, (3, 3, width))
     shared = np.array([0.5, -2.0, 4.0])
     formulas(x, shared, out)
-    found, right = numbers(out), by_numpy(numbers(x), shared)
+    found = numbers(out)
+    right = by_numpy(numbers(x), shared)
     once = [7, 8]  # where a product is added without being rounded
     np.testing.assert_allclose(found[once], right[once], rtol=8 * np.finfo(dtype).eps, atol=1e-4)
     others = [n for n in range(12) if n not in once]
@@ -77,7 +83,8 @@ def test_formulas_are_those_of_numpy(width: int, dtype: Any) -> None:
 
 def test_widths_give_the_same_bits() -> None:
     random = np.random.default_rng(1)
-    values, shared = random.normal(0, 10, (3, 3, 16)), np.array([0.5, -2.0, 4.0])
+    values = random.normal(0, 10, (3, 3, 16))
+    shared = np.array([0.5, -2.0, 4.0])
     made = {}
     for width in WIDTHS:
         made[width] = np.empty((12, 3, 16))

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from springgym.bodies import Body
-from springgym.bodies.rotations import rotation
-from springgym.scene import Scene
+from springgym.model.bodies import Body
+from springgym.model.bodies.rotations import rotation
+from springgym.model.scene import Scene
 from springgym.simulator import Simulator
 
 PLACES = rotation((1, 2, 3), 0.7)
@@ -19,7 +19,8 @@ def turning(positions: np.ndarray, omega: np.ndarray) -> np.ndarray:
     springs = np.array([(n, n + 1) for n in range(count - 1)], int).reshape(-1, 2)
     body = Body("row", positions, np.linspace(1.0, 2.0, count), springs, 1e3, 0.0, floppy=True)
     about = rotation((1, 0, 1), 0.3)
-    x, axes = [body.positions - body.centre], [omega]
+    x = [body.positions - body.centre]
+    axes = [omega]
     for _ in range(199):
         x.append(x[-1] @ about.T)
         axes.append(about @ axes[-1])

@@ -16,7 +16,7 @@ import gymnasium as gym
 
 import springgym
 from springgym.cli import main
-from springgym.registration import ENVIRONMENTS
+from springgym.envs.registration import ENVIRONMENTS
 
 if __name__ == "__main__":
     for package in ("springgym", "gymnasium", "numpy", "numba", "pyyaml", "tqdm"):

@@ -32,7 +32,7 @@ from numpy.random import Generator
 
 import springgym
 from springgym.envs.randomisation import OF_SPRINGS, RANDOMIZABLE
-from springgym.registration import VARIANTS
+from springgym.envs.registration import VARIANTS
 from springgym.scenes import load, names
 from tests.envs.cases import IDS, TWINLESS, task_type
 
@@ -208,7 +208,8 @@ class Player:
     """One round."""
 
     def __init__(self, what: Round, rng: Generator) -> None:
-        self.what, self.rng = what, rng
+        self.what = what
+        self.rng = rng
         self.env = made(what, what.copies)
         self.count = what.copies or 1
         self.followed = int(rng.integers(self.count))
@@ -217,7 +218,8 @@ class Player:
         self.bounds = allowed(made(what, None)) if what.env_id in IDS else {}
         self.scale = np.zeros(self.count)
         self.over = np.zeros(self.count, bool)
-        self.steps, self.drift = 0, 0.0
+        self.steps = 0
+        self.drift = 0.0
 
     # --- What is done -----------------------------------------------------------------------------
 
@@ -336,7 +338,8 @@ class Player:
 
     def follow(self, action: np.ndarray, result: Any, fresh: bool) -> None:
         """Step the single environment, and compare it with its copy in the batch."""
-        n, single = self.followed, self.single
+        n = self.followed
+        single = self.single
         assert single is not None
         observation, reward, terminated, truncated, info = result
         if fresh:
@@ -392,10 +395,14 @@ def fuzz(
 ) -> list[int]:
     """Play rounds, seeded one after the other, for so many steps; return the seeds that failed."""
     failed: list[int] = []
-    total, start = 0, time.perf_counter()
+    total = 0
+    start = time.perf_counter()
     while total < steps and rounds > 0:
-        rng, shared = np.random.default_rng(seed), np.random.default_rng((seed // repeats, repeats))
-        began, what, player = time.perf_counter(), None, None
+        rng = np.random.default_rng(seed)
+        shared = np.random.default_rng((seed // repeats, repeats))
+        began = time.perf_counter()
+        what = None
+        player = None
         try:
             with warnings.catch_warnings(), np.errstate(divide="raise", over="raise", invalid="raise"):
                 warnings.simplefilter("error")
@@ -410,7 +417,8 @@ def fuzz(
         total += done
         took = time.perf_counter() - began
         print(f"seed {seed}: {what}: {done} steps, drift {drift:.1e}, {took:.1f} s: {outcome}", flush=True)
-        seed, rounds = seed + 1, rounds - 1
+        seed = seed + 1
+        rounds = rounds - 1
     minutes = (time.perf_counter() - start) / 60
     print(f"{total} steps in {minutes:.1f} min; failed seeds: {', '.join(map(str, failed)) or 'none'}")
     return failed

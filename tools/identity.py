@@ -24,11 +24,13 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from springgym import integrators, rigid, scenes
+from springgym import scenes
 from springgym.cli import check_new, guarded, write_text
-from springgym.registration import ALL_IDS
+from springgym.dynamics import methods as integrators
+from springgym.dynamics import rigid
+from springgym.envs.registration import ALL_IDS
+from springgym.scenes.strict_yaml import read_json
 from springgym.simulator import Simulator
-from springgym.strict_yaml import read_json
 
 Results = dict[str, str]
 

@@ -5,7 +5,7 @@
 
 Code is compiled for all levels that this processor has: run this on one with AVX-512, which has all of them.
 It is compiled by the Python, NumPy and Numba that run this script, and the wheel asks for the same ones.
-Its tags are those of Numba's own wheel. `springgym.core.compiling` finds it where it is installed.
+Its tags are those of Numba's own wheel. `springgym.core.compiler.compiling` finds it where it is installed.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from collections.abc import Sequence
 from email import message_from_string
 from pathlib import Path
 
-from springgym.core.compiling import KERNELS, LEVELS, MADE, features, made_here
+from springgym.core.compiler.compiling import KERNELS, LEVELS, MADE, features, made_here
 
 ROOT = Path(__file__).resolve().parents[1]
 NAME = KERNELS.replace("_", "-")
@@ -90,7 +90,8 @@ def pack(package: Path, out: Path) -> Path:
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
         for name, content in files.items():  # without times and owners: the same code, the same wheel
             about = zipfile.ZipInfo(name)
-            about.compress_type, about.external_attr = zipfile.ZIP_DEFLATED, 0o100644 << 16
+            about.compress_type = zipfile.ZIP_DEFLATED
+            about.external_attr = 0o100644 << 16
             archive.writestr(about, content)
     return path
 

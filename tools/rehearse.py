@@ -45,7 +45,7 @@ assert not os.path.exists(os.environ["SPRINGGYM_CACHE_DIR"]), "something was com
 EVERY = """
 import math, time
 import gymnasium, springgym
-from springgym.registration import ALL_IDS
+from springgym.envs.registration import ALL_IDS
 for env_id in ALL_IDS:
     begun = time.perf_counter()
     env = gymnasium.make(env_id)
@@ -184,7 +184,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     nox = (sys.executable, "-m", "nox", "-s")
     at.run("sdist, wheel", *nox, "package", cwd=clone)
     at.run("wheel of compiled code", *nox, "kernels", "--", *options.ids, cwd=clone)
-    index, pins = clone / "dist", clone / "constraints.txt"
+    index = clone / "dist"
+    pins = clone / "constraints.txt"
     here = ("--no-index", "--no-deps", "--find-links", index, f"springgym=={options.tag.removeprefix('v')}")
 
     user = at.environment("user")

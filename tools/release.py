@@ -5,7 +5,7 @@
     python tools/release.py v0.2.0                                  # check this tag, as the workflow does
     python tools/release.py v0.2.0 --notes FILE                     # and write its section of the changelog
 
-The version comes from ``springgym/__init__.py``, and its date from its heading in ``CHANGELOG.md``. Authors
+The version comes from ``springgym/version.py``, and its date from its heading in ``CHANGELOG.md``. Authors
 and addresses come from ``pyproject.toml``, which has no addresses until ``--address`` writes them. Once a
 version has a date, README.md and docs/start.md say that springgym is on PyPI.
 """
@@ -41,7 +41,7 @@ def text(path: str) -> str:
 
 def version() -> str:
     """Return the version of the package."""
-    (found,) = re.findall(r'^__version__ = "(.+)"$', text("springgym/__init__.py"), re.MULTILINE)
+    (found,) = re.findall(r'^__version__ = "(.+)"$', text("springgym/version.py"), re.MULTILINE)
     return str(found)
 
 
@@ -68,7 +68,8 @@ def source() -> str:
 def with_urls(settings: str, address: str) -> str:
     """Return the text of ``pyproject.toml`` with the addresses of a repository on GitHub."""
     owner, name = urlparse(address).path.strip("/").split("/")
-    repository, site = f"https://github.com/{owner}/{name}", f"https://{owner}.github.io/{name}"
+    repository = f"https://github.com/{owner}/{name}"
+    site = f"https://{owner}.github.io/{name}"
     urls = {"Homepage": site, "Documentation": site, "Source": repository}
     urls |= {"Issues": f"{repository}/issues", "Changelog": f"{repository}/blob/main/CHANGELOG.md"}
     table = "".join(f'{key} = "{url}"\n' for key, url in urls.items())
@@ -107,7 +108,8 @@ def about_pypi(path: str) -> str:
 def repeated() -> dict[str, str]:
     """Return the correct text of the files that repeat version, date, authors or address."""
     (author,) = (author["name"] for author in project()["authors"])
-    number, address = version(), source()
+    number = version()
+    address = source()
     date, _ = changes(number)
     dated = bool(DATE.fullmatch(date))
     citation = re.sub(r"(?m)^(date-released|repository-code|url): .*\n", "", text("CITATION.cff"))
@@ -142,7 +144,7 @@ def faults(tag: str) -> list[str]:
     found = []
     number = version()
     if tag != f"v{number}":
-        found.append(f"the tag is {tag}, but springgym/__init__.py has version {number}")
+        found.append(f"the tag is {tag}, but springgym/version.py has version {number}")
     if not source():
         found.append("pyproject.toml has no addresses: run python tools/release.py --write --address URL")
     date, told = changes(number)

@@ -31,9 +31,9 @@ from evaluate import LAST_SEED, MOST_EPISODES, Evaluation, evaluate, find_task, 
 from runs import HELD_OUT_SEED
 
 from springgym.cli import guarded, write_text
+from springgym.dynamics.methods import integrator
+from springgym.dynamics.methods.record import refusal
 from springgym.envs.randomisation import varying
-from springgym.integrators import integrator
-from springgym.integrators.record import refusal
 
 OTHERS = ("rk4", "dopri5", "pefrl")
 """Methods to replace the usual one: the first that the scene allows is taken."""
@@ -50,7 +50,8 @@ def verdict(own: float, lost: float, error: float) -> Verdict:
 
     A return of 0 has nothing to lose: of it nothing is known.
     """
-    most, doubt = MARGIN * abs(own), ONE_SIDED * error
+    most = MARGIN * abs(own)
+    doubt = ONE_SIDED * error
     if own == 0 or not math.isfinite(lost + error):
         return "undecided"
     if lost + doubt < most:
@@ -81,7 +82,9 @@ def simulations(env_id: str, kwargs: Mapping[str, Any]) -> Iterator[tuple[str, d
     if not hasattr(env, "episodes"):
         raise ConfigError(f"{env_id} is not a springgym environment, so its simulation cannot be audited")
     simulator = env.episodes.simulator
-    scene, step, method = simulator.scene, simulator.step, simulator.integrator.name
+    scene = simulator.scene
+    step = simulator.step
+    method = simulator.integrator.name
     collide = "bodies collide, and rigid ones rebound otherwise" if scene.meetings else None
     yield f"{method}, h = {1e3 * step:.3g} ms", {}
     yield f"{method}, h/{FINER}", {"step": step / FINER}
@@ -112,13 +115,15 @@ def audit(agent: str, env_id: str, kwargs: Mapping[str, Any], episodes: int, see
                 raise
             findings.append(Finding(name, refused=str(error)))
             continue
-        earned, success = found.return_per_step, found.success_rate
+        earned = found.return_per_step
+        success = found.success_rate
         if own is None:
             own = found
             findings.append(Finding(name, earned, success, 0.0, 0.0, "survives"))
             continue
         lost = np.subtract(own.returns_per_step, found.returns_per_step)
-        mean, error_of_mean = float(np.mean(lost)), float(np.std(lost, ddof=1) / np.sqrt(len(lost)))
+        mean = float(np.mean(lost))
+        error_of_mean = float(np.std(lost, ddof=1) / np.sqrt(len(lost)))
         said = verdict(own.return_per_step, mean, error_of_mean)
         findings.append(Finding(name, earned, success, mean, error_of_mean, said))
     return findings
@@ -137,7 +142,8 @@ SAID = {"does not survive": "DOES NOT SURVIVE", "undecided": "undecided: it take
 def table(findings: Sequence[Finding], env_id: str) -> str:
     """Return the findings as lines of text, a row each."""
     scale, unit = score(env_id)
-    rows, own = [["simulation", f"return/{unit}", "success", "lost", ""]], findings[0].return_per_step
+    rows = [["simulation", f"return/{unit}", "success", "lost", ""]]
+    own = findings[0].return_per_step
     size = abs(own or 0.0)
     for n, found in enumerate(findings):
         if found.refused:

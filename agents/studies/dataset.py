@@ -46,8 +46,8 @@ from runs import DATASET_SEED, load_policy, time_limit
 
 import springgym  # noqa: F401  (registers the environments)
 from springgym.cli import guarded
-from springgym.extras import missing
-from springgym.registration import find, spec_of
+from springgym.core.extras import missing
+from springgym.envs.registration import find, spec_of
 
 
 class Recorded(VectorWrapper):
@@ -66,7 +66,9 @@ class Recorded(VectorWrapper):
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         observations, infos = self.env.reset(seed=seed, options=options)
-        self.seeds, self.observations, self.steps = list(seed), [observations], []
+        self.seeds = list(seed)
+        self.observations = [observations]
+        self.steps = []
         self.rng = np.random.default_rng(self.seeds)
         return observations, infos
 

@@ -29,8 +29,8 @@ from evaluate import MOST_EPISODES, evaluate, find_task, percent
 from results import PROTOCOL, Rows, change_rows, interval_of_returns, made_with, probe, read_rows
 
 from springgym.cli import guarded
+from springgym.envs.registration import ENVIRONMENTS, spec_of
 from springgym.envs.trained import PUBLISHED, published
-from springgym.registration import ENVIRONMENTS, spec_of
 
 WORLDS: Mapping[str, Mapping[str, Any]] = {
     "as it is": {},

@@ -35,7 +35,7 @@ from train import begin_with_imitation
 from benchmarks.conditions import conditions
 from springgym.cli import guarded
 from springgym.envs.sb3 import StaggeredMonitor
-from springgym.strict_yaml import read_yaml
+from springgym.scenes.strict_yaml import read_yaml
 
 ENOUGH = 0.9
 """Share of the episodes that must succeed."""

@@ -37,9 +37,9 @@ from tqdm import trange
 
 import springgym  # noqa: F401  (registers the environments)
 from springgym.cli import guarded, whole_file
+from springgym.core.extras import missing
 from springgym.envs.agent import LAYERS, STATISTICS
-from springgym.extras import missing
-from springgym.registration import spec_of
+from springgym.envs.registration import spec_of
 
 LOG_STD = (-5.0, 2.0)
 """Bounds of the logarithm of the policy's standard deviation, as in the paper."""
@@ -76,13 +76,16 @@ def read_data(names: Sequence[str], env_id: str) -> Data:
     if len(set(names)) < len(names):
         raise ConfigError("--data names a data set twice")
     columns: list[list[np.ndarray]] = [[], [], [], [], []]
-    sources, kwargs = [], None
+    sources = []
+    kwargs = None
     for name in names:
         if name not in there:
             known = ", ".join(there) or "none"
             raise ConfigError(f"{name}: there is no such data set; Minari's folder has {known}")
         data = minari.load_dataset(name)
-        spec, seen, done = data.env_spec, data.observation_space, data.action_space
+        spec = data.env_spec
+        seen = data.observation_space
+        done = data.action_space
         if spec is None or spec.id != env_id.rpartition(":")[2]:
             raise ConfigError(f"{name}: its episodes are of {spec and spec.id}, not of {env_id}")
         if kwargs not in (None, spec.kwargs):
@@ -97,7 +100,8 @@ def read_data(names: Sequence[str], env_id: str) -> Data:
                 f"{name}: seeds {HELD_OUT_SEED} to {SELECTION_SEED - 1} belong to the evaluation; "
                 "record other episodes"
             )
-        letters, returns = sha256(), []
+        letters = sha256()
+        returns = []
         for episode in data.iterate_episodes():
             actions = 2 * (episode.actions - done.low) / (done.high - done.low) - 1
             found = (
@@ -128,7 +132,8 @@ def read_data(names: Sequence[str], env_id: str) -> Data:
 
 def layers(inputs: int, outputs: int, config: IQLConfig) -> nn.Sequential:
     """Return fully connected layers with activations between them."""
-    sizes, found = [inputs, *config.net_arch, outputs], []
+    sizes = [inputs, *config.net_arch, outputs]
+    found = []
     for before, after in pairwise(sizes):
         found += [nn.Linear(before, after), ACTIVATIONS[config.activation]()]
     return nn.Sequential(*found[:-1])
@@ -168,13 +173,18 @@ def fit(data: Data, config: IQLConfig, seed: int) -> dict[str, np.ndarray]:
 
     torch.manual_seed(seed)
     arrays: dict[str, np.ndarray] = {}
-    seen, following = data.observations, data.following
+    seen = data.observations
+    following = data.following
     if config.normalize:
-        mean, variance = seen.mean(axis=0, dtype=float), seen.var(axis=0, dtype=float)
+        mean = seen.mean(axis=0, dtype=float)
+        variance = seen.var(axis=0, dtype=float)
         arrays = dict(zip(STATISTICS, (mean, variance, np.array(LIMITS)), strict=True))
-        scale, largest = np.sqrt(variance + LIMITS[0]), LIMITS[1]
+        scale = np.sqrt(variance + LIMITS[0])
+        largest = LIMITS[1]
         seen, following = (np.clip((own - mean) / scale, -largest, largest) for own in (seen, following))
-    count, inputs, outputs = len(seen), seen.shape[1], data.actions.shape[1]
+    count = len(seen)
+    inputs = seen.shape[1]
+    outputs = data.actions.shape[1]
     ended = torch.as_tensor(data.terminated[:, None] > 0)
     after = {
         "observation": torch.as_tensor(following, dtype=torch.float32),
@@ -245,7 +255,8 @@ def train(run: Run, data: Data) -> dict[str, Any]:
         np.savez(temporary, **arrays)  # type: ignore[arg-type]
     found = evaluate(str(run.folder), run.env_id, task_kwargs(config), EPISODES)
     print(f"{run.env_id}: {EPISODES} held-out episodes\n{table([found], run.env_id)}")
-    steps, success = config.total_timesteps, found.success_rate
+    steps = config.total_timesteps
+    success = found.success_rate
     # to judge the agent on the way would take episodes, so its curve has one point
     points = [[steps, seconds, round(found.return_per_step, 4), success and round(success, 4)]]
     cell = Cell(run.env_id, run.algo, run.seed)

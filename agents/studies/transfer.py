@@ -107,7 +107,8 @@ def train(options: argparse.Namespace, folder: Path) -> int:
 
 def played(options: argparse.Namespace, folder: Path, kwargs: dict[str, Any]) -> list[dict[str, Any]]:
     """Return a row for every agent and every place it plays at, given the arguments of the task."""
-    places, rows = possible(options.task, kwargs), []
+    places = possible(options.task, kwargs)
+    rows = []
     for kind in kinds():
         plan = plan_of(kind, folder, options)
         for seed in range(options.seeds):

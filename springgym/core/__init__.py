@@ -5,9 +5,9 @@ Only this package depends on Numba's internals. User-defined forces, surfaces an
 and `dot` act as on paper; and `select` chooses a value for each copy.
 """
 
-from springgym.core.compiling import compiled
-from springgym.core.lanes import any_lane, load, maximum, minimum, select, sqrt, store
-from springgym.core.vectors import add_row, cross, dot, plus_scaled, row, set_row, unit, vec, vector
+from springgym.core.compiler.compiling import compiled
+from springgym.core.language.lanes import any_lane, load, maximum, minimum, select, sqrt, store
+from springgym.core.language.vectors import add_row, cross, dot, plus_scaled, row, set_row, unit, vec, vector
 
 __all__ = [
     "add_row",

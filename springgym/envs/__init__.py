@@ -1,11 +1,11 @@
-"""The environments, one file each; `springgym.registration` has the table of them."""
+"""The environments, one file each; `springgym.envs.registration` has the table of them."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Unpack
 
-from springgym.lazy import submodule
-from springgym.registration import PARALLEL
+from springgym.core.lazy import submodule
+from springgym.envs.registration import PARALLEL
 
 if TYPE_CHECKING:
     from springgym.envs.players import ParallelDuel, ParallelOptions
@@ -23,7 +23,7 @@ def parallel(env_id: str, **options: Unpack[ParallelOptions]) -> ParallelDuel:
     Parameters
     ----------
     env_id
-        One of `springgym.registration.PARALLEL`.
+        One of `springgym.envs.registration.PARALLEL`.
     options
         See `springgym.envs.players.ParallelDuel`.
 

@@ -38,7 +38,8 @@ STATISTICS = ("observations.mean", "observations.variance", "observations.limits
 """Arrays by which observations are normalised. The limits are ε, added to the variance, and the largest
 normalised value."""
 
-CLIPPED, SQUASHED = ("mlp_extractor.policy_net", "action_net"), ("actor.latent_pi", "actor.mu")
+CLIPPED = ("mlp_extractor.policy_net", "action_net")
+SQUASHED = ("actor.latent_pi", "actor.mu")
 LAYERS: dict[str, tuple[str, str]] = {
     **dict.fromkeys(("ppo", "linear"), CLIPPED),
     **dict.fromkeys(("sac", "tqc", "her", "iql"), SQUASHED),
@@ -120,7 +121,8 @@ def load_policy(
     single = {name: arrays[name].astype(np.float32) for name in expected}
     weights = [(single[weight].T, single[bias]) for weight, bias, _ in layers]
     activation = ACTIVATIONS[network.activation]
-    low, high = action_space.low, action_space.high
+    low = action_space.low
+    high = action_space.high
 
     def act(observations: np.ndarray) -> np.ndarray:
         if np.shape(observations) == observation_space.shape:

@@ -18,12 +18,12 @@ from gymnasium.wrappers import TimeLimit
 from numpy.typing import ArrayLike
 
 from springgym.checks import chosen, hides, indices, instance, refuse_unknown, shown, whole
+from springgym.core.guard import Guard, guarded
 from springgym.envs.episodes import NOT_BEGUN, Episodes, StartedEpisodes
 from springgym.envs.options import Autoreset, Settings, arguments, plain
 from springgym.envs.task import Task
 from springgym.envs.tolerance import SAFETY, Choice, chosen_for
-from springgym.guard import Guard, guarded
-from springgym.identity import check_sealed, sealed
+from springgym.model.identity import check_sealed, sealed
 from springgym.rendering import Renderer
 
 
@@ -131,7 +131,8 @@ class _Common(Stateful):
 
     def _draw(self) -> tuple[Any, ...]:
         """Draw a picture of every copy."""
-        task, episodes = self.episodes.task, self.episodes
+        task = self.episodes.task
+        episodes = self.episodes
         if not self._canvases:
             mode: Any = "human" if self.render_mode == "human" else "rgb_array"
             self._canvases = [
@@ -207,7 +208,8 @@ class SingleEnv(_Common):
         given = _seed("seed", seed)
         rng, known = (self.np_random, self._np_random_seed) if given is None else seeding.np_random(given)
         self.episodes.begin(np.array([0]), [rng], options)
-        self._np_random, self._np_random_seed = rng, known
+        self._np_random = rng
+        self._np_random_seed = known
         self._show_begin()
 
     def _show_begin(self) -> None:
@@ -226,7 +228,8 @@ class SingleEnv(_Common):
             return None
         self._check_ready("render")
         if self.render_mode == "rgb_array_list":
-            film, self._film = self._film, ()
+            film = self._film
+            self._film = ()
             return list(film)
         return self._draw()[0]
 
@@ -259,7 +262,8 @@ class SingleEnv(_Common):
         _check_keys(state, (*OF_ONE, *self.also_stored))
         check_sealed(state)
         self.episodes.restore(state["episodes"])
-        self._np_random, self._np_random_seed = _restored(state["rng"]), state["seed"]
+        self._np_random = _restored(state["rng"])
+        self._np_random_seed = state["seed"]
         for name in self.also_stored:
             setattr(self, name, list(state[name]))
         self.episodes.unready = "" if state["ready"] else NOT_BEGUN
@@ -348,7 +352,8 @@ class SpringEnv(SingleEnv, gym.Env[np.ndarray, np.ndarray]):
     def step(self, action: object) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         checked = self._checked(action, self.action_space.shape)
         result, seen = self.episodes.step(checked[None])
-        seen, info = self._seen(self.episodes.observe(seen)), self._info()
+        seen = self._seen(self.episodes.observe(seen))
+        info = self._info()
         self.episodes.unready = ""
         return seen, result.reward.item(), result.terminated.item(), result.truncated.item(), info
 
@@ -432,13 +437,15 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         """
         seeds = self._given_seeds(seed)
         mask, given = self._mask(options)
-        generators, known = list(self.np_random), list(self.np_random_seed)
+        generators = list(self.np_random)
+        known = list(self.np_random_seed)
         for n in np.flatnonzero(mask):
             if seeds[n] is not None:
                 generators[n], known[n] = seeding.np_random(seeds[n])
         started = np.flatnonzero(mask)
         self.episodes.begin(started, [generators[n] for n in started], given)
-        self._generators, self._seeds = generators, known
+        self._generators = generators
+        self._seeds = known
         self._ended[mask] = False
         self._show_new(started)
         infos: dict[str, Any] = {}
@@ -450,7 +457,8 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
     @guarded
     def step(self, actions: object) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         checked = self._checked(actions, self.action_space.shape)
-        mode, episodes = self.autoreset_mode, self.episodes
+        mode = self.autoreset_mode
+        episodes = self.episodes
         infos: dict[str, Any] = {}
         if mode is AutoresetMode.DISABLED and self._ended.any():
             raise gym.error.ResetNeeded(
@@ -527,7 +535,8 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         """Return the random generators of the copies. Before the first reset they are seeded at random."""
         if not self._generators:
             pairs = [seeding.np_random(None) for _ in range(self.num_envs)]
-            self._generators, self._seeds = [rng for rng, _ in pairs], [seed for _, seed in pairs]
+            self._generators = [rng for rng, _ in pairs]
+            self._seeds = [seed for _, seed in pairs]
         return tuple(self._generators)
 
     @np_random.setter
@@ -606,10 +615,13 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         if copies is not None:
             self._check_begun(state["ready"], own)
         self.episodes.restore(state["episodes"], where)
-        generators, seeds = list(self.np_random), list(self.np_random_seed)
+        generators = list(self.np_random)
+        seeds = list(self.np_random_seed)
         for n, copy in enumerate(own):
-            generators[copy], seeds[copy] = _restored(state["rng"][n % count]), state["seed"][n % count]
-        self._generators, self._seeds = generators, seeds
+            generators[copy] = _restored(state["rng"][n % count])
+            seeds[copy] = state["seed"][n % count]
+        self._generators = generators
+        self._seeds = seeds
         self._ended[own] = state["ended"]
         self.episodes.unready = "" if state["ready"] else NOT_BEGUN
         self._show_new(own)
@@ -686,7 +698,8 @@ def set_state(env: Any, state: Mapping[str, Any], copies: ArrayLike | None = Non
         Nothing changes then.
     """
     own = _own(env)
-    unready, where = own._unready, _named(own, copies)
+    unready = own._unready
+    where = _named(own, copies)
     own.set_state(state, *where)
     if env is not own and unready:  # wrappers need a first reset, too
         env.reset()

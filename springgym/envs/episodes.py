@@ -14,11 +14,13 @@ from gymnasium import spaces
 from numba.extending import is_jitted
 from numpy.random import Generator
 
-from springgym import checks, measures, stability
-from springgym.bodies import Body
+from springgym import checks
 from springgym.checks import HUGE, TINY, chosen, instance, suggestion, sum_of_squares
-from springgym.core.compiling import SameTypes, kernel
-from springgym.dynamics import DYNAMICS, Dynamics
+from springgym.core.compiler.compiling import SameTypes, kernel
+from springgym.dynamics import measures, stability
+from springgym.dynamics.measures import Measures
+from springgym.dynamics.stability import steps_in
+from springgym.dynamics.stepping import DYNAMICS, Dynamics
 from springgym.envs import observation, randomisation
 from springgym.envs.error import StepError
 from springgym.envs.goals import Goals, reach
@@ -27,12 +29,11 @@ from springgym.envs.observation import Situation
 from springgym.envs.options import Settings, mapping
 from springgym.envs.randomisation import NOMINAL, RANDOMIZABLE
 from springgym.envs.task import SUCCESS, TERMINATED, Task
-from springgym.identity import check_same, check_sealed, sealed
-from springgym.measures import Measures
+from springgym.model.bodies import Body
+from springgym.model.identity import check_same, check_sealed, sealed
+from springgym.model.scene import Scene, squared_lengths
 from springgym.rendering import Marks
-from springgym.scene import Scene, squared_lengths
 from springgym.simulator import STRAIN_LIMIT, Simulator, copies_in, most_copies
-from springgym.stability import steps_in
 
 SPARSE = -1
 """Value for the number of the reward's terms, with which the reward is 1 if the aim is met."""
@@ -86,7 +87,7 @@ STATE = ("goal", "memory", "time", "factors", "elapsed", "held", "balance", "act
 """Arrays of `Episodes` that change; the strength of the actuators follows from the factors."""
 
 OF_PAIRS = ("pairs_touching", "pairs_impulse", "pairs_min_gap", "pairs_late_contacts", "coarse_contacts")
-"""Names in ``info`` of the fields of `springgym.contacts.PairSums`, in their order."""
+"""Names in ``info`` of the fields of `springgym.dynamics.contacts.PairSums`, in their order."""
 
 CLEARED = ("elapsed", "time", "held", "action", "out", "diverged")
 """Arrays of `STATE` that are 0 where an episode begins."""
@@ -200,7 +201,9 @@ class Episodes:
         ValueError
             If a given one is unstable for that body, or more than `MOST_STEPS` make a control period.
         """
-        step, every, integrator = settings.step, settings.damping_every, settings.integrator
+        step = settings.step
+        every = settings.damping_every
+        integrator = settings.integrator
         if integrator is not None:
             instance("integrator", integrator, str)
         period = self.task.period
@@ -311,7 +314,8 @@ class Episodes:
         ]
         positions, velocities, goals = self.task.draw_starts(generators, left, drawn)
         for own in filter(None, left):
-            name, probe = next(iter(own)), OptionsProbe()
+            name = next(iter(own))
+            probe = OptionsProbe()
             randomisation.drawn(self.ranges, generators[0], probe)
             self.task.draw_starts(generators[:1], [probe], drawn[:1])
             raise ValueError(
@@ -320,7 +324,8 @@ class Episodes:
         if check:
             self._check_strain(positions, drawn)
         before = [self._drawn(copy) for copy in copies] if self.ranges else []
-        was, self.unready = self.unready, BROKEN_OFF
+        was = self.unready
+        self.unready = BROKEN_OFF
         try:
             self._vary(copies, drawn)
             self.simulator.place(positions, velocities, copies, check=check, read=True)
@@ -384,7 +389,8 @@ class Episodes:
         ValueError
             If ``action`` holds a value that is not finite; nothing changes.
         """
-        simulator, copies = self.simulator, self.copies
+        simulator = self.simulator
+        copies = self.copies
         self._given[:] = action
         if not self._take(self._given, self.strength, self.action, self._driven):
             raise ValueError(f"action holds a value that is not finite: {action}")
@@ -443,7 +449,9 @@ class Episodes:
         self._evaluate(*own[:2], own.outcome)
         if self.goals is not None:
             reach(*self._achieved(own), self.goals.ends, self.goals.within, own.out[:, SUCCESS])
-        terms, wins, limit = self.rewarded, self.task.wins, self.max_episode_steps
+        terms = self.rewarded
+        wins = self.task.wins
+        limit = self.max_episode_steps
         ends = (own.held, own.elapsed, limit, own.diverged, own.unresolved)
         self._finish(own.rows, own.out, terms, wins, *ends, result)
         if self._remember is not None:
@@ -628,7 +636,8 @@ class Episodes:
         """
         self.count_in(state, copies)
         check_sealed(state)
-        was, self.unready = self.unready, BROKEN_OFF
+        was = self.unready
+        self.unready = BROKEN_OFF
         try:
             self.simulator.restore(state["simulator"], copies)
         except (TypeError, ValueError):  # an option is refused
@@ -742,7 +751,8 @@ def _fastest(scene: Scene, kind: Dynamics) -> str:
     found = []
     for placed in scene.bodies:
         body = placed.body
-        stiffness, damping = np.zeros(len(body.masses)), np.zeros(len(body.masses))
+        stiffness = np.zeros(len(body.masses))
+        damping = np.zeros(len(body.masses))
         for end in body.springs.T:
             np.add.at(stiffness, end, body.stiffness)
             np.add.at(damping, end, body.damping)
@@ -824,7 +834,8 @@ def finish_step(
     The terms of the reward are the first ``terms`` columns; if `SPARSE`, the reward is whether the aim is
     met. After a failure it is not, unless the episode ``wins`` by its end.
     """
-    success, terminated = out.shape[1] + SUCCESS, out.shape[1] + TERMINATED
+    success = out.shape[1] + SUCCESS
+    terminated = out.shape[1] + TERMINATED
     for c in range(out.shape[0]):
         total = 0.0
         for n in range(rows.shape[1]):

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from springgym.bodies.distances import largest_distances
+from springgym.model.bodies.distances import largest_distances
 from springgym.simulator import Simulator
 
 FINER = 2
@@ -52,6 +52,7 @@ class StepError:
     def estimate(self, simulator: Simulator, steps: int) -> None:
         """Estimate the error of the last ``steps`` of the simulator, since the finer one copied its state."""
         self.finer.advance(FINER * steps, check=False, read=True)
-        own, finer = simulator.readout.positions, self.finer.readout.positions
+        own = simulator.readout.positions
+        finer = self.finer.readout.positions
         apart = largest_distances(own, finer, simulator.scene.sizes)
         np.maximum(self.last, self._share * apart, out=self.last)

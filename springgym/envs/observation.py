@@ -15,15 +15,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from springgym import measures
 from springgym.checks import TINY, instance, number, readings, refusing_unknown, whole
-from springgym.core.compiling import compiled, kernel
+from springgym.core.compiler.compiling import compiled, kernel
+from springgym.dynamics import measures
 
 BOUND = 10.0
 """Bound to which observations of order one are clipped, so that their space is finite."""
 
 ABOUT = ("origin", "centre", "goal")
-ABOUT_CENTRE, ABOUT_GOAL = 1, 2
+ABOUT_CENTRE = 1
+ABOUT_GOAL = 2
 
 
 class Situation(NamedTuple):
@@ -120,7 +121,7 @@ class ObservedParticles:
     skipped: tuple[tuple[int, int], ...] = ()
     """(particle, axis) pairs that never change, and are left out"""
     appended: Mapping[str, float] = field(default_factory=dict)
-    """appended measures by name (see `springgym.measures.FIELDS`), and their scales"""
+    """appended measures by name (see `springgym.dynamics.measures.FIELDS`), and their scales"""
     turned: bool = False
     """whether the appended measures are vectors in the body's axes"""
     goalless: bool = False
@@ -249,7 +250,9 @@ def write_measures(
 def measured_value(row: np.ndarray, n: int, measured: np.ndarray, turned: bool | None) -> float:
     if turned is None:
         return row[measured[n]]
-    side, axis, first = measures.AT.side, measures.AT.axis, measured[n - n % 3]
+    side = measures.AT.side
+    axis = measures.AT.axis
+    first = measured[n - n % 3]
     return along(row[first : first + 3], row[side : side + 3], row[axis : axis + 3], n % 3)
 
 
@@ -266,7 +269,8 @@ def observe_particles(
     for c in range(rows.shape[0]):
         for n in range(count):
             i, axis = columns.entries[n]
-            position, velocity = s.x[c, i, axis], s.v[c, i, axis]
+            position = s.x[c, i, axis]
+            velocity = s.v[c, i, axis]
             if columns.about == ABOUT_CENTRE:
                 position -= rows[c, measures.AT.centre + axis]
                 velocity -= rows[c, measures.AT.centre_velocity + axis]

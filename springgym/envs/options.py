@@ -13,7 +13,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import DTypeLike
 
 from springgym import checks
-from springgym.bodies import Body
+from springgym.model.bodies import Body
 
 Observation = Literal["particles", "features"]
 Autoreset = AutoresetMode | Literal["NextStep", "SameStep", "Disabled"]

@@ -9,13 +9,13 @@ import numpy as np
 from gymnasium import spaces
 
 from springgym.checks import chosen, suggestion, whole
+from springgym.core.extras import missing
+from springgym.core.guard import guarded
 from springgym.envs.base import SingleEnv, SpringEnv, _plain, frame_rate
-from springgym.envs.duel import FIRST, SECOND, SpringDuel
 from springgym.envs.options import Observation, SimulationOptions, mapping
+from springgym.envs.registration import register
 from springgym.envs.task import SUCCESS
-from springgym.extras import missing
-from springgym.guard import guarded
-from springgym.registration import register
+from springgym.envs.tasks.duel import FIRST, SECOND, SpringDuel
 
 try:
     from pettingzoo import ParallelEnv
@@ -46,9 +46,9 @@ class ParallelOptions(PlayerOptions, total=False):
 class ParallelDuel(SingleEnv, ParallelEnv):
     """SpringDuel for two agents, which act at the same time and end together.
 
-    Each agent observes the duel as the agent of `springgym.envs.duel.SpringDuelEnv` does: its own top comes
-    first. The axes of the second agent are turned by half a turn. Each agent has its own reward, of the same
-    kind.
+    Each agent observes the duel as the agent of `springgym.envs.tasks.duel.SpringDuelEnv` does: its own top
+    comes first. The axes of the second agent are turned by half a turn. Each agent has its own reward, of the
+    same kind.
 
     Parameters
     ----------
@@ -147,9 +147,12 @@ class ParallelDuel(SingleEnv, ParallelEnv):
         out = self._outcomes()
         terms = len(self.task.terms)
         rewards = {AGENTS[n]: float(out[n, :terms].sum()) for n in (FIRST, SECOND)}
-        ended, cut = bool(result.terminated[0]), bool(result.truncated[0])
-        terminations, truncations = dict.fromkeys(AGENTS, ended), dict.fromkeys(AGENTS, cut)
-        seen, infos = self._seen(), self._infos(out)
+        ended = bool(result.terminated[0])
+        cut = bool(result.truncated[0])
+        terminations = dict.fromkeys(AGENTS, ended)
+        truncations = dict.fromkeys(AGENTS, cut)
+        seen = self._seen()
+        infos = self._infos(out)
         if ended or cut:
             self.agents = []
         self.episodes.unready = ""
@@ -177,7 +180,8 @@ class ParallelDuel(SingleEnv, ParallelEnv):
 
     def _outcomes(self) -> np.ndarray:
         """Return what `Task.evaluate` computes for both players, (2, columns)."""
-        episodes, task = self.episodes, self.task
+        episodes = self.episodes
+        task = self.task
         out = np.zeros((2, len(task.outcome)))
         out[FIRST] = episodes.out[0]
         if not episodes.diverged[0]:

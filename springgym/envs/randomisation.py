@@ -11,8 +11,8 @@ from numpy.random import Generator
 from springgym import checks
 from springgym.checks import TINY
 from springgym.envs.options import mapping
-from springgym.scene import GRAVITY, Scene
-from springgym.surfaces import Contact
+from springgym.model.scene import GRAVITY, Scene
+from springgym.model.surfaces import Contact
 
 RANDOMIZABLE = ("masses", "stiffness", "damping", "scale", "gravity", "friction", "restitution", "actuator")
 """Parameters for which `randomize` accepts a range of factors, if the scene has them."""

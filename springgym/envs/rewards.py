@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from springgym.core.compiling import compiled
-from springgym.core.kinds import Vector
-from springgym.measures import Measures
+from springgym.core.compiler.compiling import compiled
+from springgym.core.language.kinds import Vector
+from springgym.dynamics.measures import Measures
 
 
 @compiled
@@ -43,7 +43,8 @@ def tilt_of(m: Measures, c: int) -> float:
 @compiled
 def spinning(m: Measures, c: int) -> tuple[float, float]:
     """Return the angular velocity of copy c along its third axis, and its magnitude across it [rad/s]."""
-    n, w = m.axis[c], m.angular_velocity[c]
+    n = m.axis[c]
+    w = m.angular_velocity[c]
     along = w[0] * n[0] + w[1] * n[1] + w[2] * n[2]
     return along, math.sqrt(max(w[0] ** 2 + w[1] ** 2 + w[2] ** 2 - along**2, 0.0))
 
@@ -80,5 +81,7 @@ def height_above(place: Vector, point: Vector, normal: Vector) -> float:
 @compiled
 def angle_between(u: Vector, w: Vector) -> float:
     """Return the angle between two vectors (3,) [rad], accurate also for small angles."""
-    x, y, z = u[1] * w[2] - u[2] * w[1], u[2] * w[0] - u[0] * w[2], u[0] * w[1] - u[1] * w[0]
+    x = u[1] * w[2] - u[2] * w[1]
+    y = u[2] * w[0] - u[0] * w[2]
+    z = u[0] * w[1] - u[1] * w[0]
     return math.atan2(math.sqrt(x * x + y * y + z * z), u[0] * w[0] + u[1] * w[1] + u[2] * w[2])

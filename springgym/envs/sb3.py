@@ -20,7 +20,7 @@ from gymnasium.envs.registration import EnvSpec, load_env_creator
 from gymnasium.vector import AutoresetMode, VectorEnv
 
 from springgym.checks import flag, instance, whole
-from springgym.extras import missing
+from springgym.core.extras import missing
 
 try:
     from stable_baselines3.common.vec_env import VecEnv, VecMonitor
@@ -31,7 +31,7 @@ except ImportError as error:
 from springgym.envs.base import SpringVectorEnv, Stateful, _check_keys, _own, get_state, set_state
 from springgym.envs.options import mapping
 from springgym.envs.starts import spawn_seeds
-from springgym.identity import check_sealed, sealed
+from springgym.model.identity import check_sealed, sealed
 
 __all__ = ["Monitor", "SB3VecEnv", "StaggeredMonitor", "make_sb3"]
 

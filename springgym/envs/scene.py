@@ -18,6 +18,7 @@ from numpy.random import Generator
 
 from springgym import checks
 from springgym.checks import TINY, chosen, instance, suggestion
+from springgym.dynamics.measures import Measures, MeasuresOfBodies
 from springgym.envs.arrows import torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.episodes import OF_PAIRS
@@ -25,11 +26,10 @@ from springgym.envs.goals import Goals, GoalTolerance, checked_tolerances, reach
 from springgym.envs.observation import BOUND, Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, RewardedOptions, mapping
 from springgym.envs.task import Factors, ResetOptions, Start, Task
-from springgym.measures import Measures, MeasuresOfBodies
-from springgym.records import read_only
+from springgym.model.records import read_only
+from springgym.model.scene import GRAVITY, Scene, WrenchActuator
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
 from springgym.rendering.look import RED
-from springgym.scene import GRAVITY, Scene, WrenchActuator
 from springgym.scenes import film
 from springgym.simulator import STRAIN_LIMIT
 
@@ -132,8 +132,8 @@ def make_scene_env(
         A function ``reward(m, s)``. It is called after each step for all n copies together, and returns their
         rewards (n,), or a dict of terms (n,) by name. (With ``metrics`` it is also called when an episode
         begins.) The terms sum to the reward, and ``info`` contains them as ``reward_NAME``. ``m`` holds
-        `springgym.measures.MeasuresOfBodies`: ``m["box"].centre`` are the centres of mass (n, 3) of the body
-        named "box", and ``m.centre`` those of the only body. ``s`` is a
+        `springgym.dynamics.measures.MeasuresOfBodies`: ``m["box"].centre`` are the centres of mass (n, 3) of
+        the body named "box", and ``m.centre`` those of the only body. ``s`` is a
         `springgym.envs.observation.Situation`: positions ``s.x`` and velocities ``s.v`` (n, N, 3), clipped
         actions ``s.action`` (n, A), goals ``s.goal`` (n, G), time in the episode ``s.time`` (n,) and memory
         ``s.memory`` (n, K). These arrays are read-only and change with the next step, so copy what you want
@@ -343,7 +343,9 @@ class SceneTask(Task):
         instance("scenery", scenery, Scenery, type(None))
         if look is not None and look.particles > len(scene.masses):
             raise ValueError(f"look draws {look.particles} particles; the scene has {len(scene.masses)}")
-        self._look, self._camera, self._scenery = look, camera, scenery
+        self._look = look
+        self._camera = camera
+        self._scenery = scenery
 
     def make_scene(self) -> Scene:
         return self._scene
@@ -365,7 +367,9 @@ class SceneTask(Task):
     def _drawn(self, rng: Generator, options: ResetOptions, factors: Factors) -> Start:
         """Draw the start of an episode."""
         if self._start is None:
-            x, v, goal = self._scene.positions, self._scene.velocities, self._goal
+            x = self._scene.positions
+            v = self._scene.velocities
+            goal = self._goal
         else:
             own = {name: options.pop(name) for name in self._reset_options if name in options}
             x, v, goal = self._start_state(rng, own, len(self._goal))
@@ -391,9 +395,11 @@ class SceneTask(Task):
         return x, v, checks.array("the goal that start gave", goal, (goal_size,))
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
-        values, at = {}, 0
+        values = {}
+        at = 0
         for name, most in self._actuators.items():
-            count, driven = self._thrusters[name], most > 0
+            count = self._thrusters[name]
+            driven = most > 0
             size = count * int(driven.sum())
             part = np.zeros((len(action), count, 3))
             part[..., driven] = most[driven] * action[:, at : at + size].reshape(len(action), count, -1)
@@ -496,11 +502,15 @@ class SceneTask(Task):
 
     def _acting(self, m: MeasuresOfBodies, s: Situation) -> list[Arrow]:
         """Return arrows for the actions: those of forces at 1 are half as long as the largest body."""
-        arrows, reach = [], 0.5 * self._extent
+        arrows = []
+        reach = 0.5 * self._extent
         for name, (values,) in self.actuate(s.action[None]).items():
             n, kind = _named(self._scene, name)
-            placed, x, body = self._scene.bodies[n], s.x[self._scene.slices[n]], m[n]
-            thrust, drive = placed.thrust, placed.drive
+            placed = self._scene.bodies[n]
+            x = s.x[self._scene.slices[n]]
+            body = m[n]
+            thrust = placed.thrust
+            drive = placed.drive
             shares = values.reshape(-1, 3) / self._actuators[name].max()
             if kind == "body_torque" or (kind == "thrust" and thrust and thrust.turns):
                 shares = shares @ np.array([body.side, np.cross(body.axis, body.side), body.axis])

@@ -12,12 +12,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.random import Generator
 
-from springgym.bodies import Body
-from springgym.bodies.equilibrium import StretchedShapes
-from springgym.bodies.rotations import cross, turned
 from springgym.checks import HUGE, TINY, array, instance, number, whole
-from springgym.core.compiling import compiled, kernel
-from springgym.core.lanes import multiply_add
+from springgym.core.compiler.compiling import compiled, kernel
+from springgym.core.language.lanes import multiply_add
+from springgym.model.bodies import Body
+from springgym.model.bodies.equilibrium import StretchedShapes
+from springgym.model.bodies.rotations import cross, turned
 
 MOST = 10**8
 """Largest number of seeds that are drawn at once."""
@@ -78,7 +78,8 @@ def any_rotation(rng: Generator) -> np.ndarray:
     first = _along(first)
     share = _dot(first, second)
     second = _along([b - share * a for a, b in zip(first, second, strict=True)])
-    (i, j, k), (u, v, w) = first, second
+    i, j, k = first
+    u, v, w = second
     across = [j * w - k * v, k * u - i * w, i * v - j * u]
     side = math.copysign(1.0, _dot(across, third))
     return np.array([[side * a, side * b, c] for a, b, c in zip(first, second, across, strict=True)])
@@ -97,11 +98,12 @@ def tilted(azimuth: float | np.ndarray, tilt: float | np.ndarray) -> np.ndarray:
     """Return the rotation by ``tilt`` [rad] about y, then ``azimuth`` [rad] about z: (3, 3), or (k, 3, 3) for
     (k,).
 
-    It equals the product of two `springgym.bodies.rotation` to the bit, where a cosine c is 1 − (1 − c).
-    """
+    It equals the product of two `springgym.model.bodies.rotation` to the bit, where a cosine c is 1 − (1 −
+    c)."""
     azimuth = array("azimuth", azimuth, (), (None,))
     angles = np.array((azimuth, array("tilt", tilt, azimuth.shape)))
-    sines, cosines = np.sin(angles).tolist(), np.cos(angles).tolist()
+    sines = np.sin(angles).tolist()
+    cosines = np.cos(angles).tolist()
     if angles.ndim == 1:
         return np.array(turn_of.py_func(*sines, *cosines))
     return np.array([turn_of.py_func(*own) for own in zip(*sines, *cosines, strict=True)])
@@ -121,7 +123,8 @@ def headed(shapes: np.ndarray, headings: np.ndarray) -> np.ndarray:
 @compiled
 def turn_of(sz: float, sy: float, cz: float, cy: float) -> tuple[tuple[float, float, float], ...]:
     """Return a rotation about y, then z, from the sines of the angles about z and y, and their cosines."""
-    cz, cy = 1.0 - (1.0 - cz), 1.0 - (1.0 - cy)
+    cz = 1.0 - (1.0 - cz)
+    cy = 1.0 - (1.0 - cy)
     return (cz * cy, -sz, cz * sy), (sz * cy, cz, sz * sy), (-sy, 0.0 * cz, cy)
 
 
@@ -161,10 +164,15 @@ def lean(
 ) -> None:
     """Scale upright shapes (k, N, 3), turn them about the tip, and let them spin; see `standing`."""
     for k in range(shapes.shape[0]):
-        azimuth, tilt, spin = poses[k, 0], poses[k, 1], poses[k, 2]
-        scale, foot = poses[k, 3], (shapes[k, tip, 0], shapes[k, tip, 1], shapes[k, tip, 2])
+        azimuth = poses[k, 0]
+        tilt = poses[k, 1]
+        spin = poses[k, 2]
+        scale = poses[k, 3]
+        foot = (shapes[k, tip, 0], shapes[k, tip, 1], shapes[k, tip, 2])
         turn = turn_of(math.sin(azimuth), math.sin(tilt), math.cos(azimuth), math.cos(tilt))
-        wx, wy, wz = spin * turn[0][2], spin * turn[1][2], spin * turn[2][2]
+        wx = spin * turn[0][2]
+        wy = spin * turn[1][2]
+        wz = spin * turn[2][2]
         for n in range(shapes.shape[1]):
             x = scale * shapes[k, n, 0] - scale * foot[0]
             y = scale * shapes[k, n, 1] - scale * foot[1]
@@ -173,7 +181,9 @@ def lean(
                 total = multiply_add(turn[axis][0], x, 0.0)
                 total = multiply_add(turn[axis][1], y, total)
                 positions[k, n, axis] = multiply_add(turn[axis][2], z, total)
-            x, y, z = positions[k, n, 0], positions[k, n, 1], positions[k, n, 2]
+            x = positions[k, n, 0]
+            y = positions[k, n, 1]
+            z = positions[k, n, 2]
             velocities[k, n, 0] = wy * z - wz * y
             velocities[k, n, 1] = wz * x - wx * z
             velocities[k, n, 2] = wx * y - wy * x
@@ -185,8 +195,10 @@ def above_bowl(radius: float, away: float, height: float) -> tuple[float, float]
     It is ``height`` above the bowl, along the normal of a place that is ``away`` from the axis.
     """
     radius = number("radius", radius, TINY)
-    away, height = number("away", away, -radius, radius), number("height", height)
-    steepness, left = math.asin(away / radius), radius - height
+    away = number("away", away, -radius, radius)
+    height = number("height", height)
+    steepness = math.asin(away / radius)
+    left = radius - height
     return left * math.sin(steepness), radius - left * math.cos(steepness)
 
 

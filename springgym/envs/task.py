@@ -19,12 +19,12 @@ from gymnasium import spaces
 from numpy.random import Generator
 
 from springgym.checks import chosen
+from springgym.dynamics.measures import Measures
 from springgym.envs.goals import GoalTolerance
 from springgym.envs.observation import BOUND, Entry, ObservedParticles, Situation, values
 from springgym.envs.options import Modes
-from springgym.measures import Measures
+from springgym.model.scene import Scene
 from springgym.rendering import Camera, Look, Marks, Scenery
-from springgym.scene import Scene
 from springgym.scenes import film
 
 KEYWORD = inspect.Parameter.KEYWORD_ONLY
@@ -110,10 +110,11 @@ class Task:
     periods: ClassVar[int] = 1
     """number of control periods in an environment step, which takes one action"""
     finest: ClassVar[float] = math.inf
-    """largest automatic step [s], if the task chooses it for its impacts; else `springgym.resolution` does"""
+    """largest automatic step [s], if the task chooses it for its impacts; else `springgym.model.resolution`
+    does"""
     damping_every: ClassVar[int] = 1
     """number of steps in a cycle of dampers where there is contact and cycles are harmless, see
-    `springgym.forces.cycle`: 1, or an even number"""
+    `springgym.dynamics.forces.cycle`: 1, or an even number"""
     hold_steps: ClassVar[int] = 50
     """number of consecutive steps in which the aim must be met to count as success"""
     wins: ClassVar[bool] = False

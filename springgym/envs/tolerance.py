@@ -21,7 +21,8 @@ from springgym.envs.episodes import Episodes
 from springgym.envs.options import Settings
 from springgym.envs.task import Task
 
-EPISODES, PERIODS = 16, 50
+EPISODES = 16
+PERIODS = 50
 
 SAFETY = 1.5
 """Safety factor between the tolerance and the largest observed error: estimates during impacts are up to a
@@ -108,8 +109,12 @@ def fewest_steps(wanted: float, usual: Episodes, trial: Callable[[str, int], Epi
     ``usual`` are episodes with the default number of steps, which is tried first. ``trial`` makes episodes
     with another method and number of steps.
     """
-    method, most = usual.simulator.integrator, FINEST * usual.steps
-    few, enough, best, episodes = 0, None, None, usual
+    method = usual.simulator.integrator
+    most = FINEST * usual.steps
+    few = 0
+    enough = None
+    best = None
+    episodes = usual
     for _ in range(TRIALS):
         tried = Choice(
             method.name, episodes.steps, largest_error(episodes), episodes.steps * method.evaluations
@@ -137,7 +142,8 @@ def fewest_steps(wanted: float, usual: Episodes, trial: Callable[[str, int], Epi
 def largest_error(episodes: Episodes) -> float:
     """Return the largest error of a control period over the episodes that are tried."""
     assert episodes.error is not None
-    largest, copies = 0.0, episodes.copies
+    largest = 0.0
+    copies = episodes.copies
     for first in range(0, EPISODES, copies):
         generators = [np.random.default_rng((EPISODES, first + n)) for n in range(copies)]
         for n, rng in enumerate(generators):

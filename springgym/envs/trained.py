@@ -13,9 +13,9 @@ import gymnasium as gym
 
 from springgym.checks import shown
 from springgym.envs.agent import Algorithm, Network, Policy, load_policy
-from springgym.registration import nearest_id, spec_of
-from springgym.scripts import AGENTS
-from springgym.strict_yaml import YamlError, build, read_json, read_yaml
+from springgym.envs.registration import nearest_id, spec_of
+from springgym.envs.scripts import AGENTS
+from springgym.scenes.strict_yaml import YamlError, build, read_json, read_yaml
 
 PUBLISHED = AGENTS / "trained"
 """Folder of published agents, one folder per environment, written by ``agents/studies/publish.py``."""

@@ -95,7 +95,8 @@ class Camera:
             If an argument is not a number, the centre not three numbers, or the camera is not possible.
         """
         size = number("size", size, TINY)
-        azimuth, elevation = number("azimuth", azimuth), number("elevation", elevation)
+        azimuth = number("azimuth", azimuth)
+        elevation = number("elevation", elevation)
         fov = number("fov", fov, TINY, WIDEST)
         middle = array("center", center, (3,))
         distance = 0.5 * size / np.sin(0.5 * fov)
@@ -117,7 +118,8 @@ class Camera:
             Fraction of the picture at each edge that must stay free.
         """
         x = readings("points", points, (None, 3))
-        size, margin = _size(size), number("margin", margin, 0.0, WIDEST_MARGIN)
+        size = _size(size)
+        margin = number("margin", margin, 0.0, WIDEST_MARGIN)
         x = x[(np.abs(x) < FARTHEST).all(axis=1)]
         pixels, _ = self.project(x, size)
         rim = margin * np.array(size)
@@ -168,17 +170,21 @@ class Camera:
             If no point is finite and within `FARTHEST`.
         """
         x = readings("points", points, *POINTS).reshape(-1, 3)
-        size, margin = _size(size), number("margin", margin, 0.0, WIDEST_MARGIN)
-        azimuth, elevation = number("azimuth", azimuth), number("elevation", elevation)
+        size = _size(size)
+        margin = number("margin", margin, 0.0, WIDEST_MARGIN)
+        azimuth = number("azimuth", azimuth)
+        elevation = number("elevation", elevation)
         x = x[(np.abs(x) < FARTHEST).all(axis=1)]
         if not len(x):
             raise ValueError(f"points holds no finite point within {FARTHEST:g} m to fit into a picture")
         basis = cls(tuple(_toward(azimuth, elevation)), (0.0, 0.0, 0.0), fov).axes()
         a, b, c = basis @ x.T
         up = np.tan(0.5 * fov) * (1.0 - 2.0 * margin)
-        eye, reach = [0.0, 0.0], []
+        eye = [0.0, 0.0]
+        reach = []
         for n, (side, t) in enumerate(((a, up * size[0] / size[1]), (b, up))):
-            low, high = (side + t * c).min(), (side - t * c).max()
+            low = (side + t * c).min()
+            high = (side - t * c).max()
             eye[n] = 0.5 * (low + high)
             reach.append((low - high) / (2.0 * t))
         middle = 0.5 * (c.min() + c.max())

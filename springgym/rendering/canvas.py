@@ -8,7 +8,7 @@ import numpy as np
 from gymnasium.error import DependencyNotInstalled
 from numpy.typing import ArrayLike, NDArray
 
-from springgym.extras import missing
+from springgym.core.extras import missing
 from springgym.rendering.camera import Camera
 from springgym.rendering.raster import paint_rods, paint_triangles
 
@@ -79,7 +79,8 @@ class Canvas:
         self._picture = self.pygame.Surface(size, 0, 32)
         self._nearness, self._cover = np.zeros((2, *self.size[::-1]), np.float32).transpose(0, 2, 1)
         grid = np.linspace(-1.0, 1.0, _SHEEN)
-        right, up = grid[:, None, None], grid[None, :, None]
+        right = grid[:, None, None]
+        up = grid[None, :, None]
         axes = camera.axes()
         normals = right * axes[0] + up * axes[1] - np.sqrt(np.maximum(1.0 - right**2 - up**2, 0.0)) * axes[2]
         self._sheen = np.concatenate(light_on(normals, -axes[2], self.light), axis=-1)
@@ -112,7 +113,8 @@ class Canvas:
         """Return the finished picture; only parts drawn on since `wipe` are averaged again."""
         self._picture.blit(self._small, (0, 0))
         n = OVERSAMPLE
-        left, top = self._touched.left // n, self._touched.top // n
+        left = self._touched.left // n
+        top = self._touched.top // n
         size = (-(-self._touched.right // n) - left, -(-self._touched.bottom // n) - top)
         if min(size) > 0:
             region = self._surface.subsurface((n * left, n * top, n * size[0], n * size[1]))
@@ -134,7 +136,8 @@ class Canvas:
         if alpha == 255:
             self._touch(self.pygame.draw.polygon(self._surface, rgb, corners))
         else:
-            low, high = np.min(corners, axis=0), np.max(corners, axis=0)
+            low = np.min(corners, axis=0)
+            high = np.max(corners, axis=0)
             box = self.pygame.Rect(low.tolist(), (high - low + 1).tolist())
             self._touch(box.clip(self._surface.get_rect()))
             self.pygame.gfxdraw.filled_polygon(self._surface, corners, (*rgb, alpha))

@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from springgym.model.surfaces.surface import Surface
 from springgym.rendering.canvas import OVERSAMPLE, Array, Canvas
 from springgym.rendering.look import GREEN, Color, Look, Scenery
 from springgym.rendering.raster import paint_triangles
 from springgym.rendering.solids import circle, tangents
-from springgym.surfaces.surface import Surface
 
 _SKY = np.array([[251, 252, 254], [222, 228, 237]], dtype=float)  # top and bottom
 _MATT = np.array([247, 250, 255], dtype=float)  # surfaces in full light
@@ -44,7 +44,8 @@ def _planes(canvas: Canvas, scenery: Scenery) -> list[_Plane]:
     flat = [] if scenery.floor is None else [((0.0, 0.0, scenery.floor), (0.0, 0.0, 1.0))]
     pairs = []
     for place, direction in [*flat, *scenery.planes]:
-        point, normal = np.asarray(place, dtype=float), np.asarray(direction, dtype=float)
+        point = np.asarray(place, dtype=float)
+        normal = np.asarray(direction, dtype=float)
         normal = normal / np.linalg.norm(normal)
         if (np.asarray(canvas.camera.eye) - point) @ normal > 0.0:
             pairs.append((point, normal))
@@ -66,8 +67,10 @@ def paint_background(canvas: Canvas, scenery: Scenery) -> None:
     width, height = canvas.picture_size
     rows = np.linspace(0.0, 1.0, height)[:, None, None] ** 1.3
     colors = np.broadcast_to(_SKY[0] + rows * (_SKY[1] - _SKY[0]), (height, width, 3))
-    eye, rays = np.asarray(canvas.camera.eye), canvas.camera.rays(canvas.picture_size)
-    planes, target = _planes(canvas, scenery), np.asarray(canvas.camera.target)
+    eye = np.asarray(canvas.camera.eye)
+    rays = canvas.camera.rays(canvas.picture_size)
+    planes = _planes(canvas, scenery)
+    target = np.asarray(canvas.camera.target)
     for plane in planes:
         speed = rays @ plane.normal
         time = np.where(speed < 0.0, ((plane.point - eye) @ plane.normal) / speed, np.nan)
@@ -122,7 +125,8 @@ def _paint_grid(canvas: Canvas, plane: _Plane) -> None:
 
 def _paint_net(canvas: Canvas, surface: Surface) -> None:
     """Paint rows and columns of a surface; where its back is towards the eye, they are fainter."""
-    eye, target = np.asarray(canvas.camera.eye), np.asarray(canvas.camera.target)
+    eye = np.asarray(canvas.camera.eye)
+    target = np.asarray(canvas.camera.target)
     net = surface.net(target, canvas.extent)
 
     def fade(middles: Array) -> Array:
@@ -171,7 +175,9 @@ def paint_shadows(canvas: Canvas, look: Look, x: Array, scenery: Scenery) -> Non
 
 def _paint_shadow(canvas: Canvas, look: Look, x: Array, cast: Callable[[Array], Array]) -> None:
     """Fill the cast outlines on a coarse mask, blur it, and blend it over the canvas."""
-    pygame, bars, radii = canvas.pygame, x[np.asarray(look.bars)], np.asarray(look.radii)
+    pygame = canvas.pygame
+    bars = x[np.asarray(look.bars)]
+    radii = np.asarray(look.radii)
     side = np.cross(bars[:, 1] - bars[:, 0], canvas.light)
     side *= (np.asarray(look.bar_radius) / np.maximum(np.linalg.norm(side, axis=1), 1e-12))[:, None]
     strips = np.stack([bars[:, 0] + side, bars[:, 1] + side, bars[:, 1] - side, bars[:, 0] - side], axis=1)
@@ -187,7 +193,8 @@ def _paint_shadow(canvas: Canvas, look: Look, x: Array, cast: Callable[[Array], 
     if (high <= low).any():
         return
     width, height = (high - low).tolist()
-    mask, count = np.zeros((width, height, 4), np.uint8), len(pixels)
+    mask = np.zeros((width, height, 4), np.uint8)
+    count = len(pixels)
     flat = np.zeros((height, width), np.float32).T, pixels - low, np.ones((count, 3))
     paint_triangles(mask[..., :3], *flat, np.full((count, 3), 255.0), np.ones((count, 2)))
     dark = np.pad(mask[..., 0].astype(np.float32), 1)

@@ -21,8 +21,8 @@ from springgym.checks import (
     whole,
     whole_array,
 )
-from springgym.records import read_only
-from springgym.surfaces.surface import Surface
+from springgym.model.records import read_only
+from springgym.model.surfaces.surface import Surface
 
 Color = tuple[int, int, int]
 Point = Sequence[float] | NDArray[np.float64]
@@ -69,7 +69,8 @@ def two_tone(
     TypeError, ValueError
         If a number is not whole or out of bounds, or a colour is not one; the message names it.
     """
-    count, blocks = whole("count", count, high=MOST_SECTORS), whole("blocks", blocks, 1, MOST_SECTORS)
+    count = whole("count", count, high=MOST_SECTORS)
+    blocks = whole("blocks", blocks, 1, MOST_SECTORS)
     colors = tuple(array("colors", colors, (2, 3), low=0.0, high=255.0))
     last = _color("odd", odd)
     run = np.arange(count) * blocks // count
@@ -165,7 +166,8 @@ class Look:
     @property
     def particles(self) -> int:
         """Return the least number of particles that the body must have."""
-        skin, triangles = np.asarray(self.skin), np.asarray(self.triangles)
+        skin = np.asarray(self.skin)
+        triangles = np.asarray(self.triangles)
         if skin.size:
             triangles = triangles[:0]
         tables = (triangles, np.asarray(self.bars), np.asarray(self.springs))

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from springgym.core.compiling import compiled, kernel
+from springgym.core.compiler.compiling import compiled, kernel
 
 
 @kernel
@@ -29,16 +29,19 @@ def paint_triangles(
         area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
         if area == 0.0:
             continue
-        second, third = near[n, 1] - near[n, 0], near[n, 2] - near[n, 0]
+        second = near[n, 1] - near[n, 0]
+        third = near[n, 2] - near[n, 0]
         rise = (second * (cy - ay) - third * (by - ay)) / area
         fall = (third * (bx - ax) - second * (cx - ax)) / area
         for y in range(max(int(min(ay, by, cy)), 0), min(int(max(ay, by, cy)) + 1, colors.shape[1])):
             left, right = math.inf, -math.inf  # where the centres of this row's pixels enter and leave
             for k in range(3):
-                (px, py), (qx, qy) = corners[n, k], corners[n, (k + 1) % 3]
+                px, py = corners[n, k]
+                qx, qy = corners[n, (k + 1) % 3]
                 if (py <= y + 0.5) != (qy <= y + 0.5):
                     crossing = px + (y + 0.5 - py) / (qy - py) * (qx - px)
-                    left, right = min(left, crossing), max(right, crossing)
+                    left = min(left, crossing)
+                    right = max(right, crossing)
             if left < right:
                 for x in range(max(math.ceil(left - 0.5), 0), min(math.ceil(right - 0.5), colors.shape[0])):
                     here = near[n, 0] + rise * (x + 0.5 - ax) + fall * (y + 0.5 - ay)
@@ -78,20 +81,28 @@ def paint_rods(
     """
     for n in range(len(ends)):
         (x0, y0), (x1, y1) = ends[n]
-        dx, dy = x1 - x0, y1 - y0
-        square, wide = dx * dx + dy * dy, max(half[n, 0], half[n, 1])
-        top, bottom = max(int(min(y0, y1) - wide), 0), min(int(max(y0, y1) + wide) + 1, colors.shape[1])
+        dx = x1 - x0
+        dy = y1 - y0
+        square = dx * dx + dy * dy
+        wide = max(half[n, 0], half[n, 1])
+        top = max(int(min(y0, y1) - wide), 0)
+        bottom = min(int(max(y0, y1) + wide) + 1, colors.shape[1])
         for y in range(top, bottom):
             first, last = 0.0, 1.0  # the part of the axis that is near this row
             if abs(dy) > 1e-6:
-                up, low = (y + 0.5 - wide - y0) / dy, (y + 0.5 + wide - y0) / dy
-                first, last = max(min(up, low), 0.0), min(max(up, low), 1.0)
-            left, right = min(first * dx, last * dx) - wide + x0, max(first * dx, last * dx) + wide + x0
+                up = (y + 0.5 - wide - y0) / dy
+                low = (y + 0.5 + wide - y0) / dy
+                first = max(min(up, low), 0.0)
+                last = min(max(up, low), 1.0)
+            left = min(first * dx, last * dx) - wide + x0
+            right = max(first * dx, last * dx) + wide + x0
             for x in range(max(int(left), 0), min(int(right) + 1, colors.shape[0])):
-                across, down = x + 0.5 - x0, y + 0.5 - y0
+                across = x + 0.5 - x0
+                down = y + 0.5 - y0
                 t = min(max((across * dx + down * dy) / square, 0.0), 1.0) if square > 0.0 else 0.0
                 size = half[n, 0] + t * (half[n, 1] - half[n, 0])
-                u, v = (across - t * dx) / size, (t * dy - down) / size
+                u = (across - t * dx) / size
+                v = (t * dy - down) / size
                 rise = 1.0 - u * u - v * v
                 if rise < 0.0:
                     continue
@@ -104,11 +115,14 @@ def paint_rods(
                     continue
                 else:
                     cover[x, y], alpha = alpha, (alpha - cover[x, y]) / (1.0 - cover[x, y])
-                red, green, blue = paint[n, 0], paint[n, 1], paint[n, 2]
+                red = paint[n, 0]
+                green = paint[n, 1]
+                blue = paint[n, 2]
                 if radius[n]:
                     middle = 0.5 * (len(sheen) - 1)
                     light = sheen[int(middle * (1.0 + u) + 0.5), int(middle * (1.0 + v) + 0.5)]
-                    red, green = red * light[0] + light[3], green * light[1] + light[3]
+                    red = red * light[0] + light[3]
+                    green = green * light[1] + light[3]
                     blue = blue * light[2] + light[3]
                 blend(colors, x, y, alpha, red, green, blue)
 

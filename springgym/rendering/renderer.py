@@ -97,7 +97,7 @@ class Renderer:
             If shapes do not fit.
         """
         look = self.look
-        x = self._places(positions)
+        x = _places(positions, self.look.particles, "the look draws")
         s = None if strain is None else readings("strain", strain, (len(np.asarray(look.springs)),))
         if marks is not None:
             instance("marks", marks, Marks)
@@ -118,19 +118,10 @@ class Renderer:
         positions : (N, 3) array_like
             Particles, m.
         """
-        x = self._places(positions)
+        traced = 0 if self.look.trace is None else 1 + self.look.trace
+        x = _places(positions, traced, "the trace follows the last of")
         self._followed = True
         self._leave(x)
-
-    def _places(self, positions: ArrayLike) -> Array:
-        """Return positions (N, 3) of at least the particles of the look; those not finite are not drawn."""
-        x = readings("positions", positions, (None, 3))
-        if len(x) < self.look.particles:
-            raise ValueError(
-                f"positions are {len(x)}; the look draws {self.look.particles} particles, so that there must "
-                "be at least as many"
-            )
-        return x
 
     def _leave(self, x: Array) -> None:
         if self.look.trace is not None:
@@ -252,3 +243,13 @@ def _curve(points: Array) -> Array:
     start = (1 + 2 * t) * (1 - t) ** 2 * points[:-1, None] + t * (1 - t) ** 2 * along[:-1, None]
     stop = t**2 * (3 - 2 * t) * points[1:, None] - t**2 * (1 - t) * along[1:, None]
     return np.vstack([(start + stop).reshape(-1, 3), points[-1:]])
+
+
+def _places(positions: ArrayLike, least: int, why: str) -> Array:
+    """Return positions (N, 3) of at least ``least`` particles; those not finite are not drawn."""
+    x = readings("positions", positions, (None, 3))
+    if len(x) < least:
+        raise ValueError(
+            f"positions are {len(x)}; {why} {least} particles, so that there must be at least as many"
+        )
+    return x

@@ -48,8 +48,10 @@ def body(
 
     Where springs are shown, the surface is translucent.
     """
-    radii, opacity = np.asarray(look.radii), np.asarray(look.opacity)
-    two_sided, balls = opacity < 1.0, np.flatnonzero(radii > 0.0)
+    radii = np.asarray(look.radii)
+    opacity = np.asarray(look.opacity)
+    two_sided = opacity < 1.0
+    balls = np.flatnonzero(radii > 0.0)
     canvas.bars(x[np.asarray(look.bars)], look.bar_radius, look.bar_colors)  # type: ignore[arg-type]
     canvas.bars(x[balls, None].repeat(2, axis=1), radii[balls], np.asarray(look.ball_colors)[balls])
     if strain is not None:
@@ -120,10 +122,12 @@ def arrow(canvas: Canvas, mark: Arrow) -> None:
         return
     head = min(0.05 * canvas.extent, 0.6 * length)
     points, axis = arrow_path(mark, vector / length, length, head, np.asarray(canvas.camera.eye))
-    neck, tip = points[-1], points[-1] + head * axis
+    neck = points[-1]
+    tip = points[-1] + head * axis
     rim = circle(neck, 0.36 * head, 14, axis)
     turned = np.roll(rim, -1, axis=0)
-    tips, hub = np.broadcast_to(tip, rim.shape), np.broadcast_to(neck, rim.shape)
+    tips = np.broadcast_to(tip, rim.shape)
+    hub = np.broadcast_to(neck, rim.shape)
     cone = np.concatenate([np.stack([rim, turned, tips], axis=1), np.stack([turned, rim, hub], axis=1)])
     canvas.bars(np.stack([points[:-1], points[1:]], axis=1), 0.13 * head, mark.color, through=THROUGH)
     mesh(canvas, cone, mark.color, through=THROUGH)
@@ -134,13 +138,15 @@ def arrow_path(mark: Arrow, axis: Array, length: float, head: float, eye: Array)
 
     The middle of an arrow around an axis is turned to the eye.
     """
-    origin, along = np.asarray(mark.origin, dtype=float), np.linspace(0.0, length - head, 25)[:, None]
+    origin = np.asarray(mark.origin, dtype=float)
+    along = np.linspace(0.0, length - head, 25)[:, None]
     if not mark.radius:
         return origin + along * axis, axis
     front = eye - origin
     front -= (front @ axis) * axis
     size = float(np.linalg.norm(front))
     first = front / size if size > 1e-9 else tangents(axis)[0]
-    second, angle = np.cross(axis, first), (along - 0.5 * length) / mark.radius
+    second = np.cross(axis, first)
+    angle = (along - 0.5 * length) / mark.radius
     points = origin + mark.radius * (np.cos(angle) * first + np.sin(angle) * second)
     return points, np.cos(angle[-1]) * second - np.sin(angle[-1]) * first

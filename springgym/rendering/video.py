@@ -11,7 +11,7 @@ from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
 from springgym.checks import hides, instance, number, refusing_unknown
-from springgym.extras import missing
+from springgym.core.extras import missing
 
 Frame = NDArray[np.uint8]
 

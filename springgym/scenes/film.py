@@ -12,18 +12,18 @@ from typing import Any
 
 import numpy as np
 
-from springgym.bodies import Body
-from springgym.bodies.round import points_of
 from springgym.checks import TINY, function, instance, number, readings, refusing_unknown, whole, whole_array
-from springgym.collisions import shape
-from springgym.measures import Measures
+from springgym.dynamics.measures import Measures
+from springgym.model.bodies import Body
+from springgym.model.bodies.round import points_of
+from springgym.model.collisions import shape
+from springgym.model.scene import Scene
+from springgym.model.surfaces import Plane
 from springgym.rendering import Camera, Look, Marks, Renderer, Scenery, save_video, two_tone
 from springgym.rendering.look import AMBER, BLUE, GREEN, INK, IVORY, ORANGE, STEEL, TEAL, Color, together
 from springgym.rendering.video import RATES
-from springgym.scene import Scene
 from springgym.scenes.plan import SPEEDS
 from springgym.scenes.recording import Progress, Recording
-from springgym.surfaces import Plane
 
 PIXELS = (640, 640)
 FPS = 50.0
@@ -99,16 +99,19 @@ def frames(
 def _frames(
     recording: Recording, fps: float, speed: float | None, progress: Progress
 ) -> Iterator[np.ndarray]:
-    plan, x = recording.plan, recording.positions
+    plan = recording.plan
+    x = recording.positions
     pace = plan.view.speed if speed is None else speed
     pace = pace or visible_speed(turning(plan.scene, recording.bodies), fps)
-    drawn, strain = look(plan.scene, plan.trace), None
+    drawn = look(plan.scene, plan.trace)
+    strain = None
     if plan.view.strain:
         strain = strains(drawn, plan.scene.of_bodies("lengths"), x)
         drawn = replace(drawn, strain_scale=strain_scale(strain))
     renderer = Renderer(drawn, camera(recording), scenery(recording), PIXELS)
     along = way(recording)
-    still, note = renderer.camera, () if pace == 1 else (told(pace),)
+    still = renderer.camera
+    note = () if pace == 1 else (told(pace),)
     for t in progress(np.arange(0.0, recording.times[-1] + 1e-9, pace / fps)):
         n = min(int(np.searchsorted(recording.times, t - 1e-9)), len(x) - 1)
         if along is not None:
@@ -146,7 +149,8 @@ def told(pace: float) -> str:
 def visible_speed(fastest: float, fps: float) -> float:
     """Return the fastest of `SPEEDS`, at most real time, at which a film shows ``fastest`` [rad/s]
     correctly."""
-    fastest, fps = float(readings("fastest", fastest, ())), number("fps", fps, *RATES)
+    fastest = float(readings("fastest", fastest, ()))
+    fps = number("fps", fps, *RATES)
     return max((s for s in SPEEDS if s <= 1 and fastest * s <= TURN_A_FRAME * fps), default=SPEEDS[0])
 
 
@@ -169,7 +173,9 @@ def camera(recording: Recording, size: tuple[int, int] = PIXELS, moments: Sequen
     Without ``moments``, it shows the body at its start, and has to move along `way`.
     """
     instance("recording", recording, Recording)
-    x, view, scene = recording.positions, recording.plan.view, recording.plan.scene
+    x = recording.positions
+    view = recording.plan.view
+    scene = recording.plan.scene
     along = way(recording)
     if along is not None:
         x = x - along[:, None] if not moments else x[list(moments)]
@@ -223,8 +229,10 @@ def poses(recording: Recording, spacing: float = 0.9, most: int = 10, last: int 
     increased if there would be more than ``most`` poses.
     """
     instance("recording", recording, Recording)
-    spacing, most = number("spacing", spacing, TINY), whole("most", most, 1)
-    x, centre = recording.positions, recording.measures.centre
+    spacing = number("spacing", spacing, TINY)
+    most = whole("most", most, 1)
+    x = recording.positions
+    centre = recording.measures.centre
     last = None if last is None else whole("last", last, high=len(x) - 1)
     end = len(x) - 1 if last is None else last
     size = float(np.ptp(x[0], axis=0).max()) or 0.1 * float(np.ptp(x, axis=(0, 1)).max()) or 1.0
@@ -248,14 +256,16 @@ def surfaces(scene: Scene) -> Scenery:
 
 def scenery(recording: Recording) -> Scenery:
     """Return the surfaces of a recording's scene, or a ground below a pinned body."""
-    scene, x = instance("recording", recording, Recording).plan.scene, recording.positions
+    scene = instance("recording", recording, Recording).plan.scene
+    x = recording.positions
     if scene.surfaces or not scene.pins:
         plumb = None
         if any(abs(s.normal[2]) < 0.999 for s in scene.surfaces if isinstance(s, Plane)):
             size = float(np.ptp(x[0], axis=0).max())  # a slope is shown beside an upright
             plumb = (tuple(x[0].mean(axis=0)), 1.2 * size)
         return replace(surfaces(scene), vertical=plumb)
-    pin, low = x[0, scene.pins[0]], float(x[..., 2].min())
+    pin = x[0, scene.pins[0]]
+    low = float(x[..., 2].min())
     stands = recording.measures.centre[:, 2].min() > pin[2]
     plumb = (tuple(pin), 1.2 * float(x[..., 2].max() - pin[2]))
     return Scenery(
@@ -340,13 +350,17 @@ def _round(body: Body, size: float, color: Color) -> dict[str, Any]:
 
 def _rolling(body: Body, size: float, color: Color) -> dict[str, Any]:
     """Draw round features in octants of two colours, one of them odd, which show how the body turns."""
-    skins, triangles, colors, first = [], [], [], len(body.masses)
+    skins = []
+    triangles = []
+    colors = []
+    first = len(body.masses)
     met = shape(body)
     capsule = met.skin and not met.turns
     for feature in body.rounds[:1] if capsule else body.rounds:
         squares, axes = np.linalg.eigh(feature.matrix)
         half = body.rounds[1].centre - feature.centre if capsule else np.zeros(3)
-        half, centre = -0.5 * half, feature.centre + 0.5 * half
+        centre = feature.centre + 0.5 * half
+        half = -0.5 * half
         light = centre - body.masses @ body.positions / body.masses.sum()
         off = float(np.linalg.norm(light)) / feature.extent
         capped = UNEVEN < off < 1 and np.ptp(squares) < FLAT * squares[2]
@@ -386,13 +400,20 @@ def globe(sines: np.ndarray, heights: np.ndarray) -> tuple[np.ndarray, np.ndarra
         for s, z in zip(sines, heights, strict=True)
     ]
     points = np.concatenate([[[0.0, 0.0, 1.0]], *rings, [[0.0, 0.0, -1.0]]])
-    faces, sectors = [], []
-    last, rows = len(points) - 1, len(rings)
+    faces = []
+    sectors = []
+    last = len(points) - 1
+    rows = len(rings)
     for n in range(COLUMNS):
-        m, sector = (n + 1) % COLUMNS, 4 * n // COLUMNS
+        m = (n + 1) % COLUMNS
+        sector = 4 * n // COLUMNS
         for k in range(rows - 1):
-            upper, lower = 1 + k * COLUMNS, 1 + (k + 1) * COLUMNS
-            a, b, c, d = upper + n, upper + m, lower + n, lower + m
+            upper = 1 + k * COLUMNS
+            lower = 1 + (k + 1) * COLUMNS
+            a = upper + n
+            b = upper + m
+            c = lower + n
+            d = lower + m
             faces += [(a, c, d), (a, d, b)]
             sectors += 2 * [sector + 4 * (2 * k + 2 > rows)]
         faces += [(0, 1 + n, 1 + m), (last, 1 + (rows - 1) * COLUMNS + m, 1 + (rows - 1) * COLUMNS + n)]
@@ -402,10 +423,13 @@ def globe(sines: np.ndarray, heights: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 def _top(body: Body, size: float) -> dict[str, Any]:
     upper = "crown" if "crown" in body.parts else "heart"  # of a solid top
-    ring, poles = len(body.parts["ring"]), [body.particle(upper), body.particle("tip")]
+    ring = len(body.parts["ring"])
+    poles = [body.particle(upper), body.particle("tip")]
     heavy = body.masses > 1.01 * np.median(body.masses[:ring])
-    radii, colors = np.where(heavy, 0.05 * size, 0.0), np.tile(INK, (len(body.masses), 1))
-    radii[poles], colors[poles] = 0.02 * size, INK
+    radii = np.where(heavy, 0.05 * size, 0.0)
+    colors = np.tile(INK, (len(body.masses), 1))
+    radii[poles] = 0.02 * size
+    colors[poles] = INK
     return {
         "triangles": body.triangles,
         "triangle_colors": np.tile(two_tone(ring), (2, 1)),
@@ -415,7 +439,8 @@ def _top(body: Body, size: float) -> dict[str, Any]:
 
 
 def _gyroscope(body: Body, size: float) -> dict[str, Any]:
-    ring, centre = len(body.parts["ring"]), body.particle("centre")
+    ring = len(body.parts["ring"])
+    centre = body.particle("centre")
     ends = [body.particle("head"), body.particle("foot")]
     radii = np.zeros(len(body.masses))
     radii[[centre, *ends]] = 0.05 * size

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from springgym.measures import Measures
+from springgym.dynamics.measures import Measures
+from springgym.model.scene import Scene
 from springgym.rendering.look import BLUE, GREEN, ORANGE, RED, SLATE, TEAL, Color
-from springgym.scene import Scene
 
 BLACK: Color = (0, 0, 0)
 OCHRE: Color = (211, 155, 42)
@@ -50,10 +50,12 @@ def graphs(m: Measures, scene: Scene) -> dict[str, dict[str, Curve]]:
         "lost": Curve(lost - lost[0], RED),
     }
     total = np.sum([curve.values for curve in parts.values()], axis=0)
-    name, scale = "energy", float(np.abs(total).max())
+    name = "energy"
+    scale = float(np.abs(total).max())
     moved = max(float(np.ptp(curve.values)) for curve in parts.values())
     if moved < 0.25 * scale:  # beside constant curves, the changes would be invisible
-        name, scale = "energy moved", moved
+        name = "energy moved"
+        scale = moved
         parts = {part: Curve(curve.values - curve.values[0], curve.color) for part, curve in parts.items()}
         total = total - total[0]
     shown = {part: curve for part, curve in parts.items() if np.abs(curve.values).max() > 3e-3 * scale}

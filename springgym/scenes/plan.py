@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 from springgym.checks import apart, chosen, flag, instance, number, refusing_unknown, shown, whole
-from springgym.integrators import integrator
-from springgym.scene import Scene
-from springgym.surfaces import PaperContact
+from springgym.dynamics import rigid
+from springgym.dynamics.methods import integrator
+from springgym.model.scene import Scene
+from springgym.model.surfaces import PaperContact
 
 Vector = tuple[float, float, float]
 Plot = Literal["top", "pendulum", "rope", "drop", "slide", "rotation", "ringing", "bodies"]
@@ -33,11 +34,17 @@ def _time(name: str, value: object) -> None:
         raise ValueError(f"{name} is {given} s; it must be at least {least} s")
 
 
+def _known_method(name: str, value: object) -> None:
+    """Raise ValueError for a name that is a method of neither springs nor rigid bodies."""
+    if instance(name, value, str) not in rigid.METHODS:
+        integrator(str(value))
+
+
 RULES: Mapping[str, Callable[[str, Any], object]] = {
     "duration": _time,
     "interval": _time,
     "step": lambda name, value: None if value is None else _time(name, value),
-    "integrator": lambda name, value: integrator(instance(name, value, str)),
+    "integrator": _known_method,
 }
 """Checks of the settings of a simulation, by their names, which each takes with the value."""
 

@@ -20,9 +20,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from springgym.bodies.elastic import Elastic
 from springgym.checks import instance, printable
-from springgym.extras import missing
+from springgym.core.extras import missing
+from springgym.model.bodies.elastic import Elastic
 from springgym.rendering import Camera
 from springgym.rendering.ground import round_down
 from springgym.scenes import film
@@ -38,7 +38,9 @@ try:
 except ImportError as error:
     raise ImportError(missing("a plot", "matplotlib", "plot")) from error
 
-TRACE, CENTRE, OTHER = "#e45e2c", "#343c4c", "#8b98a9"
+TRACE = "#e45e2c"
+CENTRE = "#343c4c"
+OTHER = "#8b98a9"
 SPRINGS = "#d39b2a"
 TURNING = ("#b58bd6", "#8048a0", "#4a1f66")
 OF_BODIES = ("#2b5c96", "#e45e2c", "#22966a", "#8048a0", "#d39b2a", "#3e929e", "#be323c", "#8b98a9")
@@ -99,14 +101,16 @@ def _picture(
     ``size`` is that of the picture in inches. Without moments, it is drawn at the end.
     """
     if not moments:
-        moments, title = [len(recording.times) - 1], f"at {recording.times[-1]:g} s"
+        moments = [len(recording.times) - 1]
+        title = f"at {recording.times[-1]:g} s"
     pixels = (round(FINER * DPI * size[0]), round(FINER * DPI * size[1]))
     camera = film.camera(recording, pixels, moments)
     axes = figure.add_subplot(place)
     axes.set_title(title)
     axes.imshow(film.strobe(recording, moments, camera, pixels), aspect="equal")
     axes.set_axis_off()
-    plan, shown = recording.plan, slice(0, None if until is None else until + 1)
+    plan = recording.plan
+    shown = slice(0, None if until is None else until + 1)
     traced = None if plan.trace is None else recording.positions[shown, plan.trace]
     centre = recording.measures.centre[shown]
     if (
@@ -126,7 +130,8 @@ def _picture(
 
 def _part(recording: Recording) -> str:
     """Return the name of the traced particle."""
-    scene, trace = recording.plan.scene, recording.plan.trace
+    scene = recording.plan.scene
+    trace = recording.plan.trace
     for placed, own in zip(scene.bodies, scene.slices, strict=True):
         for name, particles in placed.body.parts.items():
             if [own.start + i for i in particles] == [trace]:
@@ -155,7 +160,8 @@ def _clock(
         high = spots[np.argmin(spots[:, 1])]
         if all(np.abs((high - other) / (90, 34)).max() > 1 for other in taken):
             taken.append(high)
-            time, (x, y) = f"{recording.times[moment]:.2g} s", high
+            time = f"{recording.times[moment]:.2g} s"
+            x, y = high
             _named(axes, x, y, time, CENTRE, (0, 7), ha="center", va="baseline")
 
 
@@ -164,7 +170,8 @@ def _ruler(axes: Axes, camera: Camera, pixels: tuple[int, int]) -> None:
     distance = camera.distance
     a_metre = camera.pixels_per_radian(pixels[1]) / distance
     length = round_down(0.25 * pixels[0] / a_metre)
-    left, low = 0.04 * pixels[0], 0.965 * pixels[1]
+    left = 0.04 * pixels[0]
+    low = 0.965 * pixels[1]
     axes.plot([left, left + length * a_metre], [low, low], color=CENTRE, linewidth=2, solid_capstyle="butt")
     told = f"{length:g} m" if length >= 1 else f"{100 * length:g} cm"
     axes.text(left, low - 0.012 * pixels[1], told, fontsize=SMALL, color=CENTRE, va="bottom")
@@ -201,9 +208,11 @@ def _legend(axes: Axes, below: bool = False) -> None:
     place: Literal["upper center", "lower left"]
     if below:
         rows: Any = axes.get_subplotspec()
-        place, spot = "upper center", (0.5, -0.36 if len(rows.rowspan) == 1 else -0.17)
+        place = "upper center"
+        spot = (0.5, -0.36 if len(rows.rowspan) == 1 else -0.17)
     else:
-        place, spot = "lower left", (-0.01, 0.985)
+        place = "lower left"
+        spot = (-0.01, 0.985)
         axes.set_title(axes.get_title("left"), pad=5 + 1.5 * SMALL * -(-entries // max(columns, 1)))
     axes.legend(
         loc=place, bbox_to_anchor=spot, ncols=columns, columnspacing=1.0, handlelength=1.4, borderpad=0
@@ -237,7 +246,9 @@ def _path(recording: Recording) -> np.ndarray:
 
 def top(recording: Recording, figure: Figure) -> None:
     """Draw the crown's trace in space and from above, beside the rigid twin's; the tilt; the energies."""
-    path, twin, pinned = _path(recording), rigid_twin(recording), bool(recording.plan.scene.pinned)
+    path = _path(recording)
+    twin = rigid_twin(recording)
+    pinned = bool(recording.plan.scene.pinned)
     grid = figure.add_gridspec(2, 3, width_ratios=(1.25, 1.15, 1.15))
     _picture(recording, figure, grid[:, 0], (3.7, 4.1))
     above = _panel(figure, grid[:, 1], "trace from above", "x [m]", "y [m]")
@@ -266,7 +277,8 @@ def _tilt(recording: Recording) -> np.ndarray:
 
 def pendulum(recording: Recording, figure: Figure) -> None:
     """Draw the swing in space and from above; in time, beside the rigid twin's; the energies."""
-    path, twin = _path(recording), rigid_twin(recording)
+    path = _path(recording)
+    twin = rigid_twin(recording)
     sideways = path[np.argmax(np.hypot(path[:, 0], path[:, 1])), :2]
     sideways = sideways / (np.linalg.norm(sideways) or 1.0)
     grid = figure.add_gridspec(2, 3, width_ratios=(1.25, 0.9, 1.3))
@@ -291,11 +303,13 @@ def _angle(path: np.ndarray, sideways: np.ndarray) -> np.ndarray:
 
 def rope(recording: Recording, figure: Figure) -> None:
     """Draw the rope at some moments; its length and its end in time; the energies."""
-    x, t = recording.positions, recording.times
+    x = recording.positions
+    t = recording.times
     lengths = np.linalg.norm(np.diff(x, axis=1), axis=2).sum(axis=1)
     rest = float(recording.plan.scene.body.lengths.sum())
     grid = figure.add_gridspec(3, 2, width_ratios=(1, 1.3))
-    wide, high = np.ptp(x[..., 0]), np.ptp(x[..., 2])
+    wide = np.ptp(x[..., 0])
+    high = np.ptp(x[..., 2])
     if 1e-6 * high < wide < 0.05 * high:
         _stretched(recording, _panel(figure, grid[:, 0], "the rope, x stretched", "x [m]", "z [m]"))
     else:
@@ -315,7 +329,8 @@ def rope(recording: Recording, figure: Figure) -> None:
 
 def _stretched(recording: Recording, axes: Axes) -> None:
     """Draw a rope that hardly moves sideways, at quarters of a second, later ones darker."""
-    x, t = recording.positions, recording.times
+    x = recording.positions
+    t = recording.times
     shapes = x[:: max(1, round(0.25 / (t[1] - t[0])))][:24]
     for n, shape in enumerate(shapes):
         shade = 0.15 + 0.85 * n / len(shapes)
@@ -326,7 +341,9 @@ def _stretched(recording: Recording, axes: Axes) -> None:
 
 def drop(recording: Recording, figure: Figure) -> None:
     """Draw the body at some moments; heights and energies in time."""
-    x, t, m = recording.positions, recording.times, recording.measures
+    x = recording.positions
+    t = recording.times
+    m = recording.measures
     grid = figure.add_gridspec(2, 2, width_ratios=(1, 1.05))
     calm = int(np.argmax(m.energy < m.energy[-1] + 0.02 * (m.energy[0] - m.energy[-1]))) or len(t) - 1
     moments = film.poses(recording, 0.6, last=calm)
@@ -342,7 +359,8 @@ def drop(recording: Recording, figure: Figure) -> None:
 
 def slide(recording: Recording, figure: Figure) -> None:
     """Draw the body at some moments; way and speed of its centre of mass; the energies."""
-    t, m = recording.times, recording.measures
+    t = recording.times
+    m = recording.measures
     way = np.linalg.norm(m.centre - m.centre[0], axis=1)
     # from its displacement: where friction holds it, the velocity has the pull of half a step
     speed = np.linalg.norm(np.gradient(m.centre, t, axis=0), axis=1)
@@ -379,7 +397,9 @@ def bodies(recording: Recording, figure: Figure) -> None:
     """Draw the bodies at the end; over time, the heights of their centres of mass, their rates of rotation,
     the energies and, if they collide, the impulses between them.
     """
-    t, scene, met = recording.times, recording.plan.scene, recording.plan.scene.meetings
+    t = recording.times
+    scene = recording.plan.scene
+    met = recording.plan.scene.meetings
     grid = figure.add_gridspec(4 if met else 3, 2, width_ratios=(1, 1.05))
     _picture(recording, figure, grid[:, 0], (5.0, 5.2))
     high = _panel(figure, grid[0, 1], "height of the centres of mass", "", "[m]")
@@ -409,8 +429,11 @@ def ringing(recording: Recording, figure: Figure) -> None:
 
     For a solid, a dashed line shows the decay of the first swing by its loss factor η: e^(−η ω₁ t/2).
     """
-    plan, x, t = recording.plan, recording.positions, recording.times
-    body, first = plan.scene.body, plan.trace or 0
+    plan = recording.plan
+    x = recording.positions
+    t = recording.times
+    body = plan.scene.body
+    first = plan.trace or 0
     far = int(np.argmax(np.linalg.norm(body.positions - body.positions[first], axis=1)))
     longer = np.linalg.norm(x[:, far] - x[:, first], axis=1)
     longer = longer - np.linalg.norm(body.positions[far] - body.positions[first])

@@ -13,18 +13,18 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from springgym import bodies as makers
-from springgym.bodies import Body, from_mesh, from_points, start, union
-from springgym.bodies.motion import InitialState
-from springgym.bodies.precession import heavy_top
 from springgym.checks import instance, refusing_unknown, shown, similar, suggestion
-from springgym.collisions import Collisions, Pair
-from springgym.collisions.meeting import ALL
-from springgym.scene import GRAVITY, Placed, Scene
+from springgym.model import bodies as makers
+from springgym.model.bodies import Body, from_mesh, from_points, start, union
+from springgym.model.bodies.motion import InitialState
+from springgym.model.bodies.precession import heavy_top
+from springgym.model.collisions import Collisions, Pair
+from springgym.model.collisions.meeting import ALL
+from springgym.model.scene import GRAVITY, Placed, Scene
+from springgym.model.surfaces import SURFACES, Contact, PaperContact, Plane, Surface, floor, heights, resting
 from springgym.scenes.checks import CHECKS, TOUCHING, of_all
 from springgym.scenes.plan import RULES, Plan, Plot, Vector, View, check_plot, refuse_twice
-from springgym.strict_yaml import Tree, YamlError, build, changed, fit, read_yaml
-from springgym.surfaces import SURFACES, Contact, PaperContact, Plane, Surface, floor, heights, resting
+from springgym.scenes.strict_yaml import Tree, YamlError, build, changed, fit, read_yaml
 from springgym.theory.rope import catenary
 from springgym.theory.top import steady_precession
 
@@ -123,7 +123,8 @@ def read(path: Path, changes: Changes | None = None) -> Plan:
         if isinstance(gravity, float) and gravity < 0:
             raise _error(tree, ("gravity",), f"gravity is {gravity:g}; it pulls down if it is positive")
         pull = (0.0, 0.0, -gravity) if isinstance(gravity, float) else gravity
-        met, paper = (Contact(), PaperContact())
+        met = Contact()
+        paper = PaperContact()
         if contact is not None:
             met, paper = build(_met, tree, ("contact",), skip=Contact.__dataclass_fields__, file=tree)
         world: dict[str, Any] = {"gravity": pull, "surfaces": _surfaces(tree), "contact": met}
@@ -196,7 +197,8 @@ def _known_checks(tree: Tree, path: tuple[str, ...], checks: Sequence[str]) -> N
 
 def _refuse_unused(tree: Tree, bodies: int, collisions: Collisions) -> None:
     """Refuse keys of a file without effect: a contact by which nothing can touch, and what belongs to it."""
-    surfaces, several = bool(tree.value.get("surfaces")), bodies > 1
+    surfaces = bool(tree.value.get("surfaces"))
+    several = bodies > 1
     if "collisions" in tree.value and not several:
         raise _error(tree, ("collisions",), "a single body collides with no other")
     if tree.value.get("contact") is None:
@@ -214,7 +216,8 @@ def _traced(tree: Tree, scene: Scene, trace: str | int | None) -> int | None:
     """Return the particle whose path is drawn; with several bodies, its name is "body.part"."""
     if trace is None:
         return None
-    number, part = 0, trace
+    number = 0
+    part = trace
     if "bodies" in tree.value:
         name, _, part = str(trace).partition(".")
         if not part:
@@ -223,7 +226,8 @@ def _traced(tree: Tree, scene: Scene, trace: str | int | None) -> int | None:
         names = [placed.name for placed in scene.bodies]
         if name not in names:
             raise _error(tree, ("trace",), f"unknown body {shown(name)}{suggestion(name, names)}")
-        number, part = names.index(name), int(part) if part.isdecimal() else part
+        number = names.index(name)
+        part = int(part) if part.isdecimal() else part
     found = _particles(tree, ("trace",), scene.bodies[number].body, (part,))
     if len(found) > 1:
         raise _error(tree, ("trace",), f"{shown(trace)} is {len(found)} particles; trace takes one")
@@ -333,7 +337,7 @@ MADE = (
     "top gyroscope cube box rope ball rolling_ball ellipsoid disk capsule "
     "solid_top solid_box solid_hull solid_rope solid_mesh"
 )
-"""Functions of `springgym.bodies` that scene files call by their names."""
+"""Functions of `springgym.model.bodies` that scene files call by their names."""
 
 KINDS: dict[str, Callable[..., Body]] = {name: getattr(makers, name) for name in MADE.split()}
 KINDS |= {"points": from_points, "mesh": from_mesh, "net": _net}
@@ -342,7 +346,8 @@ KINDS |= {"points": from_points, "mesh": from_mesh, "net": _net}
 
 def _body(tree: Tree, path: tuple[str, ...]) -> Body:
     """Read the body at a path: its ``kind``, and the arguments of the function that makes it."""
-    entries, place = tree.at(path), tree.where[path]
+    entries = tree.at(path)
+    place = tree.where[path]
     if not isinstance(entries, dict) or not isinstance(entries.get("kind"), str):
         raise YamlError(f"{place}: {'.'.join(path)} must be a mapping with a kind")
     kind = entries["kind"]
@@ -482,7 +487,7 @@ def _started(
     kick: Mapping[str, Vector] | None = None,
     stretched: bool = True,
 ) -> _Beginning:
-    """Return a body's start, by `springgym.bodies.start`; the precession may be "slow" or "fast".
+    """Return a body's start, by `springgym.model.bodies.start`; the precession may be "slow" or "fast".
 
     These are the steady precessions of a heavy top. The body is moved so that its lowest particle is at
     ``height`` [m] above the first surface, a plane (or above z = 0); at "rest" the lowest particles share the

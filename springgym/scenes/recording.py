@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from springgym.checks import apart, chosen, flag, function, instance, refusing_unknown
-from springgym.contact.totals import PairReadings
-from springgym.contacts import Contacts
-from springgym.dynamics import DYNAMICS
-from springgym.integrators.record import Integrator
-from springgym.measures import SIZE, Measures, view
+from springgym.dynamics.contact.totals import PairReadings
+from springgym.dynamics.contacts import Contacts
+from springgym.dynamics.measures import SIZE, Measures, view
+from springgym.dynamics.methods.record import Integrator
+from springgym.dynamics.stepping import DYNAMICS
 from springgym.scenes.plan import Plan
 from springgym.simulator import SimulationDivergedError, Simulator
 
@@ -127,14 +127,17 @@ def record(
     told: list[PairReadings] = []
     touching: list[Contacts] = []
     floppy = any(placed.body.floppy for placed in plan.scene.bodies)
-    done, shadow = 0, [math.nan, math.nan]
+    done = 0
+    shadow = [math.nan, math.nan]
     try:
         for n in progress(range(count)):
             if n > 0:
                 simulator.advance(steps, check=not floppy)  # a cord may double its length
             simulator.read()
             read = simulator.readout
-            rows[n], positions[n], velocities[n] = read.rows[0], read.positions[0], read.velocities[0]
+            rows[n] = read.rows[0]
+            positions[n] = read.positions[0]
+            velocities[n] = read.velocities[0]
             each[n] = read.bodies[0]
             told.append(simulator.pairs())
             if (contacts or plan.contacts) and (found := contacts_of(simulator)) is not None:

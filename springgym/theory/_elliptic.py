@@ -35,7 +35,8 @@ def incomplete_f(sine: float, cosine: float, m1: float) -> float:
     from scipy.special import elliprf
 
     size = math.hypot(sine, cosine)
-    s, c = sine / size, cosine / size
+    s = sine / size
+    c = cosine / size
     return float(s * elliprf(c * c, c * c + m1 * s * s, 1.0))
 
 
@@ -59,9 +60,11 @@ def jacobi(u: Floats, m1: float) -> Jacobi:
     scale = math.pi / 2 / complete_k(1 - m1)
     n = np.arange(-8, 9) if m1 > 0 else np.zeros(1)
     x = scale * (r[..., None] - (2 * quarter * n if m1 > 0 else n))
-    sign, poles = 1 - 2 * np.mod(n, 2), 1 / np.cosh(np.clip(x, -700, 700))
+    sign = 1 - 2 * np.mod(n, 2)
+    poles = 1 / np.cosh(np.clip(x, -700, 700))
     factor = scale / math.sqrt(1 - m1)
-    sn, cn = factor * (np.tanh(x) @ sign), factor * (poles @ sign)
+    sn = factor * (np.tanh(x) @ sign)
+    cn = factor * (poles @ sign)
     return Jacobi(parity * sn, parity * cn, scale * poles.sum(axis=-1), turns)
 
 
@@ -80,13 +83,15 @@ def third_kind(functions: Jacobi, m1: float, p: float, q: float) -> Floats:
         return np.asarray(s * (elliprf(c2, d2, 1.0) + weight / 3 * s**2 * third))
 
     parity = 1 - 2 * np.mod(functions.turns, 2)
-    s, c2 = parity * functions.sn, functions.cn**2
+    s = parity * functions.sn
+    c2 = functions.cn**2
     end = np.ones(()), np.zeros(())
     if p >= q or m1 == 0:
         part = carlson(s, c2, q / p, 1 - q / p) / p
         whole = carlson(*end, q / p, 1 - q / p) / p if functions.turns.any() else 0.0
     else:
-        ratio, weight = m1 * p / q, m1 * (1 - p / q)
+        ratio = m1 * p / q
+        weight = m1 * (1 - p / q)
         whole = carlson(*end, ratio, weight) / q
         other = np.abs(functions.cn) / functions.dn, m1 * (s / functions.dn) ** 2
         part = np.sign(s) * (whole - carlson(*other, ratio, weight) / q)

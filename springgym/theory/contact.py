@@ -86,7 +86,8 @@ def _stiff(strength: float, reach: float, weight: float) -> float:
 
 def _larger_root(energy: float, strength: float, reach: float, weight: float) -> float:
     """Return the larger root of U(h) + m g h = E, as a quadratic in h; the roots' product is c / _stiff."""
-    stiff, half = _stiff(strength, reach, weight), strength / reach + energy / 2
+    stiff = _stiff(strength, reach, weight)
+    half = strength / reach + energy / 2
     # half^2 - stiff c, without the cancellation of c^2 / Delta^2
     square = energy**2 / 4 + strength * (energy / reach - weight)
     if square < 0 or half < 0:
@@ -125,7 +126,9 @@ def rebound(speed: float, restitution: float, slow: float) -> float:
     if restitution == 1 or speed == 0:
         return 1.0
     angles = np.linspace(0.0, math.asinh(speed / slow), 40001)
-    rise, up, kept = np.sinh(angles) * np.cosh(angles) ** 2, np.exp(angles), restitution**2
+    rise = np.sinh(angles) * np.cosh(angles) ** 2
+    up = np.exp(angles)
+    kept = restitution**2
     # cosh a ± beta sinh a, but for a factor, without cancellation
     way_in, way_out = (_sums(rise / (kept / grows + grows), angles) for grows in (up, 1 / up))
     return math.sinh(float(np.interp(way_in[-1], way_out, angles))) * slow / speed

@@ -39,7 +39,8 @@ NEAR = 1e-5
 def leaning(angle: float, count: int, height: float, thickness: float, space: float) -> tuple[Floats, Floats]:
     """Return angles θᵢ [rad] of `count` dominoes, from the foremost back, and rates dθᵢ/dθ, each (count,)."""
     pitch = space + thickness
-    angles, rates = np.zeros(count), np.ones(count)
+    angles = np.zeros(count)
+    rates = np.ones(count)
     angles[0] = angle
     for n in range(1, count):
         before = angles[n - 1]
@@ -104,7 +105,9 @@ def impacts(
         pull = 0.5 * gravity / inertia * (height * np.sin(angles) - thickness * np.cos(angles))
         return float(f @ rates), float(f @ (after - before)) / (2 * NEAR), float(f @ pull)
 
-    rate, time, found = start, 0.0, []
+    rate = start
+    time = 0.0
+    found = []
     for train in range(1, count + 1):
         known = [sums(0.5 * part * n, train) for n in range(2 * PARTS + 1)]
 

@@ -27,9 +27,12 @@ def euler_zxz(phi: ArrayLike, theta: ArrayLike, psi: ArrayLike) -> Floats:
     Source: Goldstein, Poole & Safko, *Classical Mechanics*, 3rd ed., section 4.4.
     """
     phi, theta, psi = np.broadcast_arrays(*(np.asarray(x, float) for x in (phi, theta, psi)))
-    cf, sf = np.cos(phi), np.sin(phi)
-    ct, st = np.cos(theta), np.sin(theta)
-    cp, sp = np.cos(psi), np.sin(psi)
+    cf = np.cos(phi)
+    sf = np.sin(phi)
+    ct = np.cos(theta)
+    st = np.sin(theta)
+    cp = np.cos(psi)
+    sp = np.sin(psi)
     rows = (
         (cf * cp - sf * ct * sp, -cf * sp - sf * ct * cp, sf * st),
         (sf * cp + cf * ct * sp, -sf * sp + cf * ct * cp, -cf * st),
@@ -55,6 +58,7 @@ def carry(frame: ArrayLike, omega_world: ArrayLike, points: ArrayLike) -> tuple[
     positions, velocities : ndarray, shape S + (N, 3)
         From the fixed point, m and m/s.
     """
-    frame, omega = np.asarray(frame, float), np.asarray(omega_world, float)
+    frame = np.asarray(frame, float)
+    omega = np.asarray(omega_world, float)
     positions = np.asarray(points, float) @ np.swapaxes(frame, -1, -2)
     return positions, np.cross(omega[..., None, :], positions)

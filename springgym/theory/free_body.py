@@ -91,7 +91,8 @@ def _circulation(inertia: Floats, omega: Floats) -> _Circulation | None:
     floor = 1e-100 * max(1.0, abs(omega).max())  # squares of less would underflow
     omega = np.where(abs(omega) < floor, 0.0, omega)
     order = np.argsort(inertia)
-    difference, other = inertia - np.roll(inertia, 1), np.roll(omega, 1)
+    difference = inertia - np.roll(inertia, 1)
+    other = np.roll(omega, 1)
     if not (difference * omega * other).any():
         return None
     gaps = inertia * (inertia - inertia[order[1]])  # D_b = sum of gaps w^2
@@ -99,11 +100,13 @@ def _circulation(inertia: Floats, omega: Floats) -> _Circulation | None:
         order = order[::-1]
     turn = np.eye(3)[order]
     turn *= np.linalg.det(turn).round()
-    moments, spin = inertia[order], turn @ omega
+    moments = inertia[order]
+    spin = turn @ omega
     ia, ib, ic = moments
     d_a, d_b, d_c = (float(moments * (moments - other) @ spin**2) for other in moments)
     amplitude = np.sqrt([d_c / (ia * (ia - ic)), d_c / (ib * (ib - ic)), d_a / (ic * (ic - ia))])
-    first, last = math.copysign(1.0, spin[0]), math.copysign(1.0, spin[2])
+    first = math.copysign(1.0, spin[0])
+    last = math.copysign(1.0, spin[2])
     signs = np.array([first, first * last * math.copysign(1.0, ic - ib), last])
     m1 = min((ic - ia) * d_b / ((ic - ib) * d_a), 1.0)
     rate = math.sqrt((ic - ib) * d_a / (ia * ib * ic))
@@ -175,7 +178,8 @@ def motion(inertia: ArrayLike, omega: ArrayLike, t: ArrayLike, frame: ArrayLike 
     if solution is None:
         return _steady(omega, t, first)
     ia, ib, ic = solution.moments
-    p, q = ia / (ic - ia), ib / (ic - ib)
+    p = ia / (ic - ia)
+    q = ib / (ic - ib)
     momentum = float(np.linalg.norm(inertia * omega))
     side = math.copysign(1.0, p)
 
@@ -199,7 +203,8 @@ def _wound(solution: _Circulation, p: float, q: float, now: Jacobi, phase: Float
     Two integrals from 0 would cancel over a small phase; there it is Gauss's quadrature, whose error is
     below round-off while the nearest pole, about sqrt(p/q) or sqrt(q/p) off, is ten times as far.
     """
-    start, m1 = np.asarray(solution.start), solution.m1
+    start = np.asarray(solution.start)
+    m1 = solution.m1
     wound = third_kind(now, m1, p, q) - third_kind(jacobi(start, m1), m1, p, q)
     small = abs(phase) < 0.1 * math.sqrt(min(p / q, q / p))
     if not small.any():

@@ -73,8 +73,10 @@ def impact(
     if not squares[-1] > 0:
         raise ValueError("the body does not vibrate; it needs a spring between two particles")
     slow = math.sqrt(squares[squares > 1e-9 * squares[-1]][0])
-    springs, dampers = np.asarray(stiffness, float) / mass, np.asarray(damping, float) / mass
-    vertical, step = slice(2, None, 3), RADIANS / quick
+    springs = np.asarray(stiffness, float) / mass
+    dampers = np.asarray(damping, float) / mass
+    vertical = slice(2, None, 3)
+    step = RADIANS / quick
 
     def rate(state: Floats) -> Floats:
         u, v = state

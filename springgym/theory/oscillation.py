@@ -36,11 +36,15 @@ def damped(
 
     Source: Landau & Lifshitz, *Mechanics*, 3rd ed., section 25.
     """
-    t, g, square = np.asarray(t, float), damping / (2 * mass), stiffness / mass
+    t = np.asarray(t, float)
+    g = damping / (2 * mass)
+    square = stiffness / mass
     gap = g**2 - square
     if gap < 0:
         w = math.sqrt(-gap)
-        decay, c, s = np.exp(-g * t), np.cos(w * t), np.sin(w * t) / w
+        decay = np.exp(-g * t)
+        c = np.cos(w * t)
+        s = np.sin(w * t) / w
         return decay * (x * c + (v + g * x) * s), decay * (v * c - (g * v + square * x) * s)
     fast = g + math.sqrt(gap)
     slow = square / fast
@@ -89,7 +93,8 @@ def spun_pair(mass: float, stiffness: float, rest_length: float, momentum: float
     mass, stiffness, rest_length, momentum : float
         Each mass, kg; N/m; m; kg m^2/s.
     """
-    low, high = 0.0, math.sqrt(2 * stiffness / mass)
+    low = 0.0
+    high = math.sqrt(2 * stiffness / mass)
     while low < (spin := (low + high) / 2) < high:
         length = spun_pair_length(mass, stiffness, rest_length, spin)
         low, high = (spin, high) if mass * spin * length**2 / 2 < abs(momentum) else (low, spin)

@@ -108,9 +108,11 @@ def motion(inertia: float, mgl: float, theta: float, theta_dot: float, t: ArrayL
     """
     if not abs(theta) <= math.pi:
         raise ValueError(f"theta must lie in [-pi, pi] rad, got {theta!r}")
-    t, w = np.asarray(t, float), math.sqrt(mgl / inertia)
+    t = np.asarray(t, float)
+    w = math.sqrt(mgl / inertia)
     sign = -1.0 if theta_dot < 0 else 1.0  # solve the mirror image that starts with a rate >= 0
-    half, speed = sign * theta / 2, abs(theta_dot) / (2 * w)
+    half = sign * theta / 2
+    speed = abs(theta_dot) / (2 * w)
     modulus = math.hypot(math.sin(half), speed)
     depth = math.sin((math.pi - abs(theta)) / 2) ** 2
     excess = depth - speed**2  # 1 - k^2

@@ -116,7 +116,8 @@ def after_struck(
     velocities of the first ball and of the struck one, each (3,): 2/7 and 5/7 of v for head-on impacts of
     solid balls with e = 1
     """
-    came, along = np.asarray(velocity, float), np.asarray(line, float)
+    came = np.asarray(velocity, float)
+    along = np.asarray(line, float)
     given = (1 + restitution) / 2 * float(came @ along) / (1 + moment) * along
     return came - given, given
 
@@ -281,12 +282,14 @@ def rolling_ellipsoid(
     angular velocities (T, 3), rad/s, and frames (T, 3, 3)
     """
     matrix = np.diag(np.asarray(semi_axes, float) ** 2)
-    tensor, arm = np.asarray(inertia, float), np.asarray(offset, float)
+    tensor = np.asarray(inertia, float)
+    arm = np.asarray(offset, float)
     up = np.array([0.0, 0.0, 1.0])
 
     def slope(turn: Floats, w: Floats) -> tuple[Floats, Floats]:
         g = turn.T @ up
-        pull, change = matrix @ g, -matrix @ np.cross(turn.T @ w, g)
+        pull = matrix @ g
+        change = -matrix @ np.cross(turn.T @ w, g)
         size = math.sqrt(float(g @ pull))
         rho = turn @ (arm - pull / size)
         moves = np.cross(w, rho) - turn @ (change / size - pull * (float(g @ change) / size**3))
@@ -297,7 +300,8 @@ def rolling_ellipsoid(
 
     moments = np.asarray(times, float)
     h = float(moments[1] - moments[0]) / steps
-    turn, w = np.array(frame, float), np.array(omega, float)
+    turn = np.array(frame, float)
+    w = np.array(omega, float)
     found = [(w, turn)]
     for _ in range(len(moments) - 1):
         for _ in range(steps):

@@ -173,7 +173,8 @@ def catenary(
         loose = int(np.argmin(edges(least, lift(least))[1]))
         raise ValueError(f"spring {loose} goes slack: no catenary with all in tension")
     while gap(most) < 0:
-        least, most = most, 2 * most
+        least = most
+        most = 2 * most
     across = root(gap, least, most)
     edge, tension = edges(across, lift(across))
     return Catenary(np.vstack([np.zeros(2), np.cumsum(edge, axis=0)]), tension)
@@ -209,7 +210,8 @@ def cable_bounce(load: float, mass: float, young: float, section: float, length:
 
     Source: Rao, *Mechanical Vibrations*, 5th ed., section 8.3.
     """
-    low, high = 0.0, math.pi / 2
+    low = 0.0
+    high = math.pi / 2
     while low < (x := (low + high) / 2) < high:
         low, high = (x, high) if load * x * math.sin(x) < mass * math.cos(x) else (low, x)
     return x * math.sqrt(young * section / (mass * length))

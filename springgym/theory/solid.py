@@ -155,7 +155,8 @@ def cylinder_rule(radius: float, height: float, degree: int = DEGREE) -> Rule:
 def _revolved(profile: Callable[[Floats], Floats], height: float, degree: int) -> Rule:
     """Return the rule of a solid about z from z = 0 to its height, of radius profile(z), linear in z."""
     t, w = legendre.leggauss(degree + 2)
-    share, weight = (t + 1) / 2, w / 2
+    share = (t + 1) / 2
+    weight = w / 2
     turns = 2 * degree + 1
     angle = 2 * math.pi * (np.arange(turns) + 0.5) / turns
     z, s, a = np.meshgrid(height * share, share, angle, indexing="ij")
@@ -168,7 +169,8 @@ def _revolved(profile: Callable[[Floats], Floats], height: float, degree: int) -
 def ball_rule(radius: float, degree: int = DEGREE) -> Rule:
     """Return the rule of a ball about the origin, m."""
     t, w = legendre.leggauss(degree + 2)
-    share, weight = (t + 1) / 2, w / 2
+    share = (t + 1) / 2
+    weight = w / 2
     turns = 2 * degree + 1
     angle = 2 * math.pi * (np.arange(turns) + 0.5) / turns
     r, u, a = np.meshgrid(radius * share, t, angle, indexing="ij")
@@ -195,7 +197,8 @@ def polyhedron_rule(points: ArrayLike, triangles: ArrayLike, degree: int = DEGRE
     middle = corners.mean(axis=0)
     edges = corners[np.asarray(triangles, int)] - middle
     t, w = legendre.leggauss(degree + 2)
-    share, weight = (t + 1) / 2, w / 2
+    share = (t + 1) / 2
+    weight = w / 2
     a, b, c = (axis.ravel() for axis in np.meshgrid(share, share, share, indexing="ij"))
     places = np.stack([a * (1 - b), a * b * (1 - c), a * b * c], axis=-1)  # Duffy's collapsed cube
     collapsed = a**2 * b * np.einsum("i,j,k->ijk", weight, weight, weight).ravel()
@@ -290,11 +293,14 @@ class _Basis(NamedTuple):
 
 def _basis(rule: Rule) -> _Basis:
     degree = rule.degree
-    low, high = rule.points.min(axis=0), rule.points.max(axis=0)
-    middle, half = (high + low) / 2, (high - low) / 2
+    low = rule.points.min(axis=0)
+    high = rule.points.max(axis=0)
+    middle = (high + low) / 2
+    half = (high - low) / 2
     powers = np.array([p for p in np.ndindex((degree + 1,) * 3) if sum(p) <= degree])
     count = len(powers)
-    gram, arms = np.zeros((count, count)), np.zeros((count, 3))
+    gram = np.zeros((count, count))
+    arms = np.zeros((count, 3))
 
     def at(points: Floats) -> Floats:
         t = (points - middle) / half
@@ -302,7 +308,8 @@ def _basis(rule: Rule) -> _Basis:
         return np.asarray(x * y * z)
 
     for start in range(0, len(rule.weights), CHUNK):
-        points, weights = rule.points[start : start + CHUNK], rule.weights[start : start + CHUNK]
+        points = rule.points[start : start + CHUNK]
+        weights = rule.weights[start : start + CHUNK]
         phi = at(points)
         gram += phi.T @ (weights[:, None] * phi)
         arms += phi.T @ (weights[:, None] * points)

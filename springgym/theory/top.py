@@ -137,8 +137,10 @@ def cone_top_inertia(mass: float, radius: float, height: float, gravity: float =
 
 def constants(top: HeavyTop, state: TopState) -> Constants:
     """Return constants a, b, alpha, beta of f(u) (Goldstein section 5.7)."""
-    u, sin2 = math.cos(state.theta), math.sin(state.theta) ** 2
-    a, beta = top.i3 * state.omega3 / top.i1, 2 * top.mgl / top.i1
+    u = math.cos(state.theta)
+    sin2 = math.sin(state.theta) ** 2
+    a = top.i3 * state.omega3 / top.i1
+    beta = 2 * top.mgl / top.i1
     return Constants(
         a=a,
         b=a * u + sin2 * state.phi_dot,
@@ -159,7 +161,8 @@ def effective_potential(theta: ArrayLike, top: HeavyTop, state: TopState) -> Flo
     I1 theta_dot^2 / 2 + V(theta) is constant. `state` gives the constants a and b; theta in rad
     must not be a multiple of pi. Source: Goldstein section 5.7.
     """
-    of, theta = constants(top, state), np.asarray(theta, float)
+    of = constants(top, state)
+    theta = np.asarray(theta, float)
     lift = (of.b - of.a * np.cos(theta)) / np.sin(theta)
     return np.asarray(0.5 * top.i1 * lift**2 + top.mgl * np.cos(theta))
 
@@ -188,9 +191,11 @@ def _roots(top: HeavyTop, state: TopState) -> _Roots:
     """
     a, _, _, beta = constants(top, state)
     u = math.cos(state.theta)
-    down, up = 2 * math.sin(state.theta / 2) ** 2, 2 * math.sin((math.pi - state.theta) / 2) ** 2
+    down = 2 * math.sin(state.theta / 2) ** 2
+    up = 2 * math.sin((math.pi - state.theta) / 2) ** 2
     sin2 = down * up
-    low, high = sin2 * state.phi_dot - a * down, sin2 * state.phi_dot + a * up
+    low = sin2 * state.phi_dot - a * down
+    high = sin2 * state.phi_dot + a * up
     # a pole missed by less than 1e-30 is met, an amplitude below 1e-50 is none: squares underflow
     poles = low if low**2 > 1e-60 * beta else 0.0, high if high**2 > 1e-60 * beta else 0.0
     c0 = sin2 * state.theta_dot**2
@@ -201,12 +206,14 @@ def _roots(top: HeavyTop, state: TopState) -> _Roots:
         return _Roots((down, down), (up, up), -c2 / beta - down, 0.0, 0.0, poles)
     x3 = 1 + max(abs(c0), abs(c1), abs(c2)) / beta
     while True:
-        value, slope = ((beta * x3 + c2) * x3 + c1) * x3 + c0, (3 * beta * x3 + 2 * c2) * x3 + c1
+        value = ((beta * x3 + c2) * x3 + c1) * x3 + c0
+        slope = (3 * beta * x3 + 2 * c2) * x3 + c1
         if value <= 0 or slope <= 0 or x3 - value / slope >= x3:
             break
         x3 -= value / slope
     x3 = max(x3, down)
-    p, q = -(c0 / x3 + c1) / (beta * x3), -c0 / (beta * x3)
+    p = -(c0 / x3 + c1) / (beta * x3)
+    q = -c0 / (beta * x3)
     large = abs(p) / 2 + math.sqrt(p**2 / 4 - q)
     small = -q / large
     fall, rise = (large, small) if p >= 0 else (small, large)
@@ -259,7 +266,8 @@ def steady_precession(top: HeavyTop, theta: float, omega3: float) -> tuple[float
 
     Source: Goldstein section 5.7.
     """
-    momentum, cosine = top.i3 * omega3, math.cos(theta)
+    momentum = top.i3 * omega3
+    cosine = math.cos(theta)
     square = momentum**2 - 4 * top.i1 * top.mgl * cosine
     if square < 0 or (square == 0 and momentum == 0):
         least = 2 * math.sqrt(max(top.i1 * top.mgl * cosine, 0.0)) / top.i3
@@ -285,7 +293,8 @@ def nutation_frequency(top: HeavyTop, theta: float, precession: float) -> float:
     Source: -f''(u)/2 at the double root; for a fast top it tends to I3 omega3 / I1
     at the slow root.
     """
-    push, turn = top.mgl / (top.i1 * precession), precession
+    push = top.mgl / (top.i1 * precession)
+    turn = precession
     return math.sqrt(push**2 - 2 * push * turn * math.cos(theta) + turn**2)
 
 
@@ -335,11 +344,14 @@ def motion(top: HeavyTop, state: TopState, t: ArrayLike) -> TopMotion:
 
     Source: Whittaker chapter VI; integrals by Carlson's forms, DLMF 19.25.
     """
-    of, roots, t = constants(top, state), _roots(top, state), np.asarray(t, float)
+    of = constants(top, state)
+    roots = _roots(top, state)
+    t = np.asarray(t, float)
     low, high = roots.poles
     if roots.fall == 0 and roots.rise == 0:
         flat = np.zeros_like(t)
-        sine, cosine = np.full_like(t, math.sin(state.theta / 2)), flat + math.sqrt(roots.above[0] / 2)
+        sine = np.full_like(t, math.sin(state.theta / 2))
+        cosine = flat + math.sqrt(roots.above[0] / 2)
         theta_dot = flat
         near = 0.5 * low / roots.below[0] * t if low else flat
         far = 0.5 * high / roots.above[0] * t if high else flat
@@ -347,7 +359,8 @@ def motion(top: HeavyTop, state: TopState, t: ArrayLike) -> TopMotion:
         rate = math.sqrt(of.beta * (roots.third + roots.below[0])) / 2
         side = -1.0 if state.theta_dot > 0 else 1.0
         start = side * incomplete_f(math.sqrt(roots.fall), math.sqrt(roots.rise), roots.m1)
-        begin, now = jacobi(np.asarray(start), roots.m1), jacobi(start + rate * t, roots.m1)
+        begin = jacobi(np.asarray(start), roots.m1)
+        now = jacobi(start + rate * t, roots.m1)
 
         def integral(distances: tuple[float, float]) -> Floats:
             ends = third_kind(now, roots.m1, *distances), third_kind(begin, roots.m1, *distances)
@@ -380,7 +393,10 @@ def motion(top: HeavyTop, state: TopState, t: ArrayLike) -> TopMotion:
     if high:
         phi_dot = phi_dot + high / (4 * cosine**2)
     frame = euler_zxz(phi, theta, psi)
-    cf, sf, ct, st = np.cos(phi), np.sin(phi), np.cos(theta), np.sin(theta)
+    cf = np.cos(phi)
+    sf = np.sin(phi)
+    ct = np.cos(theta)
+    st = np.sin(theta)
     across = np.stack([-ct * sf, ct * cf, st], axis=-1)
     node = np.stack([cf, sf, np.zeros_like(t)], axis=-1)
     omega = theta_dot[..., None] * node + (phi_dot * st)[..., None] * across + state.omega3 * frame[..., :, 2]

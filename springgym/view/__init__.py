@@ -23,12 +23,12 @@ from typing import Any
 
 from springgym.checks import instance, number, printable
 from springgym.cli import check_new, whole_file
-from springgym.extras import missing
-from springgym.registration import nearest_id
+from springgym.core.extras import missing
+from springgym.dynamics.stability import automatic_step
+from springgym.envs.registration import nearest_id
 from springgym.scenes import load, names
 from springgym.scenes.film import SLOWEST, told
 from springgym.scenes.recording import Recording, record
-from springgym.stability import automatic_step
 from springgym.view.knobs import knobs
 from springgym.view.motion import Motion, of_recording
 from springgym.view.page import FPS, STYLE, TICKS, Changes, Page, Subject, key
@@ -135,7 +135,7 @@ def simulated(scene: str, changes: Changes) -> Motion:
     """
     plan = load(scene, changes)
     if plan.step is not None and changes:
-        from springgym.integrators import integrator
+        from springgym.dynamics.methods import integrator
 
         plan = replace(plan, step=min(plan.step, automatic_step(plan.scene, integrator(plan.integrator))))
     return of_recording(record(plan, contacts=True))

@@ -7,13 +7,13 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-import springgym.registration
-from springgym import measures
+import springgym.envs.registration
 from springgym.checks import counted
+from springgym.dynamics import measures
 from springgym.envs.agent import Policy, alone
+from springgym.envs.registration import spec_of
 from springgym.envs.trained import Agent, load_agent
-from springgym.identity import sealed
-from springgym.registration import spec_of
+from springgym.model.identity import sealed
 from springgym.scenes import film
 from springgym.scenes.graphs import graphs
 from springgym.scenes.recording import contacts_of
@@ -52,7 +52,7 @@ def find_agent(agent: str | None, env_id: str) -> Agent:
     ValueError
         If there is no such agent.
     """
-    springgym.registration.register()
+    springgym.envs.registration.register()
     if agent in (None, "noop", "random"):
         spec_of(env_id)
     if agent in (None, "noop"):
@@ -97,13 +97,20 @@ def played(agent: Agent, seed: int) -> Motion:
     inner: Any = env.unwrapped
     if not hasattr(inner, "episodes"):
         raise ValueError(f"{agent.env_id} is not a springgym environment")
-    policy, task, simulator = agent.policy(env), inner.episodes.task, inner.episodes.simulator
+    policy = agent.policy(env)
+    task = inner.episodes.task
+    simulator = inner.episodes.simulator
     observation, info = env.reset(seed=seed)
     every = simulator.damping_every
     cycles = inner.episodes.steps // every
     parts = min(cycles, max(1, round(task.period / INTERVAL)))
-    rows, bodies, positions, marks, touching = [], [], [], [], []
-    times, before = [0.0], simulator.state()
+    rows = []
+    bodies = []
+    positions = []
+    marks = []
+    touching = []
+    times = [0.0]
+    before = simulator.state()
 
     def keep() -> None:
         rows.append(simulator.readout.rows[0].copy())
@@ -116,7 +123,8 @@ def played(agent: Agent, seed: int) -> Motion:
     def repeat() -> None:
         """Repeat the same control period, to record intermediate states."""
         nonlocal before
-        start, after = times[-1], simulator.state()
+        start = times[-1]
+        after = simulator.state()
         acting = {name: values for name, values in after.items() if name.startswith(ACTUATORS)}
         simulator.restore(sealed(before | acting))
         taken = 0
@@ -134,13 +142,17 @@ def played(agent: Agent, seed: int) -> Motion:
 
     keep()
     inner.episodes.each_period = repeat
-    total, over = 0.0, False
+    total = 0.0
+    over = False
     while not over:
         observation, reward, terminated, truncated, info = env.step(policy(alone(observation))[0])
-        total, over = total + float(reward), terminated or truncated
-    m, x = measures.view(np.stack(rows)), np.stack(positions)
+        total = total + float(reward)
+        over = terminated or truncated
+    m = measures.view(np.stack(rows))
+    x = np.stack(positions)
     of_bodies = [measures.view(own) for own in np.stack(bodies, axis=1)]
-    look, camera = task.look(), task.camera()
+    look = task.look()
+    camera = task.camera()
     away = np.subtract(camera.eye, camera.target)
     env.close()
     steps = round(times[-1] / task.action_period)

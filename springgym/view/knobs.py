@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
-from springgym.scene import GRAVITY
+from springgym.model.scene import GRAVITY
 from springgym.scenes.reading import KINDS, document
 
 MOST_BODIES = 40

@@ -8,14 +8,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from springgym.contacts import Contacts
+from springgym.dynamics.contacts import Contacts
+from springgym.model.scene import Scene
+from springgym.model.surfaces import scales
 from springgym.rendering import Camera, Look, Marks, Scenery
 from springgym.rendering.look import GREEN, INK, SLATE, TEAL, Color
-from springgym.scene import Scene
 from springgym.scenes import film
 from springgym.scenes.graphs import Curve, graphs, turns
 from springgym.scenes.recording import Recording, rigid_twin
-from springgym.surfaces import scales
 
 PURPLE: Color = (128, 72, 160)
 STEEPEST = 4.0
@@ -123,7 +123,9 @@ def extent_of(positions: np.ndarray) -> float:
 
 def of_recording(recording: Recording, *, twin: bool = True) -> Motion:
     """Return the motion of a recorded scene; with ``twin``, beside the path of its rigid twin, if any."""
-    plan, m, x = recording.plan, recording.measures, recording.positions
+    plan = recording.plan
+    m = recording.measures
+    x = recording.positions
     scene = plan.scene
     rigid = rigid_twin(recording) if twin else None
     paths = {}
@@ -159,7 +161,9 @@ def _arrows(recording: Recording) -> dict[str, Arrows]:
 
     The support follows from the momentum P: pin and surfaces together exert dP/dt − M g.
     """
-    scene, m, x = recording.plan.scene, recording.measures, recording.positions
+    scene = recording.plan.scene
+    m = recording.measures
+    x = recording.positions
     size = 0.6 * extent_of(x)
     drawn: dict[str, Arrows] = {}
     weight = weight_of(scene)
@@ -199,12 +203,14 @@ def touches(scene: Scene, found: Sequence[Contacts], positions: np.ndarray) -> T
     most = max((of.there.shape[1] for of in found), default=0)
     if not most:
         return None
-    points, forces = np.full((len(found), most, 3), np.nan), np.zeros((len(found), most, 3))
+    points = np.full((len(found), most, 3), np.nan)
+    forces = np.zeros((len(found), most, 3))
     mutual = np.zeros((len(found), most), bool)
     for n, of in enumerate(found):
         there = of.there[0]
         count = int(there.sum())
-        points[n, :count], forces[n, :count] = of.point[0, there], of.force[0, there]
+        points[n, :count] = of.point[0, there]
+        forces[n, :count] = of.force[0, there]
         mutual[n, :count] = of.second[0, there] >= 0
     size = np.linalg.norm(forces, axis=2)
     unit = float(np.linalg.norm(weight_of(scene))) or float(size.max()) / STEEPEST or 1.0
@@ -231,7 +237,8 @@ def _supported_at(recording: Recording) -> np.ndarray:
 
     Where no contact is recorded, it is the mean of the particles within 1.5 Δ of a surface, or of the lowest.
     """
-    scene, x = recording.plan.scene, recording.positions
+    scene = recording.plan.scene
+    x = recording.positions
     if scene.pinned:
         return x[:, list(scene.pinned)].mean(axis=1)
     _, reach = scales(scene.contact, scene.body)

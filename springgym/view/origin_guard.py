@@ -60,7 +60,8 @@ def reject_reason(headers: Headers, names: re.Pattern[str] | None = NAMES) -> st
     names that resolve to this machine. ``Origin`` is the requesting page; requests for files may lack it,
     those for connections may not.
     """
-    hosts, origins = headers.get_all("Host"), headers.get_all("Origin")
+    hosts = headers.get_all("Host")
+    origins = headers.get_all("Origin")
     if len(hosts) != 1 or not (names is None or names.fullmatch(hosts[0].lower())):
         return f"Host is {hosts}; it must be this machine"
     own = [f"http://{hosts[0].lower()}"]

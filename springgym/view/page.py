@@ -96,7 +96,9 @@ class Page:
     """
 
     def __init__(self, server: Any, subject: Subject) -> None:
-        self._server, self._gui, self._subject = server, server.gui, subject
+        self._server = server
+        self._gui = server.gui
+        self._subject = subject
         self._stage = Stage(server)
         self._lock = threading.RLock()
         self._wanted: tuple[str, Changes] | None = None
@@ -227,10 +229,12 @@ class Page:
 
     def _turn_to(self, name: str, motion: Motion) -> None:
         """Show another motion, from its start."""
-        self.name, self.time = name, 0.0
+        self.name = name
+        self.time = 0.0
         for part in (*self._sliders.values(), *self._folders):
             part.remove()
-        self._sliders, self._folders = {}, []
+        self._sliders = {}
+        self._folders = []
         with self._tab:
             for body, knobs in groupby(self._subject.knobs(name), lambda knob: knob.body):
                 folder = self._gui.add_folder(body) if body else None
@@ -244,7 +248,8 @@ class Page:
             self._heed(slider, "sliders", lambda _: self._slid())
         self._reset.visible, self._nothing.visible = bool(self._sliders), not self._sliders
         travels = float(np.linalg.norm(np.ptp(motion.centre, axis=0))) > 6 * motion.extent
-        self._ticks["follow"].value, self._ticks["springs"].value = travels, motion.glassy
+        self._ticks["follow"].value = travels
+        self._ticks["springs"].value = motion.glassy
         self._stage.show(follow=travels, springs=motion.glassy)
         self._speed.value = fraction(motion.speed(FPS))
         self._show(motion)
@@ -377,7 +382,8 @@ class Page:
         """Make the requested motions, in the worker's thread."""
         while self._asked.wait() and not self._stopped.is_set():
             self._asked.clear()
-            wanted, self._wanted = self._wanted, None
+            wanted = self._wanted
+            self._wanted = None
             if wanted is not None and not self._tried(partial(self._make, *wanted)):
                 self._clear()
 
@@ -411,7 +417,8 @@ class Page:
         """Set clock, readings and the graph's pointer to the time of the motion."""
         if not self._shown:
             return
-        motion, (n, share) = self.motion, self.motion.at(self.time)
+        motion = self.motion
+        n, share = self.motion.at(self.time)
         self._moment.value = round(self.time, 3)
         texts = list(motion.marks[n].text) if motion.marks else []
         texts += [

@@ -21,7 +21,8 @@ FOV = 0.5
 SKY = ((250, 251, 253), (222, 229, 238))
 """Colours of the background at the top and at the bottom."""
 GROUND = (244, 247, 251)
-CELL, SECTION = (222, 228, 236), (196, 205, 217)
+CELL = (222, 228, 236)
+SECTION = (196, 205, 217)
 GLASS = 0.12
 """Opacity of a body whose springs are shown."""
 SKYLIGHT = 1.85
@@ -34,7 +35,8 @@ FROM_ACES = np.array(
     [[1.60475, -0.53108, -0.07367], [-0.10208, 1.10813, -0.00605], [-0.00327, -0.07276, 1.07602]]
 )
 """Tone mapping of three.js: between the matrices each channel x becomes (x² + a x − b)/(c x² + d x + e)."""
-BEFORE, AFTER = np.linalg.inv(TO_ACES).T, np.linalg.inv(FROM_ACES).T
+BEFORE = np.linalg.inv(TO_ACES).T
+AFTER = np.linalg.inv(FROM_ACES).T
 EXPOSURE = 1 / 0.6
 ASIDE = (-0.25, -0.1)
 """Shift of the camera right and up, in half heights of the picture: the graph is at the lower left."""
@@ -60,7 +62,8 @@ class Stage:
     """
 
     def __init__(self, server: Any) -> None:
-        self._server, self._scene = server, server.scene
+        self._server = server
+        self._scene = server.scene
         self._scene.set_up_direction("+z")
         shades = np.linspace(SKY[0], SKY[1], 64)[:, None].repeat(2, axis=1)
         self._scene.set_background_image(np.rint(shades).astype(np.uint8), format="png")
@@ -142,7 +145,8 @@ class Stage:
     # --- Building -----------------------------------------------------------------------------------
 
     def _add_scenery(self, motion: Motion) -> None:
-        scenery, x = motion.scenery, motion.positions
+        scenery = motion.scenery
+        x = motion.positions
         extent = max(float(np.ptp(x, axis=(0, 1)).max()), motion.extent)
         middle = x.reshape(-1, 3).mean(axis=0)
         flat = [] if scenery.floor is None else [((0.0, 0.0, scenery.floor), (0.0, 0.0, 1.0))]
@@ -192,7 +196,8 @@ class Stage:
             side="double",
             cast_shadow=False,
         )
-        across, along = net[::4], net[:, ::6]
+        across = net[::4]
+        along = net[:, ::6]
         lines = [np.stack([across[:, :-1], across[:, 1:]], axis=2), np.stack([along[:-1], along[1:]], axis=2)]
         self._scene.add_line_segments(
             f"/ground/net{number}",
@@ -204,7 +209,8 @@ class Stage:
 
     def _add_disk(self, name: str, rank: int, centre: Point, radius: float, color: Color) -> Any:
         """Show a horizontal disk; those of higher rank, from 1 on, lie imperceptibly above others."""
-        rim, up = circle((0.0, 0.0, 0.0), radius, 72), np.array([0.0, 0.0, 1e-3 * rank])
+        rim = circle((0.0, 0.0, 0.0), radius, 72)
+        up = np.array([0.0, 0.0, 1e-3 * rank])
         n = np.arange(1, len(rim) - 1)
         return self._scene.add_mesh_simple(
             name,
@@ -216,8 +222,10 @@ class Stage:
         )
 
     def _add_body(self, motion: Motion) -> None:
-        look, x = motion.look, motion.look.points(motion.positions[0])
-        triangles, colors = np.asarray(look.triangles), np.asarray(look.triangle_colors)
+        look = motion.look
+        x = motion.look.points(motion.positions[0])
+        triangles = np.asarray(look.triangles)
+        colors = np.asarray(look.triangle_colors)
         self._faces: list[tuple[Any, np.ndarray]] = []
         self._opacities: list[float | None] = []
         kinds = np.column_stack([colors, np.asarray(look.opacity)])
@@ -297,7 +305,8 @@ class Stage:
                 mesh.opacity = opacity
         if self._bars is not None:
             wxyzs, positions, scales = self._bar_poses(x)
-            self._bars.batched_wxyzs, self._bars.batched_positions = wxyzs, positions
+            self._bars.batched_wxyzs = wxyzs
+            self._bars.batched_positions = positions
             self._bars.batched_scales = scales
             self._bars.visible = not glass or not len(motion.lengths)
         if self._balls is not None:
@@ -348,7 +357,8 @@ class Stage:
 
     def _draw_contacts(self, motion: Motion, n: int) -> None:
         """Draw the contacts of time ``n``; they are not interpolated between times."""
-        points, vectors = np.zeros((0, 3)), np.zeros((0, 3))
+        points = np.zeros((0, 3))
+        vectors = np.zeros((0, 3))
         if motion.touches is not None and self._shown["contacts"]:
             points, vectors, mutual = (of[n] for of in motion.touches)
             there = np.isfinite(points).all(axis=1)
@@ -366,7 +376,9 @@ class Stage:
 
     def _arrows(self, name: str, starts: np.ndarray, along: np.ndarray, color: Any, size: float) -> None:
         """Draw arrows from points (n, 3) by vectors (n, 3) [m]."""
-        points, shaft, head = np.stack([starts, starts + along], axis=1), 0.014 * size, 0.04 * size
+        points = np.stack([starts, starts + along], axis=1)
+        shaft = 0.014 * size
+        head = 0.04 * size
         sizes = {"shaft_radius": shaft, "head_radius": head, "head_length": 0.1 * size}
         self._put(name, self._scene.add_arrows, points, colors=toned(color, LIT), **sizes)
 
@@ -379,7 +391,8 @@ class Stage:
 
     def _put(self, name: str, add: Callable[..., Any], points: np.ndarray, **look: Any) -> Any:
         """Move a node to points, and return it; add one if there is none with this number of points."""
-        points, node = points.astype(np.float32), self._nodes.get(name)
+        points = points.astype(np.float32)
+        node = self._nodes.get(name)
         if node is None or node.points.shape != points.shape:
             self._nodes[name] = add(name, points, **look)
             return None
@@ -428,7 +441,8 @@ class Stage:
 
     def _draw_mark(self, name: str, arrow: Arrow, extent: float) -> None:
         """Draw an arrow, or hide one that is too short; one around an axis as an arc with a head."""
-        start, along = np.asarray(arrow.origin, float), np.asarray(arrow.vector, float)
+        start = np.asarray(arrow.origin, float)
+        along = np.asarray(arrow.vector, float)
         length = float(np.linalg.norm(along))
         shown = length > SHORTEST * extent
         if shown and arrow.radius:
@@ -437,7 +451,8 @@ class Stage:
             self._lines(
                 f"{name}/arc", np.stack([points[:-1], points[1:]], axis=1), np.array(arrow.color), 5.0
             )
-            start, along = points[-1], head * axis
+            start = points[-1]
+            along = head * axis
         if shown:
             self._arrows(name, start[None], along[None], arrow.color, extent)
         self._hide(name, not shown)
@@ -474,8 +489,14 @@ def toned(colors: ArrayLike, light: float = 1.0, linear: bool = True) -> np.ndar
     and of instances are ``linear`` in viser, those of meshes are sRGB.
     """
     y = np.clip(srgb.to_light(np.asarray(colors, float) / 255.0) @ AFTER, 0.0, 1.0)
-    a, b, c, d, e = 0.0245786, 0.000090537, 0.983729, 0.432951, 0.238081
-    first, second, third = 1.0 - c * y, a - d * y, -(b + e * y)
+    a = 0.0245786
+    b = 0.000090537
+    c = 0.983729
+    d = 0.432951
+    e = 0.238081
+    first = 1.0 - c * y
+    second = a - d * y
+    third = -(b + e * y)
     x = (np.sqrt(second**2 - 4.0 * first * third) - second) / (2.0 * first)
     sent = np.maximum(x @ BEFORE / EXPOSURE / light, 0.0)
     sent = sent / np.maximum(sent.max(axis=-1, keepdims=True), 1.0)
@@ -511,5 +532,8 @@ def _tube(sides: int = 14) -> tuple[np.ndarray, np.ndarray]:
 def _cells(rows: int, columns: int) -> np.ndarray:
     """Return two triangles (T, 3) for each cell of a grid of points, which are numbered row by row."""
     points = np.arange(rows * columns).reshape(rows, columns)
-    a, b, c, d = points[:-1, :-1], points[1:, :-1], points[1:, 1:], points[:-1, 1:]
+    a = points[:-1, :-1]
+    b = points[1:, :-1]
+    c = points[1:, 1:]
+    d = points[:-1, 1:]
     return np.concatenate([np.stack(t, axis=-1).reshape(-1, 3) for t in ((a, b, c), (a, c, d))])

@@ -32,7 +32,8 @@ def noop(tmp_path_factory):
 @pytest.fixture(scope="module")
 def agents(tmp_path_factory):
     """A folder of run folders, of the published agent of the crane."""
-    folder, run = tmp_path_factory.mktemp("agents"), runs.open_run(PUBLISHED / TASK)
+    folder = tmp_path_factory.mktemp("agents")
+    run = runs.open_run(PUBLISHED / TASK)
     shutil.copytree(PUBLISHED / TASK, folder / f"{TASK}-ppo-{run.seed}")
     return folder
 

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 import springgym  # noqa: F401  (registers the environments)
-from springgym.registration import find
+from springgym.envs.registration import find
 from tests.params import slow_but
 
 GOOD = """\

@@ -13,7 +13,8 @@ def test_zero_and_random():
     noop = controllers.make_controller("noop", "Any-v0", {}, space)(observations)
     np.testing.assert_array_equal(noop, np.zeros((500, 2), np.float32))
     policy = controllers.make_controller("random", "Any-v0", {}, space)
-    first, second = policy(observations), policy(observations)
+    first = policy(observations)
+    second = policy(observations)
     for actions in (first, second):
         assert actions.dtype == np.float32
         assert all(space.contains(action) for action in actions)

@@ -24,10 +24,14 @@ def classical(monkeypatch):
 def single_episode(seed, act, **kwargs):
     env = gym.make("Toy-v0", **kwargs)
     observation, _ = env.reset(seed=seed)
-    total, length, over = 0.0, 0, False
+    total = 0.0
+    length = 0
+    over = False
     while not over:
         observation, reward, terminated, truncated, _ = env.step(act(observation[None])[0])
-        total, length, over = total + reward, length + 1, terminated or truncated
+        total = total + reward
+        length = length + 1
+        over = terminated or truncated
     return total, length
 
 

@@ -6,8 +6,8 @@ import generalize
 import pytest
 from evaluate import Evaluation
 
+from springgym.envs.registration import ENVIRONMENTS
 from springgym.envs.trained import PUBLISHED
-from springgym.registration import ENVIRONMENTS
 from tests.params import slow_but
 
 

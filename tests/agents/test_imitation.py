@@ -8,7 +8,8 @@ from controllers import make_controller
 
 from springgym.envs.sb3 import make_sb3
 
-TASK, FEATURES = "SpringTop-v0", "env_kwargs.observation=features"
+TASK = "SpringTop-v0"
+FEATURES = "env_kwargs.observation=features"
 
 
 def trained(folder, *overrides, seed=0):

@@ -12,7 +12,8 @@ import pytest
 import results
 import runs
 
-TASK, OTHER = "SpringRope-v0", "SpringTop-v0"
+TASK = "SpringRope-v0"
+OTHER = "SpringTop-v0"
 RANDOM = "springgym/SpringRope/random-v0"
 COMMIT = "0123456789abcdef" * 2 + "01234567"
 
@@ -75,7 +76,8 @@ def test_same_data_and_seed_same_agent(data, tmp_path):
 def test_transitions_are_those_of_the_episodes(data):
     import minari
 
-    found, at = offline.read_data([RANDOM], TASK), 0
+    found = offline.read_data([RANDOM], TASK)
+    at = 0
     for episode in minari.load_dataset(RANDOM).iterate_episodes():
         part = slice(at, at + len(episode))
         np.testing.assert_array_equal(found.observations[part], episode.observations[:-1])
@@ -103,7 +105,8 @@ def test_it_prefers_what_was_rewarded():
 
     def error(temperature):
         arrays = offline.fit(given, settings(temperature=temperature), 0)
-        mean, variance = arrays["observations.mean"], arrays["observations.variance"]
+        mean = arrays["observations.mean"]
+        variance = arrays["observations.variance"]
         x = ((seen - mean) / np.sqrt(variance)).astype(np.float32)
         for name in ("actor.latent_pi.0", "actor.latent_pi.2", "actor.mu"):
             x = x @ arrays[f"{name}.weight"].T + arrays[f"{name}.bias"]

@@ -22,18 +22,22 @@ def batch(copies, **arguments):
 @pytest.mark.parametrize("arguments", [{}, {"sparse": True}])
 def test_what_sequences_earn_is_what_the_environment_pays(arguments):
     """Until the top falls, which costs 1 a period; of the sparse variant, what shapes the reward."""
-    env, shaped = gym.make(TASK, **arguments), gym.make(TASK)
+    env = gym.make(TASK, **arguments)
+    shaped = gym.make(TASK)
     model = batch(3, max_episode_steps=-1, **arguments)
     env.reset(seed=3, options={"spin": 5.0})
     shaped.reset(seed=3, options={"spin": 5.0})
     tried = np.zeros((3, 120, 3), np.float32)
-    tried[0, :, 0], tried[1] = 1.0, 0.1
+    tried[0, :, 0] = 1.0
+    tried[1] = 0.1
     springgym.set_state(model, springgym.get_state(env), range(3))
     found = plan.returns(model, tried)
-    start, falls = springgym.get_state(shaped), 0
+    start = springgym.get_state(shaped)
+    falls = 0
     for actions, total in zip(tried, found, strict=True):
         springgym.set_state(shaped, start)
-        earned, ended = 0.0, False
+        earned = 0.0
+        ended = False
         for action in actions:
             if not ended:
                 _, reward, ended, _, _ = shaped.step(action)
@@ -128,7 +132,7 @@ def test_intervals_of_success():
 
 
 def test_settings_are_of_environments():
-    from springgym.registration import ENVIRONMENTS
+    from springgym.envs.registration import ENVIRONMENTS
 
     ids = [row.id for row in ENVIRONMENTS]
     assert set(plan.SETTINGS) <= set(ids)
@@ -142,7 +146,8 @@ def test_rows_are_made_once_and_go_on(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(plan, "AT_ONCE", 1)
     monkeypatch.setattr(plan, "probe", lambda task: [0.5])
     monkeypatch.setattr(plan, "same_probe", lambda probe, task: probe == [0.5])
-    path, counted = tmp_path / "rows.json", []
+    path = tmp_path / "rows.json"
+    counted = []
 
     def play(task, planner, seeds):
         if len(counted) == 1 and not stopped:

@@ -54,12 +54,15 @@ def test_it_trains_evaluates_and_saves(tmp_path, monkeypatch, capsys):
     model = PPO.load(path, device="cpu")
     returns, successes = ppo_sb3.evaluate(model, "SpringTop-v0", 3)
     assert successes.shape == (3,)
-    env, total, over = gym.make("SpringTop-v0", observation="features"), 0.0, False
+    env = gym.make("SpringTop-v0", observation="features")
+    total = 0.0
+    over = False
     observation, _ = env.reset(seed=1_000_001)
     while not over:
         action, _ = model.predict(observation, deterministic=True)
         observation, reward, terminated, truncated, info = env.step(action)
-        total, over = total + reward, terminated or truncated
+        total = total + reward
+        over = terminated or truncated
     assert returns[1] == pytest.approx(total, rel=1e-3)
     assert successes[1] == info["is_success"]
     assert len(np.unique(returns)) == 3

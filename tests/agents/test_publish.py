@@ -97,14 +97,17 @@ def test_it_acts_without_the_scripts():
     assert (agent.name, agent.env_id) == ("SpringTop-v0", "SpringTop-v0")
     env = agent.make(max_episode_steps=50)
     own = runs.open_run(PUBLISHED / "SpringTop-v0")
-    policy, theirs = agent.policy(env), runs.load_policy(own, env.observation_space, env.action_space)
+    policy = agent.policy(env)
+    theirs = runs.load_policy(own, env.observation_space, env.action_space)
     observation, _ = env.reset(seed=runs.HELD_OUT_SEED)
-    total, over = 0.0, False
+    total = 0.0
+    over = False
     while not over:
         action = policy(observation)
         np.testing.assert_array_equal(action, theirs(observation[None])[0], strict=True)
         observation, reward, terminated, truncated, _ = env.step(action)
-        total, over = total + reward, terminated or truncated
+        total = total + reward
+        over = terminated or truncated
     played = evaluate.evaluate(str(PUBLISHED / "SpringTop-v0"), "SpringTop-v0", {"max_episode_steps": 50}, 1)
     assert total / 50 == pytest.approx(played.return_per_step, rel=1e-6)
 

@@ -34,7 +34,8 @@ def test_scores_are_shares_of_the_way_to_the_reference():
         row("sac", 0.9, 400_000, 600.0, task=results.SUITE[1]),
         row("ppo", 0.9, 9, 9.0, task="Own-v0"),
     ]
-    rows, first = references + learned, results.SUITE[0]
+    rows = references + learned
+    first = results.SUITE[0]
     found = {name: own[first].tolist() for name, own in results.scores(rows, 1, 600.0).items()}
     assert found == {("ppo",): pytest.approx([0.5, 1.0]), ("ppo", "imitation"): pytest.approx([2 / 3])}
     found = {name: own[first].tolist() for name, own in results.scores(rows, 0, 200_000).items()}

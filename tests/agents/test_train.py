@@ -61,7 +61,8 @@ def assert_same_run(folder, reference):
     assert rows(folder) == rows(reference)
     progress = rows(folder, "progress.csv")  # which has a row at each end, too
     assert all(row in progress for row in rows(reference, "progress.csv"))
-    (steps, ours), (steps2, theirs) = weights(folder), weights(reference)
+    steps, ours = weights(folder)
+    steps2, theirs = weights(reference)
     assert steps == steps2
     assert ours.keys() == theirs.keys()
     for key in ours:
@@ -198,7 +199,8 @@ def test_resumed_run_with_hindsight(tmp_path, capsys):
     """Goals as observations, a buffer that relabels them: goes on as if it had not stopped, and plays."""
     (settings := tmp_path / "her.yaml").write_text(HER)
     asked = ["SpringRopeSparse-v0", "--algo", "her", "--config", str(settings), "--episodes", "0"]
-    one, two = tmp_path / "one", tmp_path / "two"
+    one = tmp_path / "one"
+    two = tmp_path / "two"
     assert train.main([*asked, "--out", str(one), "--timesteps", "400"]) == 0
     assert train.main([*asked, "--out", str(two)]) == 0
     halfway = dict(np.load(two / "agent.npz"))
@@ -365,7 +367,8 @@ def test_fewer_steps_than_there_are_cannot_be_asked_for(copied, capsys):
 
 def test_a_full_disk_is_told_in_a_line_and_leaves_the_old_checkpoint(tmp_path, monkeypatch, capsys):
     folder = tmp_path / "run"
-    save, saved = PPO.save, []
+    save = PPO.save
+    saved = []
 
     def full_at_the_second(model, path):
         if saved:

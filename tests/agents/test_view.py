@@ -22,14 +22,16 @@ def test_an_agent_of_a_run_folder(tmp_path, normalize):
     envs = DummyVecEnv([lambda: gym.make("SpringTop-v0", **config.env_kwargs)])
     if config.normalize:
         envs = VecNormalize(envs)
-        envs.obs_rms.mean[:], envs.obs_rms.var[:] = 0.3, 2.0
+        envs.obs_rms.mean[:] = 0.3
+        envs.obs_rms.var[:] = 2.0
     save_agent(run.agent, PPO("MlpPolicy", envs, seed=0, policy_kwargs=policy_kwargs(config)))
     agent = find_agent(str(run.folder), "SpringRope-v0")
     assert agent.env_id == "SpringTop-v0"
     assert agent.env_kwargs["hard"] is True
     env = gym.make("SpringTop-v0", **agent.env_kwargs)
     spaces = env.observation_space, env.action_space
-    ours, theirs = agent.policy(env), runs.load_policy(runs.open_run(run.folder), *spaces)
+    ours = agent.policy(env)
+    theirs = runs.load_policy(runs.open_run(run.folder), *spaces)
     observations = np.random.default_rng(0).normal(size=(5, *env.observation_space.shape)).astype(np.float32)
     np.testing.assert_array_equal(ours(observations), theirs(observations))
     assert played(agent, 0).title == "SpringTop-v0: run"

@@ -45,7 +45,8 @@ def test_gif(right, tmp_path, capsys):
 )
 def test_films_play_in_real_time(env_id, suffix, tmp_path):
     """At the environment's own rate; a picture of a GIF stays for as long as browsers can keep to."""
-    steps, path = 6, tmp_path / f"film{suffix}"
+    steps = 6
+    path = tmp_path / f"film{suffix}"
     watch.record("random", env_id, {"max_episode_steps": steps}, path, seed=0)  # that no two are alike
     period = gym.make(env_id).unwrapped.episodes.task.period
     if suffix == ".mp4":
@@ -63,7 +64,8 @@ def test_films_play_in_real_time(env_id, suffix, tmp_path):
 
 def test_window_is_drawn_once_a_step_until_it_is_closed(monkeypatch):
     pygame = pytest.importorskip("pygame")
-    drawn, acted = [], []
+    drawn = []
+    acted = []
 
     class Clock:
         def tick(self, fps):

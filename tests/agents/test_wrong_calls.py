@@ -9,7 +9,8 @@ from toy_env import ToyEnv
 
 gym.register("ToyEndless-v0", entry_point=ToyEnv)
 
-TOP, TOY = "SpringTop-v0", "toy_env:Toy-v0"
+TOP = "SpringTop-v0"
+TOY = "toy_env:Toy-v0"
 FEATURES = "env_kwargs.observation=features"
 TOY_PPO = ["--config", str(HERE / "toy_ppo.yaml"), "--set"]
 CELL = ["--local", "--runs", ".", "--algorithms", "ppo"]

@@ -35,7 +35,9 @@ class ForgetfulToyVectorEnv(VectorEnv):
     ) -> None:
         assert observation in ("particles", "features")
         self.metadata = {"autoreset_mode": autoreset_mode, "render_fps": 25}
-        self.num_envs, self.limit, self.push = num_envs, max_episode_steps, push
+        self.num_envs = num_envs
+        self.limit = max_episode_steps
+        self.push = push
         self.render_mode = render_mode
         self.single_observation_space = gym.spaces.Box(-10.0, 10.0, (2,), np.float32)
         self.single_action_space = gym.spaces.Box(-1.0, 1.0, (1,), np.float32)

@@ -1,4 +1,5 @@
-"""Every argument of every public function and class of `springgym.bodies`, given what it could not be."""
+"""Every argument of every public function and class of `springgym.model.bodies`, given what it could not
+be."""
 
 from __future__ import annotations
 
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from springgym.bodies import (
+from springgym.model.bodies import (
     Body,
     InitialState,
     Round,
@@ -40,13 +41,15 @@ from springgym.bodies import (
     union,
     vibrations,
 )
-from springgym.bodies.precession import heavy_top, precession_gap, wobble_growth
-from springgym.materials import MATERIALS, Grain, Material
+from springgym.model.bodies.precession import heavy_top, precession_gap, wobble_growth
+from springgym.model.materials import MATERIALS, Grain, Material
 from springgym.theory.top import HeavyTop
 from tests.api.values import KINDS, NUMBERS, Door, arrays, attempt, door
 from tests.params import slow_unless
 
-CUBE, TOP, LARGE = cube(), top(ring=5), top(ring=300)
+CUBE = cube()
+TOP = top(ring=5)
+LARGE = top(ring=300)
 TETRAHEDRON = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
 
 DOORS: list[Door] = [

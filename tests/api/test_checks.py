@@ -11,7 +11,6 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from springgym.bodies import cube
 from springgym.checks import (
     HUGE,
     TINY,
@@ -30,12 +29,13 @@ from springgym.checks import (
     whole,
     whole_array,
 )
-from springgym.envs import duel
+from springgym.dynamics.stability import REFUSED, steps_in
 from springgym.envs.randomisation import varying
-from springgym.scene import Scene
+from springgym.envs.tasks import duel
+from springgym.model.bodies import cube
+from springgym.model.scene import Scene
+from springgym.model.surfaces import NEAREST, Contact, Plane, floor
 from springgym.simulator import Simulator
-from springgym.stability import REFUSED, steps_in
-from springgym.surfaces import NEAREST, Contact, Plane, floor
 
 NO_NUMBERS = (None, "1", b"1", True, np.True_, 1j, [1.0], (), {}, object(), np.array([1.0]), np.array(True))
 NOT_WHOLE = (*NO_NUMBERS, 1.0, math.nan, np.float64(2), Fraction(4, 2), Decimal(2))

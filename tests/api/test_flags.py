@@ -11,13 +11,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from springgym.bodies import Body, cube, start, top
-from springgym.measures import Measures
-from springgym.scene import Scene, ThrustActuator, WrenchActuator
+from springgym.dynamics.measures import Measures
+from springgym.model.bodies import Body, cube, start, top
+from springgym.model.scene import Scene, ThrustActuator, WrenchActuator
 from springgym.simulator import SimulationDivergedError, Simulator
 
-MODULES = ("springgym.bodies.body", "springgym.bodies.motion", "springgym.scene", "springgym.simulator")
-TOP, CUBE = top(ring=3), cube()
+MODULES = (
+    "springgym.model.bodies.body",
+    "springgym.model.bodies.motion",
+    "springgym.model.scene",
+    "springgym.simulator",
+)
+TOP = top(ring=3)
+CUBE = cube()
 LEANING = start(TOP, tilt=0.5, azimuth=0.3, position=(0.0, 0.0, 1.0), stretched=False)
 
 
@@ -87,7 +93,8 @@ def ledger(given: bool) -> None:
 
 
 def place_check(given: bool) -> None:
-    simulator, nowhere = Simulator(Scene(CUBE)), np.zeros((8, 3))
+    simulator = Simulator(Scene(CUBE))
+    nowhere = np.zeros((8, 3))
     with pytest.raises(ValueError, match="it has no direction") if given else nullcontext():
         simulator.place(nowhere, nowhere, check=given)
     assert simulator.positions.any() == given
@@ -120,7 +127,7 @@ TRIED: dict[str, tuple[str, Callable[[bool], None]]] = {
         "If ``perpendicular``, only the component of the world torque perpendicular to the body's axis acts",
         perpendicular,
     ),
-    "ThrustActuator.turns": ("fixed in the world or, if ``turns``, in the body's triad", turns),
+    "ThrustActuator.turns": ("along the world's axes or, if ``turns``, along the body's triad", turns),
     "Body.floppy": ("Whether the springs may leave the body free to change shape", floppy),
     "start.hanging": ("Whether the body hangs from its first pin", hanging),
     "start.stretched": ("Whether to start in the shape of a steady motion under the weight", stretched),

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from springgym import Scene, Simulator
-from springgym.bodies import cube
 from springgym.checks import array, flag, hides, indices, number, readings, whole, whole_array
+from springgym.model.bodies import cube
 from tests.api.test_bodies import DOORS as BODIES
 from tests.api.test_scenes import DOORS as SCENES
 
@@ -45,7 +45,8 @@ def test_many_arguments_are_arrays() -> None:
 
 def test_a_simulator_refuses_hidden_values_and_changes_nothing() -> None:
     made = Simulator(Scene(cube()), copies=2)
-    x, v = made.positions.copy(), made.velocities.copy()
+    x = made.positions.copy()
+    v = made.velocities.copy()
     hidden = np.ma.masked_all_like(x)
     for given in ((hidden, v), (x, hidden)):
         with pytest.raises(ValueError, match="it must be an array without hidden values"):

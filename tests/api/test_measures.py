@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from springgym.bodies import Body, ball, rigid_velocities, rope, rotation
-from springgym.measures import FIELDS, Measures
-from springgym.scene import Placed, Scene
+from springgym.dynamics.measures import FIELDS, Measures
+from springgym.model.bodies import Body, ball, rigid_velocities, rope, rotation
+from springgym.model.scene import Placed, Scene
 from springgym.scenes import film
 from springgym.simulator import Simulator
 

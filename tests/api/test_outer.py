@@ -11,22 +11,24 @@ import pytest
 from gymnasium import spaces
 from numpy.random import default_rng
 
-from springgym import Scene, integrators, rigid, stability
-from springgym.bodies import cube, stretched_shapes, top
-from springgym.collisions import shape
-from springgym.contact.totals import PairReadings
+from springgym import Scene
+from springgym.dynamics import methods as integrators
+from springgym.dynamics import rigid, stability
+from springgym.dynamics.contact.totals import PairReadings
+from springgym.dynamics.measures import SIZE, view
+from springgym.dynamics.methods.record import Integrator
 from springgym.envs import starts
 from springgym.envs.goals import Goals, GoalTolerance
 from springgym.envs.observation import Entry, values
-from springgym.integrators.record import Integrator
-from springgym.measures import SIZE, view
-from springgym.registration import find, nearest_id, spec_of
+from springgym.envs.registration import find, nearest_id, spec_of
+from springgym.model.bodies import cube, stretched_shapes, top
+from springgym.model.collisions import shape
+from springgym.model.surfaces import PaperContact, floor
 from springgym.rendering import Arrow, Camera, Look, Marks, Renderer, Scenery, save_video, two_tone
 from springgym.scenes import film, load
 from springgym.scenes.checks import basis, check, fitting, of_all
 from springgym.scenes.plan import Plan, View
 from springgym.scenes.recording import Recording, contacts_of, record, rigid_twin
-from springgym.surfaces import PaperContact, floor
 from tests.hostile import HOSTILE, Call, complaints
 
 ANY = "; ".join(["-1", "-0.5", "0", "2.5", "10**9"])
@@ -89,7 +91,8 @@ LOOK = Look(radii=[0.1, 0.1])
 METHOD: Integrator = integrators.integrator("verlet")
 VIBRATIONS = stability.vibrations(Scene(CUBE))
 POINTS = np.ones((2, 3))
-TIMES, WAVE = np.linspace(0.0, 1.0, 20), np.sin(np.linspace(0.0, 20.0, 20))
+TIMES = np.linspace(0.0, 1.0, 20)
+WAVE = np.sin(np.linspace(0.0, 20.0, 20))
 TOLERANCES = (GoalTolerance("place", 2, 0.1), GoalTolerance("heading", 1, 0.1))
 
 PICTURES = [

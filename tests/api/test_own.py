@@ -12,15 +12,15 @@ import numpy as np
 import pytest
 
 from springgym import Placed, Scene, Simulator
-from springgym.bodies import Body, cube, rope, top
-from springgym.core.blocks import block_array
-from springgym.core.compiling import compiled, kernel
-from springgym.core.vectors import add_row, dot, row, vector
-from springgym.forces import accelerate, drift, kick
-from springgym.integrators import METHODS, integrator, register
-from springgym.integrators.record import Integrator
-from springgym.own_forces import OfBody, add_own_forces, own_energy
-from springgym.scene import DriveActuator
+from springgym.core.compiler.compiling import compiled, kernel
+from springgym.core.language.blocks import block_array
+from springgym.core.language.vectors import add_row, dot, row, vector
+from springgym.dynamics.forces import accelerate, drift, kick
+from springgym.dynamics.methods import METHODS, integrator, register
+from springgym.dynamics.methods.record import Integrator
+from springgym.model.bodies import Body, cube, rope, top
+from springgym.model.own_forces import OfBody, add_own_forces, own_energy
+from springgym.model.scene import DriveActuator
 
 
 class Tether(NamedTuple):
@@ -73,13 +73,15 @@ def test_a_bead_on_a_tether_swings_as_an_oscillator(method: str) -> None:
     simulator = Simulator(Scene(BEAD, forces=(Tether(0, ANCHOR, 50.0),)), integrator=method, step=1e-3)
     before = simulator.measure()
     simulator.advance(700)
-    rest, omega = 1.0 - 2.0 * 9.81 / 50.0, np.sqrt(50.0 / 2.0)
+    rest = 1.0 - 2.0 * 9.81 / 50.0
+    omega = np.sqrt(50.0 / 2.0)
     expected = rest * (1 - np.cos(omega * 0.7))
     assert abs(expected) > 0.1
     allowed = {"verlet": omega**3 * 0.7 * 1e-6 / 24 * rest * 2, "rk4": 1e-10}[method]
     assert abs(simulator.positions[0, 0, 2] - expected) < allowed
     after = simulator.measure()
-    height, speed = simulator.positions[0, 0, 2], simulator.velocities[0, 0, 2]
+    height = simulator.positions[0, 0, 2]
+    speed = simulator.velocities[0, 0, 2]
     np.testing.assert_allclose(after.elastic, 25.0 * (1 - height) ** 2, rtol=1e-12)
     np.testing.assert_allclose(after.kinetic, speed**2, rtol=1e-12)
     assert abs(after.balance - before.balance) < (omega * 1e-3) ** 2 * 25.0
@@ -132,11 +134,13 @@ class Everything(NamedTuple):
 
 def test_a_scene_keeps_numbers_of_its_own() -> None:
     """Neither the arrays that a force was made of, nor those that a scene shows, move what is simulated."""
-    particles, anchor = np.array([0, 3]), np.asfortranarray([[0.0, 1.0], [2.0, 3.0]])
+    particles = np.array([0, 3])
+    anchor = np.asfortranarray([[0.0, 1.0], [2.0, 3.0]])
     scene = Scene(CUBE, forces=(Everything(particles, anchor),))
     simulator = Simulator(scene)
     before = pickle.dumps(scene.forces)
-    particles[:], anchor[:] = 7, np.inf
+    particles[:] = 7
+    anchor[:] = np.inf
     assert pickle.dumps(scene.forces) == before
     for kept in (scene, replace(scene), pickle.loads(pickle.dumps(scene)), copy.deepcopy(scene)):
         for field in kept.forces[0]:

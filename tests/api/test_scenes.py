@@ -7,9 +7,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from springgym.bodies import cube
-from springgym.scene import DriveActuator, Placed, Scene, ThrustActuator, WrenchActuator
-from springgym.surfaces import Bowl, Contact, HeightField, PaperContact, Pipe, Plane, floor, incline, waves
+from springgym.model.bodies import cube
+from springgym.model.scene import DriveActuator, Placed, Scene, ThrustActuator, WrenchActuator
+from springgym.model.surfaces import (
+    Bowl,
+    Contact,
+    HeightField,
+    PaperContact,
+    Pipe,
+    Plane,
+    floor,
+    incline,
+    waves,
+)
 from tests.api.values import KINDS, NUMBERS, arguments, arrays, attempt, door
 
 CUBE = cube()

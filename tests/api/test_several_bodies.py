@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 import springgym
-from springgym import integrators, rigid
-from springgym.bodies import Body, box, cube, gyroscope, rope, start, top
-from springgym.scene import DriveActuator, Placed, Scene, ThrustActuator, WrenchActuator
+from springgym.dynamics import methods as integrators
+from springgym.dynamics import rigid
+from springgym.model.bodies import Body, box, cube, gyroscope, rope, start, top
+from springgym.model.scene import DriveActuator, Placed, Scene, ThrustActuator, WrenchActuator
+from springgym.model.surfaces import Bowl, Contact, PaperContact, floor
 from springgym.simulator import Simulator
-from springgym.surfaces import Bowl, Contact, PaperContact, floor
 from tests.params import slow_but
 
 TOP = top()
@@ -135,7 +136,8 @@ def test_measures_of_all_bodies_are_sums_of_those_of_each() -> None:
     left, right = tops(TOP).bodies
     loose = replace(right, pinned=(), name="loose")
     simulator = assert_each_as_alone(Scene(bodies=(left, loose), collisions=None), (300,), step=STEP)
-    whole, each = simulator.measure(), [simulator.measure(placed.name) for placed in simulator.scene.bodies]
+    whole = simulator.measure()
+    each = [simulator.measure(placed.name) for placed in simulator.scene.bodies]
     for name in ("kinetic", "gravity", "elastic", "contact", "momentum", "work", "energy", "balance"):
         total = sum(getattr(m, name) for m in each)
         np.testing.assert_allclose(getattr(whole, name), total, rtol=1e-12, atol=1e-9)
@@ -219,7 +221,8 @@ def test_many_bodies_are_told_by_their_kinds() -> None:
 
 def test_one_body_is_the_short_form() -> None:
     placed = Placed(TOP, pinned=(TIP,), wrench=WrenchActuator())
-    short, long = Scene(TOP, pinned=(TIP,), wrench=WrenchActuator()), Scene(bodies=(placed,))
+    short = Scene(TOP, pinned=(TIP,), wrench=WrenchActuator())
+    long = Scene(bodies=(placed,))
     assert repr(short) == repr(long)
     assert long.body is TOP
     assert short.parts == (short,)

@@ -18,15 +18,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from springgym import simulator as module
-from springgym.bodies import cube, rope, top
-from springgym.core import compiling
-from springgym.core.blocks import aligned_zeros, block_dtype, to_copies
-from springgym.core.compiling import SameTypes, kernel
-from springgym.measures import AT, Measures
-from springgym.packing import PARAMETERS as VARYING
-from springgym.scene import DriveActuator, Scene, ThrustActuator, WrenchActuator
+from springgym.core.compiler import compiling
+from springgym.core.compiler.compiling import SameTypes, kernel
+from springgym.core.language.blocks import aligned_zeros, block_dtype, to_copies
+from springgym.dynamics.measures import AT, Measures
+from springgym.dynamics.packing import PARAMETERS as VARYING
+from springgym.model.bodies import cube, rope, top
+from springgym.model.scene import DriveActuator, Scene, ThrustActuator, WrenchActuator
+from springgym.model.surfaces import Contact, floor, loss_factor
 from springgym.simulator import PrecisionWarning, SimulationDivergedError, Simulator
-from springgym.surfaces import Contact, floor, loss_factor
 from tests.api.values import KINDS, NUMBERS, arguments, arrays, attempt, door
 from tests.params import slow_unless
 
@@ -133,7 +133,8 @@ def test_what_it_was_made_with_is_read_only() -> None:
 
 def methods(simulator: Simulator) -> list[tuple[str, Callable[[str, Any], Any], list[Any]]]:
     """Each argument of each method: how to give it, and what to give."""
-    x, v = SCENE.positions, np.zeros((8, 3))
+    x = SCENE.positions
+    v = np.zeros((8, 3))
     found: list[tuple[str, Callable[[str, Any], Any], list[Any]]] = [
         ("steps", lambda name, value: simulator.advance(min_or_same(value), check=False), []),
         ("check", lambda name, value: simulator.advance(0, check=value), []),
@@ -181,7 +182,8 @@ def test_an_argument_is_refused_by_name_and_changes_nothing_or_is_right() -> Non
 def test_steps_are_what_the_clock_counts() -> None:
     """Whatever type the first call had, later ones take their own."""
     for first in (0, 1, np.int8(5), np.uint64(2)):
-        simulator, other = everything(), everything()
+        simulator = everything()
+        other = everything()
         simulator.advance(first)
         simulator.advance(1000, check=False)
         other.advance(int(first))
@@ -207,7 +209,9 @@ MANY = 40
 def interrupted(simulator: Simulator, steps: int, calls: int) -> None:
     """Take steps, Ctrl-C being served when so many compiled calls of this thread have returned, and the
     simulator's other thread, if it has one, is in its first."""
-    kernel, left, begun = simulator._advance, iter(range(calls)), threading.Event()
+    kernel = simulator._advance
+    left = iter(range(calls))
+    begun = threading.Event()
     if simulator.threads == 1:
         begun.set()
 
@@ -315,10 +319,13 @@ def test_steps_that_would_never_end_are_interrupted() -> None:
 
 def test_another_thread_is_told_and_does_not_wait() -> None:
     """By every method, while one thread is in one; then all is as if it had not asked."""
-    simulator, alone = everything(), everything()
+    simulator = everything()
+    alone = everything()
     for own in (simulator, alone):
         own.advance(2)
-    kernel, inside, go_on = simulator._advance, threading.Event(), threading.Event()
+    kernel = simulator._advance
+    inside = threading.Event()
+    go_on = threading.Event()
 
     def waiting(*arguments: Any) -> None:
         inside.set()
@@ -377,7 +384,8 @@ def values_of(simulator: Simulator, name: str) -> np.ndarray:
 
 
 def test_copies_are_read_where_they_are_placed() -> None:
-    one, other = everything(), everything()
+    one = everything()
+    other = everything()
     x = one.scene.positions + np.arange(3.0)[:, None, None]
     before = one.readout.rows.copy()
     one.place(x, one.scene.velocities, [4, 0, 7])
@@ -436,7 +444,8 @@ def test_rows_go_to_the_copies_named_and_to_no_others(
 @pytest.mark.parametrize("copies", [1, COPIES])
 @pytest.mark.parametrize("name", DRIVES)
 def test_actuators_take_a_row_for_each_copy_or_one_for_all(name: str, copies: int) -> None:
-    simulator, shape = Simulator(SCENE, copies=copies), shape_of(name)
+    simulator = Simulator(SCENE, copies=copies)
+    shape = shape_of(name)
     rng = np.random.default_rng(1)
     for value in (rng.normal(size=(copies, *shape)), rng.normal(size=shape), np.ones(shape).tolist()):
         simulator.actuate(**{name: value})
@@ -507,7 +516,8 @@ def other(options: dict[str, Any]) -> Simulator:
 @each_other
 def test_only_one_of_the_same_scene_is_taken_over(options: dict[str, Any], differs: str) -> None:
     """By steps of one's own; else it is said what differs, and nothing is changed."""
-    own, its = everything(), other(options)
+    own = everything()
+    its = other(options)
     before = own.state()
     if "step" in options:
         own.take_over(its)
@@ -564,7 +574,8 @@ def test_a_mangled_state_is_refused_and_changes_nothing() -> None:
 def test_parameters_that_make_the_step_unstable_are_refused() -> None:
     """Whole bodies by a bound, single springs and particles by the limit of their copy."""
     simulator = Simulator(PLAIN, copies=3, varying=("stiffness", "masses", "damping"))
-    body, room = PLAIN.body, simulator.largest_step / simulator.step
+    body = PLAIN.body
+    room = simulator.largest_step / simulator.step
     for name, factor in (("stiffness", 1.01 * room**2), ("masses", 1 / (1.01 * room**2))):
         with pytest.raises(ValueError, match=f"these {name} make the step of .* s unstable in copy 1"):
             simulator.vary([0, 1], **{name: getattr(body, name) * np.array([[1.0], [factor]])})
@@ -583,7 +594,8 @@ def test_parameters_that_make_the_step_unstable_are_refused() -> None:
 
 def test_masses_and_damping_are_varied_in_any_order() -> None:
     """How dampers act follows from both, whichever was given last."""
-    masses, damping = CUBE.masses * np.linspace(0.8, 1.2, 8), CUBE.damping * np.linspace(0.1, 2, 28)
+    masses = CUBE.masses * np.linspace(0.8, 1.2, 8)
+    damping = CUBE.damping * np.linspace(0.1, 2, 28)
     states = []
     for calls in (
         [{"masses": masses, "damping": damping}],
@@ -617,7 +629,8 @@ def test_compiled_code_is_not_given_other_types(monkeypatch: pytest.MonkeyPatch)
 
 def test_float32_far_from_the_origin_is_told_of_once() -> None:
     """At 1 km float32 rounds positions to 6e-5 m: the simulator warns once. The test compiles nothing."""
-    near, far = CUBE.positions + 50.0, CUBE.positions + 1000.0
+    near = CUBE.positions + 50.0
+    far = CUBE.positions + 1000.0
     scene = Scene(CUBE, near)
     Simulator(scene.with_(positions=far))
     made = Simulator(scene, dtype=np.float32)

@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from springgym import Placed, Scene, Simulator, bodies, rendering, scenes, surfaces
-from springgym.bodies import Body, cube, top
+from springgym import Placed, Scene, Simulator, rendering, scenes
 from springgym.checks import refusing_unknown
-from springgym.collisions import Pair
 from springgym.envs.observation import Entry
-from springgym.materials import Grain, Material
-from springgym.scene import DriveActuator, ThrustActuator, WrenchActuator
+from springgym.model import bodies, surfaces
+from springgym.model.bodies import Body, cube, top
+from springgym.model.collisions import Pair
+from springgym.model.materials import Grain, Material
+from springgym.model.scene import DriveActuator, ThrustActuator, WrenchActuator
 from springgym.scenes.checks.basis import Check, within
 from springgym.scenes.film import save_film
 from springgym.scenes.plan import View

@@ -95,7 +95,8 @@ def attempt(names: Sequence[str], value: Any, call: Callable[[], Any], *also: ty
     try:
         return call()
     except (TypeError, ValueError) as error:
-        kind, message = type(error).__name__, str(error)
+        kind = type(error).__name__
+        message = str(error)
     except also:
         return None
     named = names[:1] if any(value is other for other in KINDS) else (*names, "body '")

@@ -14,10 +14,10 @@ from benchmarks.contact_tasks import TASKS, MuJoCoPlay, centre_of, compared, is_
 from benchmarks.errors import batch
 from benchmarks.steady import native
 from benchmarks.timing import Case
-from springgym.bodies import Body
-from springgym.bodies.body import inertia
-from springgym.bodies.distances import largest_distances
-from springgym.surfaces import Contact
+from springgym.model.bodies import Body
+from springgym.model.bodies.body import inertia
+from springgym.model.bodies.distances import largest_distances
+from springgym.model.surfaces import Contact
 from tests.params import slow_but
 
 mujoco: Any = pytest.importorskip("mujoco")
@@ -94,7 +94,8 @@ def apart_and_driven(env_id: str) -> tuple[float, float]:
     for envs in (own, idle, play.envs):
         envs.reset(seed=0)
     play.place(np.arange(2))
-    at, there = own.unwrapped.episodes, play.at.simulator
+    at = own.unwrapped.episodes
+    there = play.at.simulator
     for _ in range(PERIODS.get(env_id, 6)):
         play.act()
         *_, terminated, truncated, _ = own.step(play.actions)

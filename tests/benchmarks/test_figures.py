@@ -69,10 +69,12 @@ def test_curves_of_environments_can_be_read(tmp_path, monkeypatch):
     draw_curves(rows, tmp_path / "figure.svg")
     (figure,) = drawn
     figure.draw_without_rendering()
-    panels, (names,) = figure.axes, figure.legends
+    panels = figure.axes
+    (names,) = figure.legends
     assert len(panels) == len({row["environment"] for row in rows})
     for axes in panels:
-        (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+        left, right = axes.get_xlim()
+        low, high = axes.get_ylim()
         points = np.concatenate([np.transpose(line.get_data()) for line in axes.get_lines()])
         assert np.all((points > (left, low)) & (points < (right, high)))
         assert [line.get_marker() for line in axes.get_lines()].count("*") == 1

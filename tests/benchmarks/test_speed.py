@@ -18,8 +18,8 @@ from benchmarks.paper_top import error, exact_positions, paper_top, rounding, st
 from benchmarks.ratios import ratios
 from benchmarks.speed import SECTIONS, main
 from benchmarks.timing import Case, Row, measured
-from springgym.bodies.distances import rms_distance
 from springgym.envs.task import Task
+from springgym.model.bodies.distances import rms_distance
 from springgym.simulator import PAPER_STEP, Simulator
 from tests.params import slow_but
 
@@ -67,7 +67,8 @@ def test_section_to_json_and_figure(
 
     monkeypatch.setitem(SECTIONS, "sizes", sizes)
     monkeypatch.setitem(SECTIONS, "peers", against)
-    out, figure = tmp_path / "bench.json", tmp_path / "bench.svg"
+    out = tmp_path / "bench.json"
+    figure = tmp_path / "bench.svg"
     arguments = ["--only", "sizes", "peers", "--quick", "--out", str(out), "--figure", str(figure)]
     assert main(arguments) == 0
     report = json.loads(out.read_text())
@@ -130,11 +131,9 @@ def test_ratios_come_from_what_was_measured() -> None:
 
 
 def test_dampers_are_compared_with_the_fastest_that_errs_no_more() -> None:
-    swept, in_force, own = (
-        "C++ verlet, dampers swept",
-        "C++ verlet, dampers in the force",
-        "springgym damped verlet",
-    )
+    swept = "C++ verlet, dampers swept"
+    in_force = "C++ verlet, dampers in the force"
+    own = "springgym damped verlet"
     for error_in_force, wanted in ((0.0105, 0.5), (0.02, 2.0)):
         rows = (
             {"program": name, "median": speed, "error": its, "precision": "float32", "copies": 8}
@@ -269,7 +268,8 @@ def test_peers_move_the_same_body(name: str) -> None:
 def test_mujoco_steps_a_batch_as_it_steps_one(threads: int) -> None:
     pytest.importorskip("mujoco")
     program = peers.MuJoCo(paper_top(), "Euler", PAPER_STEP)
-    one, batch = program.peer(), program.batch(8, threads, steps=3)
+    one = program.peer()
+    batch = program.batch(8, threads, steps=3)
     np.testing.assert_array_equal(batch.positions, one.positions)
     states = batch.run()
     assert batch.steps == 8 * 3

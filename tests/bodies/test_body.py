@@ -7,8 +7,8 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
-from springgym.bodies import Body, box, cube, gyroscope, rope, top, vibrations
-from springgym.bodies.body import EXACT, MOST_PARTICLES, inertia, rigid_motions, rigidity_matrix
+from springgym.model.bodies import Body, box, cube, gyroscope, rope, top, vibrations
+from springgym.model.bodies.body import EXACT, MOST_PARTICLES, inertia, rigid_motions, rigidity_matrix
 
 TRIANGLE = {
     "name": "triangle",
@@ -117,7 +117,8 @@ def test_mass_properties_against_sums_over_the_particles():
 
 
 def test_parallel_axes():
-    body, d = box((1.0, 0.7, 0.4), (0.2, 0.1, 0.1, 0.15, 0.1, 0.1, 0.15, 0.1)), np.array([0.3, -2.0, 1.0])
+    body = box((1.0, 0.7, 0.4), (0.2, 0.1, 0.1, 0.15, 0.1, 0.1, 0.15, 0.1))
+    d = np.array([0.3, -2.0, 1.0])
     shifted = body.inertia() + body.mass * (d @ d * np.eye(3) - np.outer(d, d))
     assert body.inertia(body.centre + d) == pytest.approx(shifted, rel=1e-13)
 
@@ -152,8 +153,10 @@ def test_whether_a_body_can_change_shape_does_not_depend_on_its_size(size):
 
 
 def test_rigidity_matrix_is_the_derivative_of_the_lengths():
-    body, rng = triangle(), np.random.default_rng(1)
-    move, small = rng.normal(size=(3, 3)), 1e-6
+    body = triangle()
+    rng = np.random.default_rng(1)
+    move = rng.normal(size=(3, 3))
+    small = 1e-6
     first, second = body.springs.T
 
     def lengths(x):

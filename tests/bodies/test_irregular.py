@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
-from springgym.bodies import ball, box, from_mesh, from_points, rolling_ball, rope, solid_mesh, union
-from springgym.bodies.irregular import braces, convex_hull
+from springgym.model.bodies import ball, box, from_mesh, from_points, rolling_ball, rope, solid_mesh, union
+from springgym.model.bodies.irregular import braces, convex_hull
 
 trimesh = pytest.importorskip("trimesh")
 
@@ -23,7 +23,8 @@ def volume(points, triangles):
 @given(seed=st.integers(0, 10_000), count=st.integers(4, 40))
 def test_hull_against_qhull(seed, count):
     points = np.random.default_rng(seed).normal(size=(count, 3)) * (1, 10, 0.1)
-    triangles, reference = convex_hull(points), ConvexHull(points)
+    triangles = convex_hull(points)
+    reference = ConvexHull(points)
     assert set(triangles.ravel().tolist()) == set(reference.vertices.tolist())
     # positive for each triangle: all face outwards
     assert (np.linalg.det(points[triangles] - points.mean(axis=0)) > 0).all()
@@ -102,7 +103,8 @@ def mesh(tmp_path):
 @pytest.mark.parametrize("suffix", ["stl", "obj"])
 def test_ball_by_volume_and_by_area(mesh, suffix):
     path = mesh(trimesh.creation.icosphere(subdivisions=1, radius=2.0), suffix)
-    solid, shell = from_mesh(path, 6.0), from_mesh(path, 6.0, by="area")
+    solid = from_mesh(path, 6.0)
+    shell = from_mesh(path, 6.0, by="area")
     for body in (solid, shell):
         assert body.mass == pytest.approx(6.0)
         assert body.centre == pytest.approx([0, 0, 0], abs=1e-6)  # STL has single precision

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from springgym.bodies import (
+from springgym.model.bodies import (
     Body,
     box,
     cube,
@@ -14,9 +14,9 @@ from springgym.bodies import (
     stretched_shapes,
     top,
 )
-from springgym.bodies.elasticity import spring_force_and_jacobian
-from springgym.bodies.rotations import axes
-from springgym.scene import Scene
+from springgym.model.bodies.elasticity import spring_force_and_jacobian
+from springgym.model.bodies.rotations import axes
+from springgym.model.scene import Scene
 from springgym.simulator import Simulator
 from springgym.theory import oscillation
 from springgym.theory.rope import stretched_lengths
@@ -56,7 +56,8 @@ def test_axes_of_a_body():
 
 
 def test_spinning_is_rigid():
-    x, omega = top().positions, np.array([1.0, -2.0, 3.0])
+    x = top().positions
+    omega = np.array([1.0, -2.0, 3.0])
     about = np.array([0.1, 0.2, 0.3])
     v = rigid_velocities(x, omega, about)
     small = 1e-5
@@ -65,7 +66,10 @@ def test_spinning_is_rigid():
 
 
 def test_start_of_a_top():
-    tilt, azimuth, spin, precession = 0.4, 1.1, 20.0, -0.5
+    tilt = 0.4
+    azimuth = 1.1
+    spin = 20.0
+    precession = -0.5
     body = top()
     x, v = start(
         body, tilt=tilt, azimuth=azimuth, spin=spin, precession=precession, pinned=(13,), position=(1, 2, 3)
@@ -83,7 +87,8 @@ def test_start_of_a_top():
 
 
 def test_start_of_a_free_body():
-    body, velocity = UNEQUAL, np.array([1.0, 0.0, 2.0])
+    body = UNEQUAL
+    velocity = np.array([1.0, 0.0, 2.0])
     x, v = start(body, omega=(0.0, 4.0, 1.0), position=(0, 0, 5), velocity=velocity)
     assert body.masses @ x / body.mass == pytest.approx([0, 0, 5])
     assert body.masses @ v / body.mass == pytest.approx(velocity)
@@ -238,7 +243,8 @@ def test_relative_equilibrium_does_not_breathe(body, omega, pinned):
 
     Stretched, the axis is principal to the order of the strain; so the wobble changes it by its square.
     """
-    step, ranges = 1e-4, []
+    step = 1e-4
+    ranges = []
     for x in (relative_equilibrium(body, omega, pinned), body.positions):
         v = rigid_velocities(x, omega, x[pinned[0]] if pinned else body.masses @ x / body.mass)
         ranges.append(breathing(body, x, v, pinned, None, step, 0.05).max())
@@ -249,7 +255,8 @@ def test_relative_equilibrium_does_not_breathe(body, omega, pinned):
 
 def test_tilted_top_breathes_less_than_the_papers_start():
     """The stress turns with the spin, so some breathing is left; the weight and the spin it carries."""
-    body, pinned = top(damping=0.0), (13,)
+    body = top(damping=0.0)
+    pinned = (13,)
     spread = []
     for stretched in (True, False):
         x, v = start(body, tilt=0.35, spin=40.0, pinned=pinned, gravity=G, stretched=stretched)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from springgym.bodies import box, softened, solid_box, solid_top, top
-from springgym.bodies.precession import heavy_top, precession_gap, wobble_growth
+from springgym.model.bodies import box, softened, solid_box, solid_top, top
+from springgym.model.bodies.precession import heavy_top, precession_gap, wobble_growth
 from tests.params import slow_but
 
 G = (0.0, 0.0, -9.81)

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from springgym.bodies import (
+from springgym.model.bodies import (
     Body,
     from_points,
     relative_equilibrium,
@@ -24,11 +24,11 @@ from springgym.bodies import (
     top,
     vibrations,
 )
-from springgym.bodies.elastic import Elastic
-from springgym.bodies.lattice import lattice
-from springgym.bodies.network import Network, bars, calibrated, missed, moment_masses, orbits, response
-from springgym.materials import MATERIALS
-from springgym.scene import Scene
+from springgym.model.bodies.elastic import Elastic
+from springgym.model.bodies.lattice import lattice
+from springgym.model.bodies.network import Network, bars, calibrated, missed, moment_masses, orbits, response
+from springgym.model.materials import MATERIALS
+from springgym.model.scene import Scene
 from springgym.theory import solid as theory
 
 CUBE = list(product((-0.01, 0.01), repeat=3))
@@ -147,13 +147,15 @@ def test_top_is_symmetric():
 
 
 def rotation(angle):
-    c, s = math.cos(angle), math.sin(angle)
+    c = math.cos(angle)
+    s = math.sin(angle)
     return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
 
 
 def test_growth_under_spin_is_that_of_the_springs():
     """`relative_equilibrium`, which knows nothing of calibration, stretches the body by s ω²."""
-    body, spin = solid_top(0.03, 0.04, "rubber"), 30.0
+    body = solid_top(0.03, 0.04, "rubber")
+    spin = 30.0
     for axis in range(3):
         omega = spin * np.eye(3)[axis]
         grown = body.with_(positions=relative_equilibrium(body, omega), lengths=body.lengths)
@@ -165,7 +167,8 @@ def test_growth_under_spin_is_that_of_the_springs():
 
 def test_ritz_in_si():
     """The solid of a body, solved without scaling."""
-    steel, body = MATERIALS["steel"], solid_top(0.03, 0.04, "steel")
+    steel = MATERIALS["steel"]
+    body = solid_top(0.03, 0.04, "steel")
     found = theory.elastic_solid(theory.cone_rule(0.03, 0.04), steel.density, steel.elasticity())
     assert body.solid.frequency == pytest.approx(found.frequencies[0], rel=1e-9)
     assert body.solid.stretch == pytest.approx(found.stretch, rel=1e-9)
@@ -241,7 +244,8 @@ def test_hull_with_too_few_corners_gets_middles_of_edges():
 def test_only_the_lowest_frequency_is_right():
     """Of a steel bar, the table of the page: bending, torsion and stretching, by their places in order."""
     body = solid_box((0.02, 0.02, 0.2), "steel")
-    steel, rule = MATERIALS["steel"], theory.box_rule((0.02, 0.02, 0.2))
+    steel = MATERIALS["steel"]
+    rule = theory.box_rule((0.02, 0.02, 0.2))
     solid = theory.elastic_solid(rule, steel.density, steel.elasticity()).frequencies / (2 * math.pi)
     springs = vibrations(body)[0] / (2 * math.pi)
     page = (Path(__file__).parents[2] / "docs" / "materials.md").read_text(encoding="utf-8")
@@ -267,7 +271,8 @@ def test_random_hulls():
 
 def test_hull_far_from_the_origin():
     away = np.array([1.0, 2.0, 3.0])
-    near, far = solid_hull(STONE, "steel"), solid_hull(STONE + away, "steel")
+    near = solid_hull(STONE, "steel")
+    far = solid_hull(STONE + away, "steel")
     assert far.centre == pytest.approx(near.centre + away)
     assert far.stiffness == pytest.approx(near.stiffness, rel=1e-6)
     assert far.solid.centre == pytest.approx(far.centre, abs=1e-13)
@@ -276,7 +281,8 @@ def test_hull_far_from_the_origin():
 def test_hull_that_is_thin_and_lies_aslant():
     turn = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
     thin = STONE * (1, 1, 0.1)
-    straight, aslant = solid_hull(thin, "steel"), solid_hull(thin @ turn.T, "steel")
+    straight = solid_hull(thin, "steel")
+    aslant = solid_hull(thin @ turn.T, "steel")
     assert aslant.solid.frequency == pytest.approx(straight.solid.frequency, rel=1e-6)
     assert reached(aslant)[0] == pytest.approx(1, abs=1e-4)
     with pytest.raises(ValueError, match="the points of the surface are too flat or slender"):
@@ -329,7 +335,8 @@ def test_mesh_that_is_not_convex(tmp_path):
 @pytest.mark.parametrize("name", ["steel", "nylon"])
 @pytest.mark.parametrize("beads", [2, 10])
 def test_rope(name, beads):
-    material, section = MATERIALS[name], math.pi * 0.01**2 / 4
+    material = MATERIALS[name]
+    section = math.pi * 0.01**2 / 4
     body = solid_rope(name, 0.01, length=4.0, end_mass=20.0, beads=beads)
     assert 1 / (1 / body.stiffness).sum() == pytest.approx(material.young * section / 4)
     assert body.mass == pytest.approx(20 + material.density * section * 4)

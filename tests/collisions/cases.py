@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from springgym.bodies import Body, cube
+from springgym.model.bodies import Body, cube
 
 CUBE = cube(damping=0.0)
 
@@ -13,10 +13,15 @@ def turned(*steps: tuple[int, float]) -> np.ndarray:
     """A rotation by angles [°] about axes, one after another."""
     whole = np.eye(3)
     for axis, angle in steps:
-        c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+        c = np.cos(np.radians(angle))
+        s = np.sin(np.radians(angle))
         one = np.eye(3)
-        i, j = (axis + 1) % 3, (axis + 2) % 3
-        one[i, i], one[j, j], one[i, j], one[j, i] = c, c, -s, s
+        i = (axis + 1) % 3
+        j = (axis + 2) % 3
+        one[i, i] = c
+        one[j, j] = c
+        one[i, j] = -s
+        one[j, i] = s
         whole = one @ whole
     return whole
 

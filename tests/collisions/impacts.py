@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from springgym.bodies import Body
-from springgym.scene import Placed, Scene
-from springgym.surfaces import Contact
+from springgym.model.bodies import Body
+from springgym.model.scene import Placed, Scene
+from springgym.model.surfaces import Contact
 
 
 def rotations(rng: np.random.Generator, count: int) -> np.ndarray:
@@ -40,7 +40,8 @@ def impacts(
     side /= np.linalg.norm(side, axis=1)[:, None]
     apart = 1.03 * sum(radii) * way
     offset = 0.5 * max(radii) * rng.random((copies, 1)) * side
-    x, v = [], []
+    x = []
+    v = []
     for n, body in enumerate((first, second)):
         turned = np.einsum("nij,kj->nki", rotations(rng, copies), body.positions - body.centre)
         spin = speed / max(radii) * rng.uniform(-1, 1, size=(copies, 3))

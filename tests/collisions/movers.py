@@ -6,7 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from springgym.bodies import (
+from springgym.dynamics.stepping import DYNAMICS
+from springgym.model.bodies import (
     Body,
     ball,
     box,
@@ -19,11 +20,10 @@ from springgym.bodies import (
     rotation,
     start,
 )
-from springgym.collisions import Pair
-from springgym.dynamics import DYNAMICS
-from springgym.scene import Placed, Scene
+from springgym.model.collisions import Pair
+from springgym.model.scene import Placed, Scene
+from springgym.model.surfaces import Bowl, Contact, Plane, heights
 from springgym.simulator import Simulator
-from springgym.surfaces import Bowl, Contact, Plane, heights
 from springgym.theory.contact import rest_height
 from tests.collisions.stepped import FAR, full
 
@@ -83,7 +83,8 @@ class World(NamedTuple):
     def place(self, shifts: Any = 0.0, velocities: Any = 0.0, spins: Any = 0.0) -> None:
         """Place the first body of each copy aside by ``shifts`` (copies, 3), with further ``velocities`` and
         ``spins``."""
-        simulator, own = self.simulator, self.simulator.scene.slices[0]
+        simulator = self.simulator
+        own = self.simulator.scene.slices[0]
         x, v = (
             np.repeat(each[None], simulator.copies, axis=0)
             for each in (simulator.scene.positions, simulator.scene.velocities)

@@ -10,19 +10,20 @@ from unittest import mock
 import numpy as np
 
 from benchmarks.hard_cases import kept_by_nodes
-from springgym import packing, simulator
+from springgym import simulator
 from springgym.checks import HUGE
-from springgym.contact.records import ENTRIES, Pairs, Turning
-from springgym.contact.round import packed_rounds
-from springgym.core import ragged
-from springgym.core.blocks import numbers, to_copies
-from springgym.core.kinds import Each
+from springgym.core.language import ragged
+from springgym.core.language.blocks import numbers, to_copies
+from springgym.core.language.kinds import Each
+from springgym.dynamics import packing
+from springgym.dynamics.contact.round import packed_rounds
+from springgym.dynamics.records import ENTRIES, Pairs, Turning
+from springgym.dynamics.stability import Vibrations
+from springgym.dynamics.terms import Drive, Terms, Thrust, Wrench
 from springgym.envs.episodes import Episodes
-from springgym.scene import Scene
+from springgym.model.scene import Scene
+from springgym.model.surfaces import Contact, Plane
 from springgym.simulator import Simulator
-from springgym.stability import Vibrations
-from springgym.surfaces import Contact, Plane
-from springgym.terms import Drive, Terms, Thrust, Wrench
 
 FAR = Plane((0, 0, -100), (0, 0, 1))
 """A floor that nothing comes near."""
@@ -57,7 +58,8 @@ def shares_code(scene: Scene, method: str, twin: bool) -> bool:
 
 def with_all_features(pairs: Pairs, blocks: Callable[..., np.ndarray]) -> Pairs:
     """Pairs without None, and with friction and loss of each copy in ``blocks``."""
-    shapes, count = pairs.shapes, len(pairs.first)
+    shapes = pairs.shapes
+    count = len(pairs.first)
 
     def of_copies(values: np.ndarray | None) -> np.ndarray:
         if values is not None and values.dtype.names:
@@ -103,22 +105,29 @@ def all_kinds_of_terms() -> Iterator[None]:
     same in all bodies that collide are of each body. In environments with contact dampers act in every step,
     where their tasks ask for cycles.
     """
-    pack, share, pack_pairs = packing._packed, packing._shared, packing.pack_pairs
+    pack = packing._packed
+    share = packing._shared
+    pack_pairs = packing.pack_pairs
     make_turning = packing.new_turning
-    whole_pack, make_workspaces = packing.pack, packing.workspaces
-    actuators, stack, cycles_in = packing._actuators, ragged.stacked, Episodes._cycles_in
+    whole_pack = packing.pack
+    make_workspaces = packing.workspaces
+    actuators = packing._actuators
+    stack = ragged.stacked
+    cycles_in = Episodes._cycles_in
 
     def in_cycles(self: Episodes, of: Vibrations, steps: int, exactly: bool) -> tuple[int, int]:
         return (steps, 1) if self.task.scene.can_touch else cycles_in(self, of, steps, exactly)
 
     def pack_whole(scene: Scene, twin: bool, options: packing.Options) -> Any:
-        Packing.shares, Packing.twin = shares_code(scene, options.method.name, twin), twin
+        Packing.shares = shares_code(scene, options.method.name, twin)
+        Packing.twin = twin
         asks = options.varying & {"friction", "restitution"}  # which is refused where there is no surface
         alone = twin or asks or not (scene.meetings and Packing.shares)
         return whole_pack(scene if alone else with_all_terms(scene), twin, options)
 
     def workspaces(scene: Scene, method: Any, collisions: Any, twin: bool, *others: Any) -> list[Any]:
-        Packing.shares, Packing.twin = shares_code(scene, method.name, twin), twin
+        Packing.shares = shares_code(scene, method.name, twin)
+        Packing.twin = twin
         full = scene if twin or not (scene.meetings and Packing.shares) else with_all_terms(scene)
         return make_workspaces(full, method, collisions, twin, *others)
 
@@ -142,7 +151,9 @@ def all_kinds_of_terms() -> Iterator[None]:
         rigid = found.twin
         if twin and rigid[1] is None:
             rigid = (rigid[0], given.parameter({"masses"}, np.zeros(1)))
-        surfaces, rounds, dampers = found.terms.surfaces, found.terms.rounds, found.terms.dampers
+        surfaces = found.terms.surfaces
+        rounds = found.terms.rounds
+        dampers = found.terms.dampers
         if surfaces is not None:
             surfaces = surfaces._replace(radius=float(part.body.radius))
             if packing.solves_rows(whole, given.method, twin):
@@ -247,7 +258,9 @@ class Stepped:
 
     def momenta(self) -> np.ndarray:
         """Momentum and angular momentum about the origin, (copies, 6)."""
-        m, x, v = self.scene.masses[:, None], self.x, self.v
+        m = self.scene.masses[:, None]
+        x = self.x
+        v = self.v
         return np.concatenate([(m * v).sum(1), (m * np.cross(x, v)).sum(1)], axis=1)
 
     def energy(self) -> np.ndarray:

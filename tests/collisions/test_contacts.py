@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from springgym.bodies import ball, cube
-from springgym.contacts import Contacts
-from springgym.scene import Placed, Scene
+from springgym.dynamics.contacts import Contacts
+from springgym.model.bodies import ball, cube
+from springgym.model.scene import Placed, Scene
+from springgym.model.surfaces import Contact, PaperContact, Plane
 from springgym.simulator import Simulator
-from springgym.surfaces import Contact, PaperContact, Plane
 from springgym.theory.contact import energy
 from tests.collisions.cases import CUBE
 from tests.collisions.stepped import Stepped, full
@@ -40,7 +40,8 @@ def of_copy(found: Contacts, copy: int) -> list[np.ndarray]:
 def test_what_rests_is_carried() -> None:
     """The floor carries both, the lower block the upper one; in each copy of a batch as in one alone."""
     scene = tower()
-    one, many = Stepped(scene, copies=1), Stepped(scene, copies=3)
+    one = Stepped(scene, copies=1)
+    many = Stepped(scene, copies=3)
     x = np.repeat(scene.positions[None], 3, axis=0)
     x[1, :, 0] += 0.5
     x[2, :, 2] += 30.0  # which is aloft
@@ -76,12 +77,14 @@ def test_what_rests_is_carried() -> None:
 
 def test_where_balls_touch() -> None:
     """Between the rims of two balls, along the line of their centres."""
-    small, large = ball(0.1, 0.2), ball(0.3, 1.0)
+    small = ball(0.1, 0.2)
+    large = ball(0.3, 1.0)
     along = np.array([2.0, 1.0, -2.0]) / 3
     bodies = (Placed(small, name="a"), Placed(large, -0.404 * along[None], name="b"))
     scene = Scene(bodies=bodies, gravity=None, collisions=Contact(strength=1e-3, reach=5e-3))
     simulator = full(scene)
-    found, told = simulator.contacts(), simulator.pairs()
+    found = simulator.contacts()
+    told = simulator.pairs()
     assert found.there.shape == (1, 1)
     assert told.touching[0, 0]
     assert told.energy[0, 0] == pytest.approx(float(energy(0.004, 1e-3, 5e-3)))

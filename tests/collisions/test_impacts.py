@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from springgym.bodies import Body, cube, from_points, rolling_ball, top
-from springgym.collisions import distance
-from springgym.contact.records import COARSE, FASTEST, GAP, IMPULSE, MISSES, OVERFLOW, TOUCHING
-from springgym.resolution import QUICK
+from springgym.dynamics.records import COARSE, FASTEST, GAP, IMPULSE, MISSES, OVERFLOW, TOUCHING
+from springgym.model.bodies import Body, cube, from_points, rolling_ball, top
+from springgym.model.collisions import distance
+from springgym.model.resolution import QUICK
 from tests.collisions.cases import CUBE, WAYS, approach
 from tests.collisions.impacts import impacts, pair_scene
 from tests.collisions.stepped import Stepped
@@ -46,11 +46,13 @@ def collided(
     scene = pair_scene(first, second)
     world = Stepped(scene, copies=copies, lean=lean, dtype=dtype)
     world.place(*impacts(first, second, speed, copies, np.random.default_rng(seed)))
-    energy, momenta = world.energy(), world.momenta()
+    energy = world.energy()
+    momenta = world.momenta()
     steps = int(2.2 * max(first.size, second.size) / speed / world.step)
     world.run(steps)
     totals = world.totals[:, 0]
-    hits, fast = totals[:, IMPULSE] > 0, totals[:, FASTEST] > QUICK * scene.meetings[0].reach / world.step
+    hits = totals[:, IMPULSE] > 0
+    fast = totals[:, FASTEST] > QUICK * scene.meetings[0].reach / world.step
     parted = hits & (totals[:, TOUCHING] == 0)
     own, other = (world.x[:, part] for part in scene.slices)
     depth = [
@@ -162,7 +164,8 @@ def test_every_way_to_meet(speed: float, most: float) -> None:
         world = Stepped(scene, copies=len(WAYS), step=Stepped(scene).step / finer)
         x, v = map(np.array, zip(*(approach(way, speed) for way in WAYS), strict=True))
         world.place(x, v)
-        energy, momenta = world.energy(), world.momenta()
+        energy = world.energy()
+        momenta = world.momenta()
         world.run(int(0.2 / speed / world.step))
         totals = world.totals[:, 0]
         assert (totals[:, IMPULSE] > 0.8 * speed).all()
@@ -178,7 +181,8 @@ def test_through_each_other_in_half_a_step() -> None:
     """At v h = 0.64 Δ crossed edges pass each other within half a step if they are late: the history of signs
     brings them back. From 0.8 Δ on contacts are missed, and told.
     """
-    speed, world = 20.0, Stepped(pair_scene(CUBE, CUBE), copies=16)
+    speed = 20.0
+    world = Stepped(pair_scene(CUBE, CUBE), copies=16)
     x, v = approach("crossed edges", speed)
     late = np.arange(16)[:, None, None] / 16 * speed * world.step * np.array([1.0, 0.0, 0.0])
     world.place(x - late * (np.arange(16) < 8)[:, None], np.broadcast_to(v, (16, 16, 3)))

@@ -7,12 +7,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from springgym.contact.law import SLOW, Times, solve_gap
-from springgym.core.blocks import aligned_zeros, block_dtype
-from springgym.core.compiling import kernel
-from springgym.core.lanes import load, minimum, store
+from springgym.core.compiler.compiling import kernel
+from springgym.core.language.blocks import aligned_zeros, block_dtype
+from springgym.core.language.lanes import load, minimum, store
+from springgym.dynamics.contact.law import SLOW, solve_gap
+from springgym.dynamics.records import Times
 
-COUNT, REACH, STEP = 4096, 0.0173, 5.5e-4
+COUNT = 4096
+REACH = 0.0173
+STEP = 5.5e-4
 SPAN = Times(STEP / 2, STEP / 2, STEP)
 
 
@@ -20,7 +23,10 @@ SPAN = Times(STEP / 2, STEP / 2, STEP)
 def met(gaps: Any, span: Any, c: Any, reach: Any, beta: Any, change: Any, lossy: Any) -> None:
     start, free, guesses = gaps
     for n in range(start.size):
-        first, ahead, guess, strength = load(start, n), load(free, n), load(guesses, n), load(c, n)
+        first = load(start, n)
+        ahead = load(free, n)
+        guess = load(guesses, n)
+        strength = load(c, n)
         on = minimum(first, ahead) < reach
         found, _ = solve_gap((first, ahead, guess), span, strength, reach, 0.0 * first, on)
         store(change, (n, 0), found)
@@ -39,7 +45,8 @@ def laws(
         array["lanes"][..., 0] = values
         return array
 
-    change, lossy = lanes(0.0, 3), lanes(0.0, 3)
+    change = lanes(0.0, 3)
+    lossy = lanes(0.0, 3)
     met((lanes(start), lanes(free), lanes(guess)), SPAN, lanes(c), REACH, lanes(beta), change, lossy)
     return change["lanes"][:, 0, 0], lossy["lanes"][:, 0, 0], lossy["lanes"][:, 1, 0]
 

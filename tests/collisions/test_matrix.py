@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 
 from benchmarks.hard_cases import kept_by_nodes
-from springgym.bodies import cube, rotation
-from springgym.collisions import Pair
-from springgym.contact.law import SLOW
-from springgym.resolution import WRONG, max_impact_speeds, possible_contacts
-from springgym.scene import Placed, Scene
+from springgym.dynamics.contact.law import SLOW
+from springgym.model.bodies import cube, rotation
+from springgym.model.collisions import Pair
+from springgym.model.resolution import WRONG, max_impact_speeds, possible_contacts
+from springgym.model.scene import Placed, Scene
+from springgym.model.surfaces import Contact, Plane, floor, heights
 from springgym.simulator import Simulator, UnresolvedContactError
-from springgym.surfaces import Contact, Plane, floor, heights
 from springgym.theory import rolling
 from springgym.theory.contact import rebound, stopping_distance
 from tests.collisions.impacts import impacts, rotations
@@ -88,7 +88,8 @@ def test_impacts_keep_their_restitution_or_are_counted(
 ) -> None:
     """With default bodies, contacts and steps, whatever the phase of a step: the energy that impacts lose is
     right to `WRONG`, or they are counted as coarse. That is so above the highest speed, and only there."""
-    of, phases = body(mover, damping=10.0), 8
+    of = body(mover, damping=10.0)
+    phases = 8
     plain = alone(scene(of, on, Contact(0.3, 0.5), 0.0203), on)
     step = automatic(plain, dynamics) / finer
     most = max_impact_speeds(possible_contacts(plain, dynamics == "springs"), step).min()
@@ -98,13 +99,17 @@ def test_impacts_keep_their_restitution_or_are_counted(
     )
     w.simulator.vary(np.arange(len(v)), restitution=e)
     w.place(np.outer(late * v * step, (0, 0, -1)), np.outer(v, (0, 0, -1)))
-    kept, told, taken = np.zeros(len(v)), np.zeros(len(v), bool), 0
+    kept = np.zeros(len(v))
+    told = np.zeros(len(v), bool)
+    taken = 0
     for speed in SPEEDS[::-1]:
         steps = math.ceil((0.021 / speed + LASTS) / step)
         w.simulator.advance(steps - taken, check=False)
-        taken, own = steps, v == speed
+        taken = steps
+        own = v == speed
         apart = w.velocity()[:, 2] - (w.velocity(1)[:, 2] if on == "mate" else 0.0)
-        kept[own], told[own] = (apart / v)[own], (w.simulator.coarse_contacts > 0)[own]
+        kept[own] = (apart / v)[own]
+        told[own] = (w.simulator.coarse_contacts > 0)[own]
     expected = np.array([rebound(speed, asked, SLOW) for speed, asked in zip(v, e, strict=True)])
     wrong = np.abs(kept**2 - expected**2)
     np.testing.assert_array_equal(told, v > most)
@@ -123,7 +128,8 @@ def test_what_a_step_cannot_resolve_is_told(mover: str, on: str, dynamics: str) 
     down = np.array([[0.0, 0, -60.0], [0.0, 0, -0.5]])
 
     def thrown(unresolved: str, velocities: np.ndarray) -> World:
-        how, tilt = Contact(restitution=0.5, **HARD), 0.3 if on == "ramp" else None
+        how = Contact(restitution=0.5, **HARD)
+        tilt = 0.3 if on == "ramp" else None
         options: dict[str, Any] = {"dynamics": dynamics, "step": 2e-4, "tilt": tilt}
         w = world(body(mover), on, how, 0.1, unresolved=unresolved, **options)
         w.place(velocities=velocities)
@@ -131,7 +137,8 @@ def test_what_a_step_cannot_resolve_is_told(mover: str, on: str, dynamics: str) 
 
     with pytest.raises(UnresolvedContactError, match=r"'first'.* of copy 0"):
         thrown("raise", down).simulator.advance(50)
-    counted, alone = thrown("count", down), thrown("raise", down[[1, 1]])
+    counted = thrown("count", down)
+    alone = thrown("raise", down[[1, 1]])
     for each in (counted, alone):
         each.simulator.advance(1500)
     assert counted.simulator.unresolved.tolist() == [True, False]
@@ -169,14 +176,17 @@ def test_on_a_slope_it_holds_rolls_or_slides(mover: str, on: str, dynamics: str)
     share = SHARE.get(mover)
     needs = rolling.needed_friction(TILT, share) if share else math.tan(TILT)
     mu = needs * np.array([0.5, 0.97, 1.03, 2.0])
-    how, of = Contact(0.5, 0.5, **HARD), body(mover, 1e6, 10.0)
+    how = Contact(0.5, 0.5, **HARD)
+    of = body(mover, 1e6, 10.0)
     w = world(of, on, how, dynamics=dynamics, step=2e-4, copies=4, tilt=TILT)
     w.simulator.vary(np.arange(4), friction=mu)
     w.place()
     w.simulator.advance(1000)
-    before, place = w.velocity(), w.centre()
+    before = w.velocity()
+    place = w.centre()
     w.simulator.advance(1000)
-    v, slip = w.velocity(), w.velocity()[:, 0] - 0.1 * w.spin()[:, 1]
+    v = w.velocity()
+    slip = w.velocity()[:, 0] - 0.1 * w.spin()[:, 1]
     slides = G * (math.sin(TILT) - mu * math.cos(TILT))
     sticks = rolling.acceleration(TILT, share) if share else 0.0
     off = GAP if on == "block" and dynamics == "rigid" else 1e-4
@@ -200,12 +210,16 @@ def test_on_a_slope_it_holds_rolls_or_slides(mover: str, on: str, dynamics: str)
 )
 def test_what_slides_stops_or_rolls_on(mover: str, on: str, dynamics: str) -> None:
     """What is flat stops after v²/2 μ g, what is round rolls on with v/(1 + I/(m r²))."""
-    speed, mu, of = 1.0, 0.2, body(mover, 1e6, 10.0)
+    speed = 1.0
+    mu = 0.2
+    of = body(mover, 1e6, 10.0)
     options: dict[str, Any] = {"dynamics": dynamics, "step": 2e-4, "tilt": 0.0}
     w = world(of, on, Contact(mu, 0.5, **HARD), velocity=(speed, 0, 0), **options)
-    start, before = w.centre(), w.simulator.measure().balance
+    start = w.centre()
+    before = w.simulator.measure().balance
     w.simulator.advance(4000)
-    after, share = w.simulator.measure(), SHARE.get(mover, math.inf)
+    after = w.simulator.measure()
+    share = SHARE.get(mover, math.inf)
     off = GAP if on == "block" and dynamics == "rigid" and mover in SHARE else 1e-4
     np.testing.assert_allclose(w.velocity(), [(speed / (1 + share), 0, 0)] * 2, atol=off)
     lost = 0.5 * speed**2 / (1 + 1 / share)
@@ -221,13 +235,17 @@ def test_what_slides_stops_or_rolls_on(mover: str, on: str, dynamics: str) -> No
 @cells(("ball", "capsule"), ("floor", "ramp", "block", "mate"), "ball-mate-springs", "capsule-floor-rigid")
 def test_friction_stops_the_slip_of_what_spins_or_takes_its_share(mover: str, on: str, dynamics: str) -> None:
     """The impulse that stops the slip ω r is ω r/(n (1 + m r²/I)/m), n of the bodies turn; or it is μ J."""
-    speed, spin, mu, share = 0.5, 10.0, np.array([0.05, 2.0]), SHARE[mover]
+    speed = 0.5
+    spin = 10.0
+    mu = np.array([0.05, 2.0])
+    share = SHARE[mover]
     turning = 2 if on == "mate" else 1
     begins: dict[str, Any] = {"velocity": (0, 0, -speed), "omega": (0, spin, 0), "up": 0.0203}
     w = world(body(mover, 1e6), on, Contact(0.5, 1.0, **SOFT), dynamics=dynamics, step=1e-4, **begins)
     w.simulator.vary(np.arange(2), friction=mu)
     w.simulator.advance(1000)
-    push, stops = 2 * speed / turning, 0.1 * spin / (turning * (1 + 1 / share))
+    push = 2 * speed / turning
+    stops = 0.1 * spin / (turning * (1 + 1 / share))
     rubs = np.minimum(mu * push, stops)
     assert (rubs < stops).tolist() == [True, False]
     np.testing.assert_allclose(w.velocity()[:, 0], rubs, rtol=0.03)
@@ -244,22 +262,22 @@ COPIES = 16
 
 def thrown(mover: str, on: str, dynamics: str, how: Contact, step: float, stiffness: float = 1e5) -> World:
     """Return a body, turned and spinning at random, that flies at a surface or another's side at 1 m/s."""
-    of, other = body(mover, stiffness), body("cube" if mover == "stone" else mover, stiffness)
+    of = body(mover, stiffness)
+    other = body("cube" if mover == "stone" else mover, stiffness)
     options: dict[str, Any] = {"copies": COPIES, "unresolved": "count", "tilt": 0.3 if on == "ramp" else None}
     w = world(of, on, how, 1.0, dynamics=dynamics, step=step, other=other, **options)
     x, v = impacts(of, other, 1.0, COPIES, np.random.default_rng(3))
     if on != "mate":
         own = slice(len(of.masses))
         x, v = (each[:, own] - each[:, own].mean(axis=1, keepdims=True) for each in (x, v))
-        x, v = (
-            np.add(x, (0, 0, (0.75 if on == "bowl" else 0.55) * of.swept)) @ w.axes.T,
-            np.add(v, (0.5, 0, -1.0)) @ w.axes.T,
-        )
+        x = np.add(x, (0, 0, (0.75 if on == "bowl" else 0.55) * of.swept)) @ w.axes.T
+        v = np.add(v, (0.5, 0, -1.0)) @ w.axes.T
     places, speeds = (
         np.repeat(each[None], COPIES, axis=0)
         for each in (w.simulator.scene.positions, w.simulator.scene.velocities)
     )
-    places[:, : x.shape[1]], speeds[:, : x.shape[1]] = x, v
+    places[:, : x.shape[1]] = x
+    speeds[:, : x.shape[1]] = v
     w.simulator.place(places, speeds)
     return w
 
@@ -287,8 +305,10 @@ def test_energy_and_momenta_are_kept(mover: str, on: str, dynamics: str, lossy: 
     for finer in (1, 4):
         rounded = dynamics == "springs" and mover not in ("cube", "stone")
         w = thrown(mover, on, dynamics, how, 4e-4 / finer, 1e6 if rounded and finer > 1 else 1e5)
-        simulator, worst = w.simulator, np.zeros(COPIES)
-        first, energy = simulator.measure(), kept(simulator)
+        simulator = w.simulator
+        worst = np.zeros(COPIES)
+        first = simulator.measure()
+        energy = kept(simulator)
         for _ in range(20):
             simulator.advance(round(0.02 / simulator.step))
             worst = np.maximum(worst, np.abs(kept(simulator) - energy))
@@ -327,7 +347,8 @@ def test_impulses_of_contacts_are_what_changes_momenta(mover: str, on: str, dyna
 def test_what_lies_stays_and_its_contacts_bear_its_weight(mover: str, on: str, dynamics: str) -> None:
     if mover in SHARE and on == "ramp":
         pytest.skip("it rolls, as it should")
-    tilt, of = 0.3 if on == "ramp" else 0.0, body(mover, damping=100.0)
+    tilt = 0.3 if on == "ramp" else 0.0
+    of = body(mover, damping=100.0)
     w = world(of, on, Contact(0.9, 0.2, **HARD), dynamics=dynamics, step=2e-4, tilt=tilt)
     w.simulator.advance(5000)
     place = w.centre()
@@ -365,7 +386,8 @@ def test_springs_approach_their_twin_as_they_grow_stiff(mover: str, on: str) -> 
 @pytest.mark.parametrize("name", ["ball", "capsule", "cube"])
 def test_what_is_pinned_whole_stays_where_a_ball_hits_it(name: str) -> None:
     """Contacts turn as one what is round, and what a round body meets with rolling resistance."""
-    of, hits = body(name), body("ball")
+    of = body(name)
+    hits = body("ball")
     bodies = (
         Placed(of, pinned=tuple(range(len(of.masses))), name="held"),
         Placed(hits, np.add(hits.positions, (0.03, 0.02, 0.4)), np.tile((0, 0, -0.5), (4, 1)), name="hits"),
@@ -387,13 +409,15 @@ def test_a_body_turns_about_its_pin_when_it_is_hit(dynamics: str) -> None:
     )
     bodies = (Placed(of, pinned=(0,), name="door"), hits)
     pair = Scene(bodies=bodies, gravity=None, contact=Contact(strength=0.01, reach=0.01), collisions="all")
-    simulator, masses = full(pair, dynamics=dynamics, step=2e-4, copies=2), np.tile(of.masses, 2)
+    simulator = full(pair, dynamics=dynamics, step=2e-4, copies=2)
+    masses = np.tile(of.masses, 2)
 
     def about_pin() -> np.ndarray:
         arms = simulator.positions - of.positions[0]
         return np.einsum("n,cnx->cx", masses, np.cross(arms, simulator.velocities))
 
-    before, energy = about_pin(), kept(simulator)
+    before = about_pin()
+    energy = kept(simulator)
     simulator.advance(3000)
     assert np.linalg.norm(simulator.measure("door").angular_velocity, axis=1).min() > 0.2
     np.testing.assert_allclose(about_pin(), before, atol=1e-12)
@@ -405,14 +429,17 @@ def test_a_body_turns_about_its_pin_when_it_is_hit(dynamics: str) -> None:
 @pytest.mark.parametrize("mover", ["ball", "capsule", "cube", "stone"])
 def test_nothing_gets_through_a_corner_of_planes(mover: str) -> None:
     """Bodies at 20 m/s and 100 rad/s are too fast for the steps: they are counted, and gain little energy."""
-    of, rng = body(mover), np.random.default_rng(1)
+    of = body(mover)
+    rng = np.random.default_rng(1)
     planes = (Plane(), Plane((-1, 0, 0), (1, 0, 0)), Plane((0, -1, 0), (0, 1, 0)))
     above = Placed(of, np.add(of.positions, (0, 0, 0.8)), name="first")
-    bodies, apart = (above, *FAR_PAIR), (Pair(1, 2, Contact(**HARD)),)
+    bodies = (above, *FAR_PAIR)
+    apart = (Pair(1, 2, Contact(**HARD)),)
     corner = Scene(bodies=bodies, surfaces=planes, contact=Contact(**SOFT), collisions=apart)
     w = World(full(corner, dynamics="rigid", step=1e-3, copies=16, unresolved="count"), np.eye(3))
     w.place(velocities=rng.normal(size=(16, 3)) * 12, spins=rng.normal(size=(16, 3)) * 60)
-    energy, least = w.simulator.measure(0).kinetic, 1.0
+    energy = w.simulator.measure(0).kinetic
+    least = 1.0
     for _ in range(250):
         w.simulator.advance(4, check=False)
         gaps = [
@@ -431,9 +458,11 @@ def test_rigid_cubes_that_fall_on_each_other_gain_no_energy() -> None:
 
     Gradients of edges that act in each of these turns, not once, take a fifth of the energy.
     """
-    of, copies = cube(damping=0.0), 64
+    of = cube(damping=0.0)
+    copies = 64
     turns = rotations(np.random.default_rng(0), 2 * copies).reshape(2, copies, 3, 3)
-    lower, upper = of.positions @ turns[0], of.positions @ turns[1] + (0.3, 0.2, 0.0)
+    lower = of.positions @ turns[0]
+    upper = of.positions @ turns[1] + (0.3, 0.2, 0.0)
     lower[..., 2] += 0.05 - lower[..., 2].min(axis=1, keepdims=True)
     above = lower[..., 2].max(axis=1, keepdims=True) + 0.05
     upper[..., 2] += above - upper[..., 2].min(axis=1, keepdims=True)
@@ -476,7 +505,8 @@ def test_copies_are_single_ones_and_calls_of_any_length_are_one(dynamics: str) -
     check_calls(whole, [1, 2, 57, 3, 37, 700])
     while not (touches := whole.contacts().there.any(axis=1)).any():
         whole.advance(3)
-    n, again = int(np.argmax(touches)), crowd(dynamics, 1)
+    n = int(np.argmax(touches))
+    again = crowd(dynamics, 1)
     state = whole.positions[n], whole.velocities[n]
     whole.place(*state, [n])
     again.place(*state)

@@ -6,11 +6,11 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from springgym.bodies import ball
-from springgym.contact.overlap import find_overlaps, outlines
-from springgym.scene import Placed, Scene
+from springgym.dynamics.contact.overlap import find_overlaps, outlines
+from springgym.model.bodies import ball
+from springgym.model.scene import Placed, Scene
+from springgym.model.surfaces import Contact
 from springgym.simulator import SimulationDivergedError, Simulator, UnresolvedContactError
-from springgym.surfaces import Contact
 from tests.collisions.stepped import full
 from tests.collisions.throws import THROWS, in_each_other, thrown, watched
 from tests.copies import check_alone
@@ -148,7 +148,9 @@ def test_what_is_shown_is_looked_at() -> None:
         x[:100, first] += 0.9 * (x[:100, second].mean(axis=1) - x[:100, first].mean(axis=1))[:, None]
         x[:50, first] = 0.2 * (x[:50, first] - x[:50, first].mean(axis=1)[:, None])
         x[:50, first] += x[:50, second].mean(axis=1)[:, None]
-        pair, of, found = np.array([0, 1]), outlines(scene.shapes, scene.starts), np.zeros((300, 1), bool)
+        pair = np.array([0, 1])
+        of = outlines(scene.shapes, scene.starts)
+        found = np.zeros((300, 1), bool)
         whether = find_overlaps(x, pair[:1], pair[1:], of, np.zeros((3, 2, 3)), found)
         expected = in_each_other(scene, x)
         assert whether
@@ -161,7 +163,8 @@ def test_episode_ends() -> None:
     env = gym.make_vec("SpringShove-v0", num_envs=3)
     env.reset(seed=0)
     simulator = env.unwrapped.episodes.simulator  # type: ignore[attr-defined]
-    x, v = simulator.positions, simulator.velocities
+    x = simulator.positions
+    v = simulator.velocities
     first, second = simulator.scene.slices[:2]
     way = x[1, second].mean(axis=0) - x[1, first].mean(axis=0)
     v[1, first] = 200.0 * way / np.linalg.norm(way)

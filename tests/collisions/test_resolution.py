@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from springgym.bodies import ball, box, cube, disk, rolling_ball, rope
-from springgym.contact.law import SLOW
-from springgym.resolution import (
+from springgym.dynamics.contact.law import SLOW
+from springgym.model.bodies import ball, box, cube, disk, rolling_ball, rope
+from springgym.model.resolution import (
     COARSENESS,
     QUICK,
     TURN,
@@ -22,9 +22,9 @@ from springgym.resolution import (
     mobility,
     possible_contacts,
 )
-from springgym.scene import Placed, Scene
+from springgym.model.scene import Placed, Scene
+from springgym.model.surfaces import Contact, PaperContact, floor, scales
 from springgym.simulator import PrecisionWarning, Simulator, UnresolvedContactError
-from springgym.surfaces import Contact, PaperContact, floor, scales
 from springgym.theory.contact import rebound
 from tests.collisions.movers import G, World, alone, automatic, body, scene, world
 from tests.forces.test_contact import beads
@@ -52,7 +52,9 @@ def test_mobility_of_simple_bodies() -> None:
 
 def test_frequency_is_that_of_a_body_that_hardly_leaves_its_rest() -> None:
     """ω_c² = 2 c W/Δ³: that of a particle below the edge of the barrier, measured by its period there."""
-    c, reach, depth = 0.02, 0.01, 1e-4
+    c = 0.02
+    reach = 0.01
+    depth = 1e-4
     law = Contact(strength=c, reach=reach)
     of = possible_contacts(Scene(ball(0.1), np.array([[0, 0, 1.0]]), surfaces=(floor(),), contact=law), True)
     simulator = beads([[0, 0, reach * (1 - depth)]], [[0, 0, 0.0]], law, gravity=(0, 0, 0), step=1e-5)
@@ -69,7 +71,9 @@ def test_frequency_is_that_of_a_body_that_hardly_leaves_its_rest() -> None:
 def test_loss_of_the_fastest_impacts(restitution: float) -> None:
     """In the worst phase of a step it is wrong by a quarter of `WRONG` to `WRONG`, if hard or soft. The
     restitution is right to 0.03 from 0.5 on, to 0.08 at 0.2, and to 0.2 at 0."""
-    reach, step, phases = 0.02, 1e-3, 16
+    reach = 0.02
+    step = 1e-3
+    phases = 16
     angle = np.repeat([0.03, 0.05, 0.1, 0.2, 0.25], phases)
     frequency = angle / step
     of = PossibleContacts(
@@ -167,7 +171,8 @@ def test_rigid_bodies_have_no_vibrations() -> None:
 
 def test_softest_contact_counts() -> None:
     """Of several contacts; surfaces have theirs; a body that is held does not vibrate."""
-    soft, stiff = cube(stiffness=1e5), cube(stiffness=1e7)
+    soft = cube(stiffness=1e5)
+    stiff = cube(stiffness=1e7)
     far = stiff.positions + np.array([3.0, 0.0, 2.0])
     bodies = (Placed(soft, np.add(soft.positions, (0, 0, 2)), name="soft"), Placed(stiff, far, name="stiff"))
     law = Contact(reach=0.01)
@@ -218,7 +223,8 @@ def test_coarse_contacts_of_particles_are_counted() -> None:
 @pytest.mark.parametrize("dynamics", ["springs", "rigid"])
 def test_a_ball_dropped_by_default(dynamics: str) -> None:
     """From 20 cm it is too fast for the default step: an error or a warning names a step, which is fine."""
-    of, height = rolling_ball(), 0.2
+    of = rolling_ball()
+    height = 0.2
     reach = scales(LOSSY, of)[1]
     step = automatic(alone(scene(of, "floor", LOSSY, height, tilt=0.0), "floor"), dynamics)
 

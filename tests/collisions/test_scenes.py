@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from springgym.bodies import (
+from springgym.model.bodies import (
     Body,
     box,
     capsule,
@@ -27,16 +27,16 @@ from springgym.bodies import (
     top,
     union,
 )
-from springgym.collisions import Pair, distance, overlap, shape
-from springgym.scene import Placed, Scene
+from springgym.model.collisions import Pair, distance, overlap, shape
+from springgym.model.scene import Placed, Scene
+from springgym.model.surfaces import Contact, PaperContact, Plane, derived_strength
+from springgym.model.surfaces.contact import strength_of_impact
 from springgym.scenes import load
 from springgym.scenes.plan import OF_ONE_BODY
 from springgym.scenes.plots import PLOTS, draw
 from springgym.scenes.recording import record
+from springgym.scenes.strict_yaml import YamlError
 from springgym.simulator import Simulator
-from springgym.strict_yaml import YamlError
-from springgym.surfaces import Contact, PaperContact, Plane, derived_strength
-from springgym.surfaces.contact import strength_of_impact
 
 CUBE = cube()
 BALL = Body("ball", [[0.0, 0.0, 0.0]], 1.0, [], 1.0, 0.0, radius=0.2)
@@ -351,9 +351,11 @@ def calls(function: Callable[[], Any]) -> int:
 
 def test_scenes_grow_with_their_bodies() -> None:
     """Twice the bodies, of four times the pairs, take twice the work to be checked, and to start again."""
-    few, many = row_of_cubes(40), row_of_cubes(80)
+    few = row_of_cubes(40)
+    many = row_of_cubes(80)
     assert calls(lambda: Scene(bodies=many)) < 2.3 * calls(lambda: Scene(bodies=few))
-    one, other = Scene(bodies=few), Scene(bodies=many)
+    one = Scene(bodies=few)
+    other = Scene(bodies=many)
     assert len(other.meetings) == 80 * 79 // 2
     again = [partial(scene.check_start, scene.positions, scene.velocities) for scene in (one, other)]
     assert calls(again[1]) < 2.3 * calls(again[0])
@@ -366,7 +368,8 @@ def test_scenes_grow_with_their_bodies() -> None:
 @pytest.mark.parametrize("most", [1, 1000, 1_000_000])
 def test_boxes_that_overlap(most: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """In pieces, the same are found as at once, ties and all, in the order of the pairs."""
-    random, met = np.random.default_rng(3), Scene(bodies=row_of_cubes(30)).meetings
+    random = np.random.default_rng(3)
+    met = Scene(bodies=row_of_cubes(30)).meetings
     low = np.round(random.uniform(0, 3, (5, 30, 3)), 1)
     high = low + np.round(random.uniform(0, 1, low.shape), 1)
     meet = (low[:, :, None] <= high[:, None]) & (low[:, None] <= high[:, :, None])

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from springgym.bodies import Body, cube
-from springgym.contact.totals import PairReadings
-from springgym.core.blocks import numbers
-from springgym.scene import Placed, Scene, WrenchActuator
+from springgym.core.language.blocks import numbers
+from springgym.dynamics.contact.totals import PairReadings
+from springgym.model.bodies import Body, cube
+from springgym.model.scene import Placed, Scene, WrenchActuator
+from springgym.model.surfaces import Bowl, Contact, Plane
 from springgym.scenes import load
 from springgym.simulator import SimulationDivergedError, Simulator
-from springgym.surfaces import Bowl, Contact, Plane
 from tests.collisions.impacts import impacts
 from tests.collisions.stepped import Stepped
 from tests.copies import reported
@@ -53,7 +53,8 @@ def test_stack_on_a_floor() -> None:
     simulator = Stepped(stack).simulator
     start = simulator.measure().balance[0]
     simulator.advance(int(8 / simulator.step))
-    x, lost = simulator.positions, simulator.measure()
+    x = simulator.positions
+    lost = simulator.measure()
     simulator.advance(int(2 / simulator.step))
     measured = simulator.measure()
     assert measured.kinetic.max() < 1e-10
@@ -61,7 +62,8 @@ def test_stack_on_a_floor() -> None:
     for name in ("damping_loss", "contact_loss", "friction_loss"):
         assert getattr(measured, name)[0] - getattr(lost, name)[0] < 1e-9
     assert measured.balance[0] == pytest.approx(start, abs=2e-5)
-    told, summed = simulator.pairs(), simulator.pair_sums()
+    told = simulator.pairs()
+    summed = simulator.pair_sums()
     assert told.touching.tolist() == [[True, False, True]] * 2
     nearest = np.minimum(told.min_gap, simulator.scene.meetings.reach).min(axis=1)
     np.testing.assert_array_equal(summed.min_gap, nearest)
@@ -85,7 +87,9 @@ def test_block_that_pushes_another() -> None:
     simulator.advance(int(2.5 / simulator.step))
     simulator.actuate(**{"a.force": np.array([[5.5, 0, 0], [9.0, 0, 0]])})
     simulator.advance(int(0.3 / simulator.step))
-    speeds, before, steps = [], simulator.measure().balance, int(0.5 / simulator.step)
+    speeds = []
+    before = simulator.measure().balance
+    steps = int(0.5 / simulator.step)
     for _ in range(2):
         speeds.append(simulator.measure().centre_velocity[:, 0])
         simulator.advance(steps)
@@ -100,7 +104,8 @@ def test_start_amid_contact() -> None:
     """Bodies placed where they press each other part with what the barrier had; taken over, they have it."""
     scene = among(put(BLOCK, (0, 0, 2.0), "a"), put(BLOCK, (0, 0, 2.503), "b"))
     simulator, other = (Stepped(scene).simulator for _ in range(2))
-    start, told = simulator.measure(), simulator.pairs()
+    start = simulator.measure()
+    told = simulator.pairs()
     assert told.touching.all()
     assert start.contact.min() > 1e-3
     assert start.contact[0] == pytest.approx(told.energy[0, 0])
@@ -127,7 +132,8 @@ def impacts_on_floor(copies: int) -> tuple[Scene, np.ndarray, np.ndarray]:
 def test_how_bodies_meet_varies_copy_by_copy() -> None:
     """Friction and restitution of the scene's contact; a contact of their own stays."""
     scene, x, v = impacts_on_floor(3)
-    mu, e = np.array([0.0, 0.3, 0.6]), np.array([1.0, 0.7, 0.4])
+    mu = np.array([0.0, 0.3, 0.6])
+    e = np.array([1.0, 0.7, 0.4])
     many = Stepped(scene, copies=3).simulator
     many.vary(None, friction=mu, restitution=e)
     many.place(x, v)

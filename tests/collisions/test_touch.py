@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from springgym.bodies import Body, box, rope
-from springgym.contact.records import MISSES, OVERFLOW, TOUCHING
-from springgym.scene import Placed, Scene
-from springgym.surfaces import Contact
+from springgym.dynamics.records import MISSES, OVERFLOW, TOUCHING
+from springgym.model.bodies import Body, box, rope
+from springgym.model.scene import Placed, Scene
+from springgym.model.surfaces import Contact
 from tests.collisions.stepped import Stepped
 
 BALL = Body("ball", [[0.0, 0.0, 0.0]], 1.0, [], 1.0, 0.0, radius=0.1)
@@ -45,7 +45,8 @@ def test_head_on(speed: float, step: float) -> None:
 
 def test_oblique() -> None:
     """Balls that meet b off the line part at a right angle, sin φ = b/(2r + Δ) or so; order 2."""
-    offset, errors = 0.05, []
+    offset = 0.05
+    errors = []
     for step in (4e-4, 2e-4, 1e-4):
         scene = balls((0, 0, 0), (0.25, offset, 0), contact=Contact(**HARD))
         world = Stepped(scene, step=step)

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from springgym.bodies import cube
-from springgym.collisions.meeting import Meetings
-from springgym.contacts import Contacts
-from springgym.scene import Placed, Scene
+from springgym.dynamics.contacts import Contacts
+from springgym.model.bodies import cube
+from springgym.model.collisions.meeting import Meetings
+from springgym.model.scene import Placed, Scene
+from springgym.model.surfaces import Contact, floor
 from springgym.simulator import Simulator
-from springgym.surfaces import Contact, floor
 
 BLOCK = cube(side=0.1, mass=0.5, stiffness=1e5, damping=30)
 REACH = 0.01 * BLOCK.swept
@@ -35,13 +35,16 @@ def pushes_and_law(found: Contacts, meetings: Meetings) -> tuple[np.ndarray, np.
     """Return the normal force of each contact of two blocks, and that of the law at its gap [N]."""
     between = found.there[0] & (found.second[0] >= 0)
     push = (found.force * found.normal).sum(axis=-1)[0][between]
-    c, reach, gap = meetings.strength[0], meetings.reach[0], found.gap[0][between]
+    c = meetings.strength[0]
+    reach = meetings.reach[0]
+    gap = found.gap[0][between]
     return push, c / gap**2 - c / reach**2
 
 
 def held(found: Contacts) -> np.ndarray:
     """Return the force with which each block holds the one above, over the weight above."""
-    first, above = found.first[0], found.second[0] == found.first[0] + 1
+    first = found.first[0]
+    above = found.second[0] == found.first[0] + 1
     forces = np.bincount(first[above], -found.force[0, above, 2])
     return np.array(forces / (np.arange(COUNT - 1, 0, -1) * BLOCK.mass * GRAVITY))
 

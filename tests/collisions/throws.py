@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.hard_cases import kept_by_nodes
-from springgym.bodies import Body, box, cube
-from springgym.scene import Placed, Scene
+from springgym.model.bodies import Body, box, cube
+from springgym.model.scene import Placed, Scene
+from springgym.model.surfaces import Contact
 from springgym.simulator import STRAIN_LIMIT, Simulator
-from springgym.surfaces import Contact
 from tests.collisions.impacts import rotations
 
 PLATE = box((1.0, 1.0, 0.01), 4.0, 1e5, 0.0)
@@ -60,7 +60,8 @@ def thrown(throw: Throw, copies: int, seed: int = 0) -> tuple[Scene, np.ndarray,
     It is turned at random, spins, flies aslant and aims off the middle. A plate is hit from above.
     """
     first, second, speed = throw
-    rng, flat = np.random.default_rng(seed), second is PLATE
+    rng = np.random.default_rng(seed)
+    flat = second is PLATE
     away = second.positions + np.array([3.0, 0.0, 0.0])
     scene = Scene(
         bodies=(Placed(first, name="first"), Placed(second, positions=away, name="second")),
@@ -99,7 +100,8 @@ def watched(throw: Throw, copies: int = 64, **options: Any) -> Seen:
     gained = np.zeros(copies)
     for _ in range(math.ceil(1.5 / throw.speed / simulator.step)):
         simulator.advance(1, check=False, read=True)
-        m, now = simulator.measure(), in_each_other(scene, simulator.positions)
+        m = simulator.measure()
+        now = in_each_other(scene, simulator.positions)
         told |= simulator.unresolved | ~(m.strain <= STRAIN_LIMIT)
         shown |= now
         untold |= now & ~told
@@ -135,9 +137,11 @@ def _lines(triangles: np.ndarray) -> np.ndarray:
 
 def _crossed(lines: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """How many faces (k, T, 3, 3) each of the lines (k, S, 2, 3) goes through, (k, S)."""
-    start, way = lines[:, :, None, 0], (lines[:, :, 1] - lines[:, :, 0])[:, :, None]
+    start = lines[:, :, None, 0]
+    way = (lines[:, :, 1] - lines[:, :, 0])[:, :, None]
     a = faces[:, None, :, 0]
-    u, w = faces[:, None, :, 1] - a, faces[:, None, :, 2] - a
+    u = faces[:, None, :, 1] - a
+    w = faces[:, None, :, 2] - a
     p = np.cross(way, w)
     volume = (u * p).sum(-1)
     skew = np.abs(volume) > 1e-300
@@ -145,6 +149,7 @@ def _crossed(lines: np.ndarray, faces: np.ndarray) -> np.ndarray:
     r = start - a
     s = (r * p).sum(-1) * inverse
     q = np.cross(r, u)
-    t, along = (way * q).sum(-1) * inverse, (w * q).sum(-1) * inverse
+    t = (way * q).sum(-1) * inverse
+    along = (w * q).sum(-1) * inverse
     through = skew & (s > 0) & (t > 0) & (s + t < 1) & (along > 0) & (along < 1)
     return np.asarray(through.sum(axis=2))

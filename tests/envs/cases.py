@@ -10,8 +10,8 @@ from typing import Any
 import gymnasium as gym
 import pytest
 
+from springgym.envs.registration import ENVIRONMENTS, find
 from springgym.envs.task import Task
-from springgym.registration import ENVIRONMENTS, find
 from tests.params import slow_unless
 
 IDS = [row.id for row in ENVIRONMENTS]

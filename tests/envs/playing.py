@@ -32,8 +32,10 @@ def play(
     envs = make_vec(env_id, copies, "native", "SameStep", **arguments)
     observation, _ = envs.reset(seed=1_000_000, options=options)
     limit = envs.unwrapped.episodes.max_episode_steps
-    returns, lengths = np.zeros(copies), np.zeros(copies, int)
-    running, successes = np.ones(copies, bool), np.zeros(copies, bool)
+    returns = np.zeros(copies)
+    lengths = np.zeros(copies, int)
+    running = np.ones(copies, bool)
+    successes = np.zeros(copies, bool)
     largest = {name: np.zeros(copies) for name in task_type(env_id).metrics}
     while running.any():
         observation, reward, terminated, truncated, info = envs.step(policy(observation))

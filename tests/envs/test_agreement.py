@@ -10,7 +10,7 @@ from controllers import make_controller
 from evaluate import INTERFACE
 
 import springgym
-from springgym.registration import ALL_IDS
+from springgym.envs.registration import ALL_IDS
 from tests.envs.cases import IDS, KINDS, make, started, task_type
 from tests.envs.playing import Played, Policy, play
 from tests.params import slow_unless
@@ -44,7 +44,10 @@ def test_rewards_halve_at_twice_what_success_allows(
 
 def degraded(policy: Policy, noise: float, bias: float) -> Policy:
     """A controller whose actions are in part random, for five steps at a time, and whose eyes are off."""
-    rng, step, wrong, held = np.random.default_rng(0), 0, 0.0, 0.0
+    rng = np.random.default_rng(0)
+    step = 0
+    wrong = 0.0
+    held = 0.0
 
     def act(seen: np.ndarray) -> np.ndarray:
         nonlocal step, wrong, held
@@ -132,7 +135,8 @@ def test_the_spin_of_either_sign_is_of_order_one() -> None:
     for hard in (True, False):
         env = make("SpringGyroscope-v0", observation="features", hard=hard)
         seen, infos = zip(*(env.reset(seed=seed) for seed in range(40)), strict=True)
-        entry, spin = np.array(seen)[:, 6], np.array([info["spin"] for info in infos])
+        entry = np.array(seen)[:, 6]
+        spin = np.array([info["spin"] for info in infos])
         assert entry == pytest.approx(spin / 35 if hard else (spin - 35) / 20, abs=1e-5)
         spins[hard] = entry
     assert np.abs(spins[True]).max() < 1.4

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from controllers import CLASSICAL, make_controller
 
-from springgym.registration import find
+from springgym.envs.registration import find
 from tests.envs.cases import IDS, KINDS, make, task_type
 from tests.envs.playing import Played, play
 

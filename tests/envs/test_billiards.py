@@ -8,14 +8,16 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from springgym.envs import billiards
-from springgym.envs.billiards import CUE, FORCE, FRICTION, MASS, OBJECT, PERIOD, PERIODS, RADIUS
+from springgym.envs.tasks import billiards
+from springgym.envs.tasks.billiards import CUE, FORCE, FRICTION, MASS, OBJECT, PERIOD, PERIODS, RADIUS
 from tests.envs.cases import started
 from tests.envs.playing import Policy, play
 from tests.envs.test_cheats import classical
 from tests.params import slow_but
 
-ENV, COPIES, G = "SpringBilliards-v0", 100, 9.81
+ENV = "SpringBilliards-v0"
+COPIES = 100
+G = 9.81
 SLOWING = FRICTION * G
 
 Ways = tuple[np.ndarray, float, bool, dict[str, Any]]
@@ -28,13 +30,15 @@ def laid(cue: tuple[float, float], other: tuple[float, float], pocket: tuple[flo
     x = episodes.simulator.positions
     x[0, :, :2] = cue, other
     episodes.simulator.place(x, np.zeros_like(x))
-    episodes.goal[0, :2], episodes.memory[0] = pocket, np.inf
+    episodes.goal[0, :2] = pocket
+    episodes.memory[0] = np.inf
     return env
 
 
 def struck(env: gym.Env, angle: float, size: float = 0.5) -> Ways:
     """Return velocities (periods, balls, 2) after each control period of a stroke, and how it ends."""
-    episodes, velocities = env.unwrapped.episodes, []
+    episodes = env.unwrapped.episodes
+    velocities = []
     episodes.each_period = lambda: velocities.append(episodes.seen[0].centre_velocity[0, :, :2].copy())
     _, reward, terminated, _, info = env.step(size * np.array([np.cos(angle), np.sin(angle)]))
     return np.array(velocities), float(reward), terminated, info

@@ -82,7 +82,8 @@ def test_info_has_the_same_keys_after_a_reset_and_a_step(env_id: str, randomised
 def test_metrics_of_the_start(env_id: str) -> None:
     """They are those of the first observation: a control period changes them little, another start much."""
     env = make(env_id)
-    starts, steps = [], []
+    starts = []
+    steps = []
     for seed in range(8):
         _, first = env.reset(seed=seed)
         *_, later = env.step(np.zeros(env.action_space.shape, np.float32))
@@ -181,8 +182,8 @@ class Absent:
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 sys.meta_path.insert(0, Absent())
 import gymnasium as gym, numpy as np, springgym
-from springgym.bodies import cube
-from springgym.scene import Scene
+from springgym.model.bodies import cube
+from springgym.model.scene import Scene
 env = springgym.make_scene_env(Scene(cube()), lambda m, s: m.centre[:, 2], actuators={"force": 20.0})
 env.reset(seed=0)
 env.step(np.ones(3, np.float32))

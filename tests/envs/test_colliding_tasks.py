@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 
 import springgym
-from springgym.bodies import rotation
-from springgym.envs import balance, duel, juggle, parallel, shove, stack
+from springgym.envs import parallel
+from springgym.envs.tasks import balance, duel, juggle, shove, stack
+from springgym.model.bodies import rotation
 from springgym.simulator import Simulator
 from tests.envs.cases import make, make_vec, started, task_type
 from tests.envs.playing import play
@@ -40,7 +41,9 @@ COPIES = 8
 def test_who_fails_after_success_has_none(env_id: str, honest: int) -> None:
     """Paddle, plate or pusher runs away, while ball or box is where it should be; the board tips over."""
     env_id = f"Spring{env_id}-v0"
-    control, steps, worst = classical(env_id), 0, np.ones(task_type(env_id)().action_space.shape)
+    control = classical(env_id)
+    steps = 0
+    worst = np.ones(task_type(env_id)().action_space.shape)
 
     def turns(seen: np.ndarray) -> np.ndarray:
         nonlocal steps
@@ -63,15 +66,18 @@ def test_the_ball_rolls_down_a_plate_that_is_held() -> None:
     shakes the normal force, not the mean acceleration.
     """
     task = task_type("SpringBalance-v0")()
-    angle, seconds = 0.1, 0.5
+    angle = 0.1
+    seconds = 0.5
     turn = rotation((0, 1, 0), angle)
     plate, ball = task.scene.bodies
     held = replace(plate, positions=plate.positions @ turn.T, pinned=tuple(range(8)))
     lying = replace(ball, positions=ball.positions @ turn.T)
     simulator = Simulator(task.scene.with_(bodies=(held, lying)), copies=2, step=task.finest)
-    began, before = simulator.measure("ball"), simulator.measure()
+    began = simulator.measure("ball")
+    before = simulator.measure()
     simulator.advance(round(seconds / task.finest))
-    ended, after = simulator.measure("ball"), simulator.measure()
+    ended = simulator.measure("ball")
+    after = simulator.measure()
     way = np.linalg.norm((ended.centre - began.centre)[0])
     rolled = 0.5 * 5 / 7 * 9.81 * np.sin(angle) * seconds**2
     assert way == pytest.approx(rolled, rel=1e-3)
@@ -100,7 +106,8 @@ def test_the_place_moves_on_its_circle() -> None:
 def test_a_ball_in_the_air_earns_nothing() -> None:
     env = started("SpringBalance-v0", seed=0)
     simulator = env.unwrapped.episodes.simulator
-    x, v = simulator.positions, simulator.velocities
+    x = simulator.positions
+    v = simulator.velocities
     x[0, 8:, 2] += 0.1
     simulator.place(x, v)
     _, reward, terminated, _, info = env.step(np.zeros(2))
@@ -160,8 +167,10 @@ def test_what_it_takes_to_push_the_box(force: float, goes_on: bool) -> None:
     takes μ (m g + μ' N): 5.1 N for the friction μ' = 0.2 between both and μ = 0.4 of the floor."""
     env = started("SpringShove-v0", seed=0, options={"distance": 0.5, "heading": 0.0})
     simulator = env.unwrapped.episodes.simulator
-    x, v = simulator.positions, simulator.velocities
-    ball, box = x[0, : shove.CORNERS], x[0, shove.CORNERS :]
+    x = simulator.positions
+    v = simulator.velocities
+    ball = x[0, : shove.CORNERS]
+    box = x[0, shove.CORNERS :]
     place = box[:, :2].mean(axis=0) - (0.15 + shove.RADIUS + 0.8 * shove.REACH, 0.0)
     ball[:, :2] += place - ball[:, :2].mean(axis=0)
     v[0, :, 0] += 0.1
@@ -209,8 +218,10 @@ def test_the_right_place_with_the_wrong_heading_is_no_success() -> None:
 def on_the_block(env: gym.Env, aside: float) -> None:
     """Set the box on the block, its middle so far from that of the block along the shelf [m]."""
     simulator = env.unwrapped.episodes.simulator
-    x, v = simulator.positions, simulator.velocities
-    box, block = slice(shove.CORNERS, stack.BLOCKS), slice(stack.BLOCKS, stack.SHELFS)
+    x = simulator.positions
+    v = simulator.velocities
+    box = slice(shove.CORNERS, stack.BLOCKS)
+    block = slice(stack.BLOCKS, stack.SHELFS)
     x[0, box] = x[0, block] + (0.0, aside, shove.SIDES[2] + 0.0149)
     simulator.place(x, v)
 
@@ -218,7 +229,9 @@ def on_the_block(env: gym.Env, aside: float) -> None:
 @pytest.mark.parametrize(("aside", "success"), [(0.0, True), (0.07, True), (0.1, False)])
 def test_a_box_on_the_block_is_stacked(aside: float, success: bool) -> None:
     """The block carries it alone: nothing touches the shelf but the ball. That ends the episode, and pays."""
-    env, rewards, terminated = started("SpringStack-v0", seed=0), [], False
+    env = started("SpringStack-v0", seed=0)
+    rewards = []
+    terminated = False
     on_the_block(env, aside)
     while not terminated and len(rewards) < 20:
         _, reward, terminated, _, info = env.step(np.zeros(2))
@@ -238,7 +251,8 @@ def test_a_box_off_the_shelf_ends_the_episode() -> None:
     """Pushed straight on, with all there is, from where the block is far aside."""
     env = started("SpringStack-v0", seed=0, options={"heading": 0.0})
     simulator = env.unwrapped.episodes.simulator
-    x, v = simulator.positions, simulator.velocities
+    x = simulator.positions
+    v = simulator.velocities
     ball, box, block, _ = np.split(x[0], [shove.CORNERS, stack.BLOCKS, stack.SHELFS])
     block[:, 1] += 0.6 - block[:, 1].mean()
     box[:, :2] += (-0.3, -0.3) - box[:, :2].mean(axis=0)
@@ -273,7 +287,10 @@ def test_a_ball_that_is_carried_is_not_juggled(height: float) -> None:
     lie_on_the_paddle(env, height)
     seen, *_ = env.step(np.zeros(5))
     for _ in range(120):
-        axis, turning, paddle, velocity = seen[6:8], seen[8:10], 0.1 * seen[:3], seen[3:6]
+        axis = seen[6:8]
+        turning = seen[8:10]
+        paddle = 0.1 * seen[:3]
+        velocity = seen[3:6]
         lift = np.array([0.0, 0.0, height - juggle.HEIGHT / 4]) - paddle
         torque = (0.2 * np.array([axis[1], -axis[0]]) * 14.0 - 1.4 * 3.0 * turning) / juggle.TORQUE
         push = (400.0 * lift - 40.0 * velocity + [0.0, 0.0, 0.29]) / juggle.FORCE
@@ -312,7 +329,8 @@ def test_a_push_drives_ones_own_top() -> None:
     """Equal seeds begin alike, and without a push one top moves as the other does, rotated by half a turn."""
     env, twin = (make("SpringDuel-v0", opponent="still") for _ in range(2))
     np.testing.assert_array_equal(env.reset(seed=1)[0], twin.reset(seed=1)[0])
-    task, measure = env.unwrapped.episodes.task, env.unwrapped.episodes.simulator.measure
+    task = env.unwrapped.episodes.task
+    measure = env.unwrapped.episodes.simulator.measure
 
     def speeds() -> np.ndarray:
         return np.array([measure(name).centre_velocity[0, 0] for name in ("first", "second")])
@@ -332,7 +350,8 @@ def test_both_players_see_the_same_duel() -> None:
     """Turned by half a turn, with the players exchanged, the duel is the same: so is what the first sees."""
     env = started("SpringDuel-v0", observation="features", opponent="still", seed=3)
     episodes = env.unwrapped.episodes
-    task, (x, v) = episodes.task, episodes.particles
+    task = episodes.task
+    x, v = episodes.particles
     seen = task.seen_by_second(*episodes.seen[:2])
     half = np.array([-1.0, -1.0, 1.0])
     count = x.shape[1] // 2

@@ -72,7 +72,8 @@ def test_impulses_on_corners_in_flight() -> None:
     m = env.unwrapped.episodes.measures
     action = np.random.default_rng(0).uniform(-1, 1, 12)
     impulses = 0.175 * action.reshape(4, 3)
-    before, moments = (m.momentum[0].copy(), m.angular_momentum[0].copy()), []
+    before = (m.momentum[0].copy(), m.angular_momentum[0].copy())
+    moments = []
     for step in range(2):
         positions, _ = particles_of(env)
         moments.append(np.cross(positions[:4] - m.centre[0], impulses).sum(axis=0))
@@ -116,7 +117,8 @@ def test_randomised_friction_and_restitution() -> None:
             options = {"randomize": given, "reset_mask": mask} if n else {"randomize": given}
             _, info = envs.reset(seed=[4, 4], options=options)
         assert info["randomization"][name][1] == factors[1]
-        apart, energies = [], []
+        apart = []
+        energies = []
         for _ in range(40):
             envs.step(np.zeros((2, 6)))
             positions, _ = envs.unwrapped.episodes.particles
@@ -141,7 +143,8 @@ def test_energy_drift_of_an_impact_is_that_of_the_steps() -> None:
     simulator = env.unwrapped.episodes.simulator
     for seed in (0, 19, 31):
         _, info = env.reset(seed=seed)
-        start, landed = info["energy"], False
+        start = info["energy"]
+        landed = False
         apart = info["energy"] - kept_by_nodes(simulator)[0]
         for _ in range(40):
             _, _, _, _, info = env.step(np.zeros(6, np.float32))

@@ -14,15 +14,15 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
 
-from springgym import measures
-from springgym.core.blocks import to_copies
-from springgym.envs import billiards
+from springgym.core.language.blocks import to_copies
+from springgym.dynamics import measures
 from springgym.envs.episodes import Episodes
 from springgym.envs.observation import Situation
 from springgym.envs.randomisation import OF_SPRINGS, RANDOMIZABLE, stretched
-from springgym.scene import Scene
+from springgym.envs.tasks import billiards
+from springgym.model.scene import Scene
+from springgym.model.surfaces import scales
 from springgym.simulator import Simulator
-from springgym.surfaces import scales
 from tests.envs.cases import (
     CASES,
     COLLIDING,
@@ -79,7 +79,8 @@ def stays_in_bounds(env_id: str, options: dict[str, Any], steps: int) -> None:
     envs = make_vec(env_id, 16, "native", "SameStep", **options)
     rng = np.random.default_rng(0)
     observation, _ = envs.reset(seed=0)
-    low, high = observation.min(axis=0), observation.max(axis=0)
+    low = observation.min(axis=0)
+    high = observation.max(axis=0)
     terms = task_type(env_id).terms
     action = np.ones(envs.action_space.shape, np.float32)
     for n in range(steps):
@@ -97,7 +98,8 @@ def stays_in_bounds(env_id: str, options: dict[str, Any], steps: int) -> None:
         )
         np.testing.assert_allclose(total, reward, rtol=0, atol=1e-12)
         assert not info["diverged"].any()
-        low, high = np.minimum(low, observation.min(axis=0)), np.maximum(high, observation.max(axis=0))
+        low = np.minimum(low, observation.min(axis=0))
+        high = np.maximum(high, observation.max(axis=0))
     assert (low < high).all(), f"constant entries: {np.flatnonzero(low == high)}"
 
 
@@ -142,7 +144,8 @@ def same(first: Any, second: Any, path: str = "") -> None:
         for n, (a, b) in enumerate(zip(first, second, strict=True)):
             same(a, b, f"{path}/{n}")
         return
-    first, second = np.asarray(first), np.asarray(second)
+    first = np.asarray(first)
+    second = np.asarray(second)
     assert first.shape == second.shape, path
     if first.dtype == object and first.ndim:
         for a, b in zip(first, second, strict=True):
@@ -248,7 +251,8 @@ def test_state_returns(env_id: str, copies: int | None) -> None:
 
 @each_kind
 def test_wrong_arguments(env_id: str) -> None:
-    period, springs = task_type(env_id).period, task_type(env_id)().scene.springs
+    period = task_type(env_id).period
+    springs = task_type(env_id)().scene.springs
     for given, says in (
         ({"observation": "pixels"}, "observation is 'pixels'; it must be one of 'particles'"),
         ({"randomize": {"smell": (0, 1)}}, "cannot randomize 'smell'"),
@@ -301,11 +305,9 @@ def test_rigid_bodies_of_tasks_collide(env_id: str) -> None:
 @pytest.mark.parametrize("env_id", ["SpringLabyrinth-v0", "SpringShove-v0"])
 def test_rigid_balls_roll_in_batches_as_alone_and_as_those_of_springs(env_id: str) -> None:
     """To what sweeps leave over; and to what springs give way by, over a second without actions."""
-    envs, alone, springs = (
-        make_vec(env_id, 3, "native", "NextStep", dynamics="rigid"),
-        make(env_id, dynamics="rigid"),
-        make(env_id),
-    )
+    envs = make_vec(env_id, 3, "native", "NextStep", dynamics="rigid")
+    alone = make(env_id, dynamics="rigid")
+    springs = make(env_id)
     envs.reset(seed=[5, 6, 7])
     for env in (alone, springs):
         env.reset(seed=6)
@@ -352,7 +354,8 @@ def follows(episodes: Episodes, own: Sequence[Simulator], push: np.ndarray, acti
 
     ``push`` (copies, 1) multiplies what actuators do.
     """
-    task, same = episodes.task, []
+    task = episodes.task
+    same = []
 
     def drive(n: int, simulator: Simulator) -> None:
         simulator.read()
@@ -444,7 +447,8 @@ def test_randomised_copy_is_another_scene(env_id: str) -> None:
     pace: Any = {name: getattr(episodes.simulator, name) for name in ("step", "damping_every")}
     actions = np.random.default_rng(0).uniform(-1, 1, (40, *envs.single_action_space.shape))
     for name in ranges:
-        ones, factor = dict.fromkeys(ranges, 1.0), factors[name]
+        ones = dict.fromkeys(ranges, 1.0)
+        factor = factors[name]
         seen, _ = envs.reset(seed=[4, 4], options={"randomize": ones})
         if task.periods > 1:  # hardly one stroke at random reaches the second ball
             actions = seen[:1, :2].astype(float) / np.linalg.norm(seen[0, :2])
@@ -517,7 +521,9 @@ def driven_off(simulator: Simulator, copy: int, speed: float) -> None:
 
     What no spring holds, and nothing is in the way of, can go as fast as it likes.
     """
-    scene, x, v = simulator.scene, simulator.positions, simulator.velocities
+    scene = simulator.scene
+    x = simulator.positions
+    v = simulator.velocities
     sprung = np.intersect1d(scene.springs, np.flatnonzero(scene.free))
     if len(sprung):
         v[copy, sprung[0]] = speed

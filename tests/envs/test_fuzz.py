@@ -55,7 +55,8 @@ def test_rounds_in_a_row_are_of_one_environment(monkeypatch: pytest.MonkeyPatch)
     played: list[Round] = []
 
     class Noted:
-        steps, drift = 1, 0.0
+        steps = 1
+        drift = 0.0
 
         def __init__(self, what: Round, rng: np.random.Generator) -> None:
             played.append(what)

@@ -54,7 +54,8 @@ def check_rewards(apart: Any, sparse: Any, steps: int, reach: float, **options: 
     """
     for envs in (apart, sparse):
         envs.reset(seed=0, options=dict(options))
-    rng, paid = np.random.default_rng(0), []
+    rng = np.random.default_rng(0)
+    paid = []
     for _ in range(steps):
         actions = rng.uniform(-reach, reach, apart.action_space.shape).astype(np.float32)
         seen, reward, *_, infos = apart.step(actions)
@@ -90,7 +91,9 @@ def test_the_rest_of_the_observation_does_not_tell_the_goal() -> None:
 def test_a_goal_is_reached_within_each_of_its_aims(env_id: str) -> None:
     """What was achieved is what that goal asks for; just inside and just outside of each aim alone."""
     task = task_type(env_id)
-    compute, rng, first = goals.Goals(task.goal_tolerances).compute_reward, np.random.default_rng(0), 0
+    compute = goals.Goals(task.goal_tolerances).compute_reward
+    rng = np.random.default_rng(0)
+    first = 0
     achieved = rng.uniform(-1, 1, sum(aim.size for aim in task.goal_tolerances))
     assert compute(achieved, achieved, {}) == 1.0
     for aim in task.goal_tolerances:

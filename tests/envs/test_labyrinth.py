@@ -6,8 +6,8 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from springgym.envs import labyrinth
-from springgym.envs.labyrinth import FIRST_HOLE, HALF, HOLE, LEANING, LEGS, PASSED, RADIUS, TILT
+from springgym.envs.tasks import labyrinth
+from springgym.envs.tasks.labyrinth import FIRST_HOLE, HALF, HOLE, LEANING, LEGS, PASSED, RADIUS, TILT
 from tests.envs.cases import make_vec, started, task_type
 from tests.envs.playing import play
 from tests.envs.test_cheats import classical
@@ -86,7 +86,8 @@ def test_holes_are_beside_the_way() -> None:
     goal = envs.unwrapped.episodes.goal
     points = goal[:, :FIRST_HOLE].reshape(200, -1, 1, 2)
     holes = goal[:, FIRST_HOLE:LEANING].reshape(200, 1, -1, 2)
-    legs, arms = points[:, 1:] - points[:, :-1], holes - points[:, :-1]
+    legs = points[:, 1:] - points[:, :-1]
+    arms = holes - points[:, :-1]
     share = np.clip((arms * legs).sum(-1) / (legs * legs).sum(-1), 0.0, 1.0)
     away = np.linalg.norm(arms - share[..., None] * legs, axis=-1)
     assert away.min() > 0.075
@@ -120,11 +121,15 @@ def test_the_end_is_not_reached_past_the_way(holes: bool) -> None:
     """A ball that rolls straight to the end falls; without holes it arrives, and has earned little."""
     envs = make_vec(ENV, COPIES, "native", "SameStep", observation="features")
     seen, _ = envs.reset(seed=1_000_000)
-    episodes, control = envs.unwrapped.episodes, classical(ENV)
+    episodes = envs.unwrapped.episodes
+    control = classical(ENV)
     if not holes:
         without_holes(episodes.goal)
-    first, end = episodes.goal[:, :2].copy(), episodes.goal[:, 2 * LEGS : 2 * LEGS + 2]
-    earned, over, arrived = np.zeros(COPIES), np.zeros(COPIES, bool), np.zeros(COPIES, bool)
+    first = episodes.goal[:, :2].copy()
+    end = episodes.goal[:, 2 * LEGS : 2 * LEGS + 2]
+    earned = np.zeros(COPIES)
+    over = np.zeros(COPIES, bool)
+    arrived = np.zeros(COPIES, bool)
     for _ in range(599):
         place = episodes.measures.centre[:, :2]
         seen[:, 8:16] = np.hstack([first - place, *[end - place] * 3]) / labyrinth.WAY_UNIT
@@ -149,7 +154,8 @@ def test_the_ball_stays_on_the_board() -> None:
     """However the board is shaken, the ball cannot be thrown over holes: the gap stays within the reach."""
     envs = make_vec(ENV, COPIES, "native", "SameStep")
     envs.reset(seed=0)
-    rng, episodes = np.random.default_rng(0), envs.unwrapped.episodes
+    rng = np.random.default_rng(0)
+    episodes = envs.unwrapped.episodes
     for _ in range(200):
         envs.step(rng.choice([-1.0, 1.0], (COPIES, 2)).astype(np.float32))
         height = episodes.measures.centre[:, 2] - RADIUS
@@ -160,12 +166,14 @@ def test_the_ball_stays_on_the_board() -> None:
 def test_points_are_drawn_on_a_tilted_board() -> None:
     """The side that the board leans to is lower, and nothing is stretched."""
     env = started(ENV, seed=0)
-    task, (_, s) = env.unwrapped.episodes.task, env.unwrapped.episodes.seen_of(0)
+    task = env.unwrapped.episodes.task
+    _, s = env.unwrapped.episodes.seen_of(0)
     level = task.points(s)
     s.goal[LEANING:PASSED] = 0.1, -0.05
     tilted = task.points(s)
     corner = int(np.argmax(level[:, 0] - level[:, 1] + 9 * (level[:, 2] == 0.0)))
-    a, b = 0.1, -0.05
+    a = 0.1
+    b = -0.05
     x, y = level[corner, :2]
     assert tilted[corner, 2] == pytest.approx(-x * np.sin(a) * np.cos(b) - y * np.sin(b), rel=1e-9)
     np.testing.assert_allclose(np.linalg.norm(tilted, axis=1), np.linalg.norm(level, axis=1), rtol=1e-12)

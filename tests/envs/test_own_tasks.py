@@ -13,17 +13,17 @@ import pytest
 from numpy.random import Generator
 
 import springgym
-from springgym.bodies import box, cube, gyroscope, rigid_velocities, rotation, stretched_shapes
+from springgym.dynamics.measures import MeasuresOfBodies
 from springgym.envs.arrows import across, torque_arrow
 from springgym.envs.goals import BOUND, GoalTolerance
 from springgym.envs.observation import Situation
 from springgym.envs.sb3 import make_sb3
 from springgym.envs.starts import direction, tilted, uniform
 from springgym.envs.task import Start
-from springgym.measures import MeasuresOfBodies
+from springgym.model.bodies import box, cube, gyroscope, rigid_velocities, rotation, stretched_shapes
+from springgym.model.scene import Placed, Scene, ThrustActuator, WrenchActuator
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
 from springgym.rendering.look import AMBER, BLUE, GREEN, ORANGE, RED, TEAL
-from springgym.scene import Placed, Scene, ThrustActuator, WrenchActuator
 from springgym.scenes import film
 from tests.envs.test_contract import driven_off
 from tests.envs.test_goals import check_rewards
@@ -67,7 +67,8 @@ def observe(m: MeasuresOfBodies, s: Situation) -> np.ndarray:
 
 
 def start(rng: Generator, spin: float | None = None, angle: float | None = None) -> Start:
-    axis, sideways = direction(rng), rng.uniform(-math.pi, math.pi)
+    axis = direction(rng)
+    sideways = rng.uniform(-math.pi, math.pi)
     drawn_spin, drawn_angle = uniform(rng, (25.0, 0.5), (45.0, 1.5))
     spin = drawn_spin if spin is None else spin
     angle = drawn_angle if angle is None else angle
@@ -126,7 +127,8 @@ def test_one_of_the_package_s_tasks_is_made_again_by_public_words() -> None:
     theirs = rebuilt(num_envs=3, max_episode_steps=400, render_mode="rgb_array")
     options = {"angle": 0.05}  # the second time, so that the aim is met
     for given in ({}, options):
-        seen, again = ours.reset(seed=1, options=given)[0], theirs.reset(seed=1, options=given)[0]
+        seen = ours.reset(seed=1, options=given)[0]
+        again = theirs.reset(seed=1, options=given)[0]
         np.testing.assert_allclose(seen, again, atol=1e-6)
         for n in range(60):
             action = 0.3 * np.sin(n + np.arange(9.0)).reshape(3, 3) * (not given)
@@ -187,13 +189,15 @@ def chase(reward: Any = nearer, **options: Any) -> Any:
 
 
 def test_goals_time_and_memory_are_of_each_copy() -> None:
-    envs, env = chase(num_envs=2, max_episode_steps=4, autoreset_mode="SameStep"), chase()
+    envs = chase(num_envs=2, max_episode_steps=4, autoreset_mode="SameStep")
+    env = chase()
     generators = [np.random.default_rng(seed) for seed in (7, 8)]
     first = np.array([rng.uniform(1, 2) for rng in generators])
     seen, _ = envs.reset(seed=7)
     np.testing.assert_allclose(seen, [[0, goal, 0, goal, 0.5] for goal in first], rtol=1e-6)
     single, _ = env.reset(seed=8)
-    goal, left = first, first
+    goal = first
+    left = first
     action = np.array([[1.0, 0, 0], [-1.0, 0, 0]])
     for n in range(1, 10):
         seen, earned, _, truncated, infos = envs.step(action)
@@ -220,7 +224,8 @@ def test_goals_time_and_memory_are_of_each_copy() -> None:
 
 
 def test_memory_and_time_are_part_of_the_state() -> None:
-    env, other = chase(), chase()
+    env = chase()
+    other = chase()
     env.reset(seed=1)
     actions = np.linspace(-1, 1, 18).reshape(6, 3)
     for action in actions[:3]:
@@ -228,7 +233,8 @@ def test_memory_and_time_are_part_of_the_state() -> None:
     state = pickle.loads(pickle.dumps(springgym.get_state(env)))
     springgym.set_state(other, state)
     for action in actions[3:]:
-        (seen, earned, *_), (again, earned_again, *_) = env.step(action), other.step(action)
+        seen, earned, *_ = env.step(action)
+        again, earned_again, *_ = other.step(action)
         np.testing.assert_array_equal(seen, again)
         assert earned == earned_again
     with pytest.raises(ValueError, match=r"state\['memory'\] was edited"):
@@ -295,7 +301,8 @@ APART: dict[str, Any] = {"achieved": berthed, "goal_tolerances": TOLERANCES, "go
 
 def test_goals_of_ones_own_are_told_apart() -> None:
     """They are rewarded as the same aim written as a judge, and again from the goals alone."""
-    apart, judged = parking(num_envs=32, **APART), parking(num_envs=32, success=reached, sparse=True)
+    apart = parking(num_envs=32, **APART)
+    judged = parking(num_envs=32, success=reached, sparse=True)
     seen, usual = check_rewards(apart, judged, 15, 1.0)
     assert seen["observation"].shape == (32, 48)
     np.testing.assert_array_equal(seen["observation"], usual[:, :48])
@@ -433,9 +440,11 @@ def test_terms_of_the_reward_sum_to_it() -> None:
 
 def test_colors_by_name() -> None:
     scene = Scene(bodies=(Placed(cube()), Placed(box(), box().positions + 3.0)), collisions=None)
-    plain, shown = film.look(scene), film.look(scene, colors={"box": TEAL})
+    plain = film.look(scene)
+    shown = film.look(scene, colors={"box": TEAL})
     count = len(cube().triangles)
-    before, after = np.asarray(plain.triangle_colors), np.asarray(shown.triangle_colors)
+    before = np.asarray(plain.triangle_colors)
+    after = np.asarray(shown.triangle_colors)
     np.testing.assert_array_equal(after[:count], before[:count])
     blue = (before[count:] == BLUE).all(axis=1)
     assert blue.any()

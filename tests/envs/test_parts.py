@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from springgym import simulator
-from springgym.core.blocks import WIDTH
+from springgym.core.language.blocks import WIDTH
 from tests.envs.test_contract import same
 
 WIDE = WIDTH[np.dtype(float)]

@@ -8,14 +8,14 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from springgym.bodies import cube
+from springgym.dynamics.measures import SIZE, view
 from springgym.envs.arrows import ARC
 from springgym.envs.observation import Situation
 from springgym.envs.scene import SceneTask
-from springgym.measures import SIZE, view
+from springgym.model.bodies import cube
+from springgym.model.scene import DriveActuator, Placed, Scene, ThrustActuator
 from springgym.rendering import Marks
 from springgym.rendering.look import GREEN, RED
-from springgym.scene import DriveActuator, Placed, Scene, ThrustActuator
 from tests.envs.cases import DUEL, IDS, each_kind, make, make_vec, task_type
 from tests.params import slow_unless
 
@@ -50,7 +50,9 @@ def test_every_entry_of_the_action_is_seen(env_id: str, action: str) -> None:
     for n in range(size):
         full, half, back = (red(acted(env, share * np.eye(size)[n])) for share in (1.0, 0.5, -1.0))
         assert len(full) == len(half) == len(back) == 1
-        one, less, other = full[0][3:], half[0][3:], back[0][3:]
+        one = full[0][3:]
+        less = half[0][3:]
+        other = back[0][3:]
         assert np.linalg.norm(less) == pytest.approx(0.5 * np.linalg.norm(one), rel=0.1)
         assert one @ other < -0.9 * np.linalg.norm(one) * np.linalg.norm(other)
 
@@ -131,7 +133,8 @@ def test_juggle_says_how_high_this_flight_goes() -> None:
     env = make("SpringJuggle-v0")
     for height, word in ((0.3, "low"), (0.7, "high")):
         env.reset(seed=1, options={"wanted_height": 0.5, "height": height, "lateral_offset": 0.0})
-        task, seen = env.unwrapped.episodes.task, env.unwrapped.episodes.seen_of(0)
+        task = env.unwrapped.episodes.task
+        seen = env.unwrapped.episodes.seen_of(0)
         (line,) = task.marks(*seen).text
         assert line.startswith("apex 20.")
         assert line.endswith(f"cm too {word}")
@@ -144,7 +147,8 @@ def test_billiards_shows_where_to_aim() -> None:
     episodes = env.unwrapped.episodes
     m, s = episodes.seen_of(0)
     marks = episodes.task.marks(m, s)
-    (cue, ball), pocket = m.centre, np.array([*s.goal, m.centre[1, 2]])
+    cue, ball = m.centre
+    pocket = np.array([*s.goal, m.centre[1, 2]])
     ((aim, radius),) = marks.balls
     assert np.linalg.norm(aim - ball) == pytest.approx(2 * radius)
     assert (aim - ball) @ (pocket - ball) == pytest.approx(-2 * radius * np.linalg.norm(pocket - ball))
@@ -194,11 +198,14 @@ def test_tasks_of_scenes_show_what_their_actions_drive() -> None:
     scene = Scene(bodies=(first, second), gravity=None, collisions=None)
     task = SceneTask(scene, lambda m, s: s.time, actuators)
     m = view(np.zeros((2, SIZE)))
-    m.centre[1], m.side[:], m.axis[:] = 7.0, (1, 0, 0), ((0, -1, 0), (0, 0, 1))
+    m.centre[1] = 7.0
+    m.side[:] = (1, 0, 0)
+    m.axis[:] = ((0, -1, 0), (0, 0, 1))
     action = np.array([0.5, -1, 0, 0, 1, 0, 1, 0, 1, 0, 0, 0, 0, 0.2, 0.5])
     empty = np.zeros(0)
     s = Situation(scene.positions, 0 * scene.positions, action, empty, empty, empty, empty)
-    marks, reach = task.marks(m, s), 0.5 * side
+    marks = task.marks(m, s)
+    reach = 0.5 * side
     wanted = [
         (m.centre[0], (0, 0.25, -1), 0),  # 4 N is half of the most
         (m.centre[0], (0, -ARC, 0), reach),

@@ -15,17 +15,17 @@ import pytest
 from gymnasium.envs.registration import load_env_creator
 
 import springgym
-from springgym.bodies import Body, cube, from_mesh, rope
+from springgym.dynamics.measures import MeasuresOfBodies
 from springgym.envs import tolerance
 from springgym.envs.base import SpringEnv, SpringVectorEnv, _Common
 from springgym.envs.episodes import MOST_STEPS
 from springgym.envs.observation import Situation
 from springgym.envs.options import Settings
+from springgym.envs.registration import ALL_IDS
 from springgym.envs.scene import SceneTask
 from springgym.envs.trained import PUBLISHED
-from springgym.measures import MeasuresOfBodies
-from springgym.registration import ALL_IDS
-from springgym.scene import Scene, ThrustActuator
+from springgym.model.bodies import Body, cube, from_mesh, rope
+from springgym.model.scene import Scene, ThrustActuator
 from springgym.scenes import load
 from springgym.simulator import STRAIN_LIMIT
 from tests.envs.cases import IDS, KINDS, QUICK, each_kind, each_with, make, make_vec, started, task_type
@@ -68,7 +68,8 @@ MEANT = {
 @pytest.mark.parametrize(("env_id", "wrong"), list(zip(ALL_IDS, cycle(MEANT), strict=False)))
 def test_an_argument_that_no_environment_has_is_named(env_id: str, wrong: str) -> None:
     """By `gymnasium.make` and by both kinds of `gymnasium.make_vec`, with the argument that may be meant."""
-    spec, says = gym.spec(env_id), MEANT[wrong]
+    spec = gym.spec(env_id)
+    says = MEANT[wrong]
     for call, entry in (
         (lambda: gym.make(env_id, **{wrong: 1}), spec.entry_point),
         (lambda: gym.make_vec(env_id, 2, "sync", **{wrong: 1}), spec.entry_point),
@@ -340,7 +341,8 @@ def test_given_step_is_checked_for_the_hardest_body(factors: dict[str, Any]) -> 
 )
 def test_a_softer_body_takes_the_step_of_the_usual_one(factors: dict[str, Any]) -> None:
     """The simulator is made with the usual body, for which the longer step of a softer one was refused."""
-    usual, softer = make(IDS[0]).unwrapped, make(IDS[0], randomize=factors).unwrapped
+    usual = make(IDS[0]).unwrapped
+    softer = make(IDS[0], randomize=factors).unwrapped
     assert softer.episodes.simulator.step == usual.episodes.simulator.step
 
 

@@ -44,7 +44,8 @@ gym.register("ScoredCartPole-v0", entry_point=cartpole, vector_entry_point=cartp
 
 
 def test_same_as_dummy_vec_env():
-    ours, theirs = SB3VecEnv(cartpoles()), DummyVecEnv([cartpole] * N)
+    ours = SB3VecEnv(cartpoles())
+    theirs = DummyVecEnv([cartpole] * N)
     assert ours.observation_space == theirs.observation_space
     assert ours.action_space == theirs.action_space
     assert ours.seed([5, 6, 7]) == theirs.seed(5)
@@ -202,7 +203,8 @@ LIMIT = 20
 
 def ends(env, steps):
     """Steps at which copies end, the infos with which they do, and all observations and rewards."""
-    seen, ended = [(env.reset(), None)], []
+    seen = [(env.reset(), None)]
+    ended = []
     for step in range(1, steps + 1):
         observations, rewards, dones, infos = env.step(np.zeros((env.num_envs, *env.action_space.shape)))
         seen.append((observations, rewards))

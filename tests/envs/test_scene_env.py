@@ -12,12 +12,12 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import springgym
-from springgym.bodies import box, cube
+from springgym.dynamics.measures import Measures, MeasuresOfBodies
 from springgym.envs.observation import Situation
 from springgym.envs.sb3 import make_sb3
-from springgym.measures import Measures, MeasuresOfBodies
+from springgym.model.bodies import box, cube
+from springgym.model.scene import Placed, Scene, ThrustActuator
 from springgym.rendering import Marks
-from springgym.scene import Placed, Scene, ThrustActuator
 
 UP = np.array([0, 0, 0, 0, 0, 1, 0, 0, 1], np.float32)
 """The action by which both thrusters of `make` push upwards."""
@@ -49,7 +49,9 @@ def test_reward_and_end_are_the_users() -> None:
     env = make(terminated=lambda m, s: m.centre[:, 2] > 0.5, max_episode_steps=50)
     env.reset(seed=0)
     start = env.unwrapped.episodes.measures.momentum[0, 2]
-    step, terminated, truncated = 0, False, False
+    step = 0
+    terminated = False
+    truncated = False
     while not (terminated or truncated):
         _, reward, terminated, truncated, info = env.step(UP)
         step += 1
@@ -132,7 +134,8 @@ def test_values_hidden_by_a_mask_are_refused() -> None:
 
 def test_observation_of_ones_own() -> None:
     """It is what the function gives, clipped to ±10."""
-    env, envs = make(observe=seen), make(observe=seen, num_envs=2)
+    env = make(observe=seen)
+    envs = make(observe=seen, num_envs=2)
     assert env.observation_space.shape == (9,)
     assert envs.observation_space.shape == (2, 9)
     first, _ = env.reset(seed=1)
@@ -153,7 +156,8 @@ def test_success_of_ones_own() -> None:
     """It is met for ``hold_steps`` steps in a row."""
     env = make(success=lambda m, s: m.centre[:, 2] > 0.02, hold_steps=3)
     env.reset(seed=0)
-    met, reported = [], []
+    met = []
+    reported = []
     for _ in range(30):
         *_, info = env.step(UP)
         met.append(env.unwrapped.episodes.measures.centre[0, 2] > 0.02)
@@ -215,7 +219,8 @@ def test_spec_makes_it_again(scene: Any) -> None:
     )
     spec = pickle.loads(pickle.dumps(made.spec))
     assert spec.max_episode_steps == 7
-    again, many = gym.make(spec), gym.make_vec(pickle.loads(pickle.dumps(batch.spec)))
+    again = gym.make(spec)
+    many = gym.make_vec(pickle.loads(pickle.dumps(batch.spec)))
     assert many.num_envs == 2
     action = np.ones((2, 3), np.float32)
     first = [env.reset(seed=3)[0] for env in (made, again)]

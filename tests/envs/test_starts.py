@@ -12,8 +12,6 @@ import numpy as np
 import pytest
 
 import springgym
-from springgym.bodies import box, cube, rotation, stretched_shapes, top
-from springgym.envs.duel import SPINS, STEEPEST, SpringDuel
 from springgym.envs.randomisation import NOMINAL, RANDOMIZABLE
 from springgym.envs.starts import (
     any_rotation,
@@ -24,7 +22,9 @@ from springgym.envs.starts import (
     tilted,
     uniform,
 )
-from springgym.scene import Scene, squared_lengths
+from springgym.envs.tasks.duel import SPINS, STEEPEST, SpringDuel
+from springgym.model.bodies import box, cube, rotation, stretched_shapes, top
+from springgym.model.scene import Scene, squared_lengths
 from springgym.simulator import STRAIN_LIMIT
 from tests.envs.cases import DUEL, IDS, KINDS, make, task_type
 from tests.params import slow_unless
@@ -67,7 +67,9 @@ def another_library(seed: int) -> dict[str, Callable[..., Any]]:
     """Decompositions that are as right as NumPy's: other signs, other axes where values are equal, and other
     rounding."""
     rng = np.random.default_rng(seed)
-    eigh, svd, qr = np.linalg.eigh, np.linalg.svd, np.linalg.qr
+    eigh = np.linalg.eigh
+    svd = np.linalg.svd
+    qr = np.linalg.qr
 
     def turned(columns: np.ndarray, values: np.ndarray) -> np.ndarray:
         out = columns.copy()
@@ -162,8 +164,10 @@ def test_every_direction_and_orientation_is_alike() -> None:
 
 
 def test_numbers_are_drawn_as_numpy_does() -> None:
-    low, high = (-1.0, 0.3, 25.0), (np.pi, 0.3, 45.0)
-    ours, theirs = np.random.default_rng(5), np.random.default_rng(5)
+    low = (-1.0, 0.3, 25.0)
+    high = (np.pi, 0.3, 45.0)
+    ours = np.random.default_rng(5)
+    theirs = np.random.default_rng(5)
     for _ in range(1000):
         assert uniform(ours, low, high) == theirs.uniform(low, high).tolist()
 
@@ -171,7 +175,8 @@ def test_numbers_are_drawn_as_numpy_does() -> None:
 @pytest.mark.parametrize("env_id", IDS)
 def test_starts_found_at_once_are_those_of_each(env_id: str) -> None:
     """To the bit: what a copy of a batch starts with does not depend on how many others start with it."""
-    task, rng = task_type(env_id)(), np.random.default_rng(1)
+    task = task_type(env_id)()
+    rng = np.random.default_rng(1)
     factors = [dict(zip(RANDOMIZABLE, rng.uniform(0.8, 1.2, 8), strict=True)) for _ in range(13)]
 
     def starts(seeds: range) -> Any:
@@ -202,7 +207,8 @@ def test_starts_that_are_not_checked_are_possible(env_id: str, count: int) -> No
 
 
 def test_all_other_starts_are_checked(monkeypatch: pytest.MonkeyPatch) -> None:
-    usual, options = make("SpringTop-v0"), {"tilt": 0.1}
+    usual = make("SpringTop-v0")
+    options = {"tilt": 0.1}
     varied = make("SpringTop-v0", randomize={"masses": (0.9, 1.2)})
     other = make("SpringTop-v0", body={"height": 1.0})
     own = springgym.make_scene_env("top", lambda m, s: m.strain, actuators={"torque": 1.0})
@@ -280,8 +286,10 @@ def test_tilted_is_the_product_of_two_rotations_to_the_bit() -> None:
 
 def test_tops_stand_on_their_tips_as_the_equations_say() -> None:
     """Tops in shapes of their own are scaled, turned about their tips, and have the velocities ω × r."""
-    body, rng = top(), np.random.default_rng(0)
-    shape, tip = stretched_shapes(body, (0, 0, 1), 100.0), body.particle("tip")
+    body = top()
+    rng = np.random.default_rng(0)
+    shape = stretched_shapes(body, (0, 0, 1), 100.0)
+    tip = body.particle("tip")
     poses = rng.uniform((-3.0, 0.0, -50.0), (3.0, 0.6, 50.0), (5, 3))
     factors = [
         dict.fromkeys(RANDOMIZABLE, 1.0) | {"scale": 1 + 0.1 * k, "masses": 1.2, "stiffness": 1 + 0.2 * k}

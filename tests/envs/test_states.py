@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 import springgym
-from springgym.bodies import cube
 from springgym.envs.base import SingleEnv, SpringEnv, SpringVectorEnv
 from springgym.envs.players import ParallelDuel
-from springgym.scene import Scene
+from springgym.model.bodies import cube
+from springgym.model.scene import Scene
 from springgym.simulator import Simulator
 from tests.envs.cases import IDS, each_kind, make, make_vec, started
 from tests.envs.test_contract import answered, same
@@ -244,7 +244,8 @@ def test_a_reward_that_raises_leaves_no_step_half_counted() -> None:
         scene = Scene(cube(), gravity=None)
         return springgym.make_scene_env(scene, reward, actuators={"torque": 1.0}, max_episode_steps=LIMIT)
 
-    env, fresh = make_own(), make_own()
+    env = make_own()
+    fresh = make_own()
     steps = actions(env, LIMIT)
     for own in (env, fresh):
         own.reset(seed=0)
@@ -266,11 +267,14 @@ def test_a_reward_that_raises_leaves_no_step_half_counted() -> None:
 @pytest.mark.parametrize("copies", [None, 3])
 def test_another_thread_is_told_and_does_not_wait(copies: int | None) -> None:
     made = make if copies is None else lambda name: make_vec(name, copies, "native", "SameStep")
-    env, alone = made(IDS[0]).unwrapped, made(IDS[0]).unwrapped
+    env = made(IDS[0]).unwrapped
+    alone = made(IDS[0]).unwrapped
     steps = actions(env, 3)
     for own in (env, alone):
         own.reset(seed=0)
-    function, inside, go_on = env.episodes._judge, threading.Event(), threading.Event()
+    function = env.episodes._judge
+    inside = threading.Event()
+    go_on = threading.Event()
 
     def waiting(*arguments: Any, **named: Any) -> None:
         inside.set()
@@ -313,7 +317,8 @@ def test_other_environments_have_no_such_state() -> None:
 
 def followed(env: Any, steps: np.ndarray) -> list[Any]:
     """What a single environment sees and earns, reset where its episode ends, as batches do it."""
-    found, ended = [], False
+    found = []
+    ended = False
     for action in steps:
         if ended:
             found.append((env.reset()[0], 0.0, False, False))
@@ -397,10 +402,12 @@ def test_copies_continue_copies_of_another_batch(autoreset: str) -> None:
 
 
 def test_copies_that_no_state_can_be_set_into_are_refused() -> None:
-    single, envs = make(IDS[0]), make_vec(IDS[0], 4, "native", "NextStep")
+    single = make(IDS[0])
+    envs = make_vec(IDS[0], 4, "native", "NextStep")
     for env in (single, envs):
         env.reset(seed=0)
-    state, two = springgym.get_state(single), springgym.get_state(envs, [0, 1])
+    state = springgym.get_state(single)
+    two = springgym.get_state(envs, [0, 1])
     before = frozen(envs)
     wrong: list[tuple[Any, Any, type[Exception], str]] = [
         (state, [], ValueError, "copies is .*must name a copy"),
@@ -427,7 +434,8 @@ def test_copies_that_no_state_can_be_set_into_are_refused() -> None:
 
 
 def test_copies_of_a_batch_in_which_no_episode_has_begun() -> None:
-    single, envs = make(IDS[0]), make_vec(IDS[0], 4, "native", "NextStep")
+    single = make(IDS[0])
+    envs = make_vec(IDS[0], 4, "native", "NextStep")
     with pytest.raises(ValueError, match="its episode must have begun"):
         springgym.set_state(envs, springgym.get_state(single), range(4))
     single.reset(seed=0)

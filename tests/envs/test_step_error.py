@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import springgym
-from springgym.bodies import cube
-from springgym.bodies.distances import largest_distance, largest_distances
-from springgym.scene import Scene
+from springgym.model.bodies import cube
+from springgym.model.bodies.distances import largest_distance, largest_distances
+from springgym.model.scene import Scene
 from springgym.simulator import Simulator
 from tests.envs.cases import make_vec
 from tests.envs.test_contract import answered, compare_with_sync
@@ -41,13 +41,15 @@ RIGID = {"dynamics": "rigid"}
     "options", slow_but([{}, RIGID, {"randomize": RANDOM}, {"dtype": "float32"}], {}, RIGID)
 )
 def test_nothing_else_changes(options: dict[str, Any]) -> None:
-    plain, watched = batch(**options), batch(error=True, **options)
+    plain = batch(**options)
+    watched = batch(error=True, **options)
     (before, _), (seen, its) = (envs.reset(seed=1) for envs in (plain, watched))
     np.testing.assert_array_equal(seen, before)
     assert (its["step_error"] == 0).all()
     assert its["_step_error"].all()
     for action in actions(5, 3, 3):
-        old, new = plain.step(action), watched.step(action)
+        old = plain.step(action)
+        new = watched.step(action)
         for mine, other in zip(new[:4], old[:4], strict=True):
             np.testing.assert_array_equal(mine, other)
         np.testing.assert_equal(plainly(new[4]), old[4])
@@ -69,7 +71,8 @@ def test_it_is_the_distance_from_finer_steps(
     """
     envs = batch(error=True, randomize=randomize, damping_every=every)
     episodes = envs.unwrapped.episodes
-    simulator, task = episodes.simulator, episodes.task
+    simulator = episodes.simulator
+    task = episodes.task
     varying = {"masses", "stiffness", "damping", "lengths", "gravity"} if randomize else ()
     exact = Simulator(task.scene, copies=3, step=simulator.step / 16, damping_every=1, varying=varying)
     assert (simulator.damping_every > 1) == (every is None)
@@ -162,7 +165,8 @@ def test_a_method_that_chooses_its_steps_is_refused() -> None:
 
 
 def test_only_a_simulator_of_the_same_scene_is_taken_over() -> None:
-    one, other = Simulator(Scene(cube())), Simulator(Scene(cube()), copies=2)
+    one = Simulator(Scene(cube()))
+    other = Simulator(Scene(cube()), copies=2)
     with pytest.raises(ValueError, match="made like this simulator but for its step"):
         one.take_over(other)
     with pytest.raises(TypeError, match="other is 3"):

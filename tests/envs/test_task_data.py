@@ -11,13 +11,13 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from springgym import measures
-from springgym.envs import free_top, juggle, labyrinth
+from springgym.dynamics import measures
 from springgym.envs.episodes import OptionsProbe
 from springgym.envs.observation import ABOUT_CENTRE, ABOUT_GOAL, Situation
 from springgym.envs.randomisation import NOMINAL
+from springgym.envs.registration import ENVIRONMENTS, Row
 from springgym.envs.task import Task
-from springgym.registration import ENVIRONMENTS, Row
+from springgym.envs.tasks import free_top, juggle, labyrinth
 from springgym.simulator import Simulator
 from tests.envs.cases import DUEL, task_type
 from tests.params import slow_unless
@@ -86,7 +86,8 @@ def test_limits_are_what_actuators_are_given(row: Row) -> None:
     """At ±1, one entry after the other, beside what always acts; an impulse is a force for a period."""
     for action, size in task_type(row.id).actions.items():
         task = task_type(row.id)(action=action)
-        driven, idle = task.actuate(np.eye(size)), task.actuate(np.zeros((size, size)))
+        driven = task.actuate(np.eye(size))
+        idle = task.actuate(np.zeros((size, size)))
         largest = np.zeros(size)
         for name, values in driven.items():
             moved = np.linalg.norm((values - idle[name]).reshape(size, -1, 3), axis=-1).max(axis=1)
@@ -104,7 +105,8 @@ def test_limits_are_what_actuators_are_given(row: Row) -> None:
 
 def situation(task: Task, action: np.ndarray, goal: np.ndarray) -> Situation:
     """The situation of actions (n, A) and goals (n, G) at the start of an episode, all else being zero."""
-    x, memory = np.zeros((len(action), *task.scene.positions.shape)), np.tile(task.memory, (len(action), 1))
+    x = np.zeros((len(action), *task.scene.positions.shape))
+    memory = np.tile(task.memory, (len(action), 1))
     return Situation(x, x, action, goal, np.zeros(len(action)), memory, task.parameters)
 
 
@@ -155,7 +157,9 @@ def test_limits_of_the_hard_variant(row: Row) -> None:
 
 @each_row
 def test_period_limit_and_hold(row: Row) -> None:
-    text, task, unit = documentation(row), task_type(row.id), "steps" if row.max_episode_steps > 1 else "step"
+    text = documentation(row)
+    task = task_type(row.id)
+    unit = "steps" if row.max_episode_steps > 1 else "step"
     assert number(text.split("held for a control period of")[1]) == pytest.approx(1e3 * task.period)
     steps, seconds = re.search(rf"Truncation:\s+(\d+)\s+{unit},\s+(\d+)\s+s\.", text).groups()  # type: ignore[union-attr]
     assert int(steps) == row.max_episode_steps
@@ -231,7 +235,8 @@ def on_the_board(place: np.ndarray, goal: np.ndarray) -> dict[str, np.ndarray]:
 
 def of_the_tower(m: Any, x: np.ndarray, goal: np.ndarray) -> dict[str, np.ndarray]:
     """The same of blocks that a crane sets on one another."""
-    rows, blocks = np.arange(len(goal)), m.centre.shape[1]
+    rows = np.arange(len(goal))
+    blocks = m.centre.shape[1]
     held = np.minimum(goal[:, 0].astype(int), blocks - 1)
     height = np.linalg.norm(x[:, 0] - x[:, 4], axis=1)
     off = np.diff(m.centre, axis=1) - height[:, None, None] * [0.0, 0.0, 1.0]
@@ -263,7 +268,8 @@ def of_several(task: Task, m: Any, x: np.ndarray, goal: np.ndarray) -> dict[str,
         height = m.centre[:, 1, 2] - juggle.BALL_RADIUS + m.centre_velocity[:, 1, 2] ** 2 / (2 * 9.81)
         return known | {"height_offset": np.clip(height[:, None] - goal, -1.0, 1.0)}
     if "beside" in names:
-        heading, away = m.side[:, 1, :2], level[:, 0] - level[:, 1]
+        heading = m.side[:, 1, :2]
+        away = level[:, 0] - level[:, 1]
         heading = heading / np.linalg.norm(heading, axis=1, keepdims=True)
         across = np.column_stack([-heading[:, 1], heading[:, 0]])
         beside = np.column_stack([(heading * away).sum(axis=1), (across * away).sum(axis=1)])
@@ -295,8 +301,10 @@ def test_entries_are_what_is_observed(row: Row) -> None:
     for _ in range(4):  # after an even number, an episode of one step has begun
         observation, *_ = envs.step(rng.uniform(-1, 1, envs.action_space.shape).astype(np.float32))
     episodes = envs.unwrapped.episodes
-    task, (x, v) = episodes.task, episodes.particles
-    m, several = episodes._whole.measures, len(task.scene.bodies) > 1
+    task = episodes.task
+    x, v = episodes.particles
+    m = episodes._whole.measures
+    several = len(task.scene.bodies) > 1
     known = of_several(task, m, x, episodes.goal) if several else looked_up(task, m, x, v, episodes.goal)
     compared = 0
     for name, value in task.seen(observation).items():
@@ -316,7 +324,8 @@ def test_outcomes_have_names(row: Row) -> None:
 @each_row
 def test_errors_are_numerical(row: Row) -> None:
     """Of steps: in ``info`` and among reset options, a distance or an offset has another name."""
-    task, options = task_type(row.id)(), OptionsProbe()
+    task = task_type(row.id)()
+    options = OptionsProbe()
     task.draw_starts([np.random.default_rng(0)], [options], [NOMINAL])
     assert not [name for name in (*task.reported, *options.names) if "error" in name]
 
@@ -327,10 +336,14 @@ def test_particles_are_observed_where_they_are(env_id: str) -> None:
     env = gym.make(env_id)
     seen, _ = env.reset(seed=0)
     episodes = env.unwrapped.episodes
-    columns, (x, v) = episodes._columns, episodes.particles
-    x, v, m = x[0], v[0], episodes.simulator.scene.masses
+    columns = episodes._columns
+    x, v = episodes.particles
+    x = x[0]
+    v = v[0]
+    m = episodes.simulator.scene.masses
     if columns.about == ABOUT_CENTRE:
-        x, v = x - m @ x / m.sum(), v - m @ v / m.sum()
+        x = x - m @ x / m.sum()
+        v = v - m @ v / m.sum()
     elif columns.about == ABOUT_GOAL:
         x = x - episodes.goal[0, :3]
     particle, axis = columns.entries.T

@@ -23,7 +23,8 @@ def errors_of(copies: int, periods: int, **options: Any) -> tuple[Any, np.ndarra
     """Return a batch, and errors of its control periods from seeds that were not tried."""
     envs = batch(copies, error=True, **options)
     envs.reset(seed=1000)
-    rng, errors = np.random.default_rng(1000), []
+    rng = np.random.default_rng(1000)
+    errors = []
     for _ in range(periods):
         *_, info = envs.step(rng.uniform(-1, 1, envs.action_space.shape).astype(np.float32))
         assert (info["error_bound"] == SAFETY * envs.unwrapped.chosen.error).all()

@@ -6,13 +6,15 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from springgym.bodies import rotation
-from springgym.envs.tower import ARENA, CARRIED, CORNERS, FORCE, MASS, SIDES, SUNK
+from springgym.envs.tasks.tower import ARENA, CARRIED, CORNERS, FORCE, MASS, SIDES, SUNK
+from springgym.model.bodies import rotation
 from tests.envs.cases import make, started
 from tests.envs.playing import Policy, play
 from tests.envs.test_cheats import classical
 
-ENV, COPIES, G = "SpringTower-v0", 8, 9.81
+ENV = "SpringTower-v0"
+COPIES = 8
+G = 9.81
 GAP = 0.0149  # between blocks that rest on one another [m]
 HEIGHT = SIDES[2]
 WAIT = np.array([0.0, 0.0, 0.0, -1.0], np.float32)
@@ -50,7 +52,8 @@ def test_a_block_swings_as_a_pendulum_while_it_does_not_go_aside() -> None:
     An amplitude a slows it by a²/16, 2e-4 of a turn here, and a block that hangs is longer by its strain.
     """
     env = begun(1, {1: (0.5, 0.0, 0.6)}, tilt=0.05)
-    rate, found = np.sqrt(2 * G * HEIGHT / (SIDES[0] ** 2 + HEIGHT**2)), []
+    rate = np.sqrt(2 * G * HEIGHT / (SIDES[0] ** 2 + HEIGHT**2))
+    found = []
     for _ in range(22):
         env.step(WEIGHTLESS)
         found.append(env.unwrapped.episodes._whole.measures.axis[0, 1, 0])
@@ -62,7 +65,8 @@ def test_a_block_swings_as_a_pendulum_while_it_does_not_go_aside() -> None:
 def test_what_is_let_go_falls_and_the_next_block_is_lifted() -> None:
     env = begun(1, {0: (0, 0, HEIGHT / 2 + GAP), 1: (0.0, 0.0, 0.9), 2: (0.6, 0.0, 0.4)})
     env.step(np.array([0.0, 0.0, 0.0, 1.0]))  # held through this period, with 0.9 of its weight
-    height, sinks = centre(env, 1)[2], (1 - CARRIED) * G
+    height = centre(env, 1)[2]
+    sinks = (1 - CARRIED) * G
     for _ in range(4):
         *_, terminated, _, info = env.step(np.array([0.0, 0.0, 1.0, -1.0]))
     assert not terminated
@@ -96,9 +100,11 @@ def test_a_tower_that_stands_is_success(aside: float, success: bool) -> None:
 
 def test_a_block_in_its_place_is_worth_more_once_it_is_let_go() -> None:
     """Held, it is worth a quarter, and the tower is none."""
-    held, free = begun(3, tower()), begun(4, tower())
+    held = begun(3, tower())
+    free = begun(4, tower())
     for _ in range(40):
-        earned, more = held.step(WAIT)[1], free.step(WAIT)[1]
+        earned = held.step(WAIT)[1]
+        more = free.step(WAIT)[1]
     info = held.step(WAIT)[4]
     assert not info["is_success"]
     assert 0.55 < earned / more < 0.59  # (1/7 + 2/7 + 4/7/4) of what all of it earns

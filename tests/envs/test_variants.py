@@ -10,7 +10,7 @@ import pytest
 from controllers import controllers_of, make_controller
 from gymnasium.envs.registration import EnvSpec
 
-from springgym.registration import ENVIRONMENTS, VARIANTS, Variant, find
+from springgym.envs.registration import ENVIRONMENTS, VARIANTS, Variant, find
 from tests.envs.cases import DUEL, make, make_vec
 from tests.envs.playing import play
 from tests.params import slow_unless
@@ -30,7 +30,8 @@ LEAST = {
 )
 def test_it_is_its_environment_with_its_arguments(variant: Variant) -> None:
     """The same episode to the bit, alone and in a batch, and from its spec."""
-    ours, theirs = make(variant.id), make(variant.of, **variant.arguments)
+    ours = make(variant.id)
+    theirs = make(variant.of, **variant.arguments)
     again = gym.make(EnvSpec.from_json(ours.spec.to_json()))
     batch = make_vec(variant.id, 2, "native", "SameStep")
     rng = np.random.default_rng(0)
@@ -71,10 +72,8 @@ def test_a_classical_controller_does_it_and_doing_nothing_does_not(variant: Vari
 
 
 def test_a_sparse_reward_is_whether_the_aim_is_met() -> None:
-    dense, sparse = (
-        make("SpringTop-v0", observation="features"),
-        make("SpringTopSparse-v0", observation="features"),
-    )
+    dense = make("SpringTop-v0", observation="features")
+    sparse = make("SpringTopSparse-v0", observation="features")
     act = make_controller("classical", "SpringTop-v0", {}, dense.action_space)
     observation, _ = dense.reset(seed=0)
     sparse.reset(seed=0)

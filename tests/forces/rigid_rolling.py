@@ -37,7 +37,8 @@ def touching(turn: Any, omega: Any, arm: Any, matrix: Any) -> Any:
     up = np.array([0.0, 0.0, 1.0])
     g = turn.T @ up
     rate = -np.cross(turn.T @ omega, g)
-    pull, change = matrix @ g, matrix @ rate
+    pull = matrix @ g
+    change = matrix @ rate
     size = np.sqrt(g @ pull)
     rho = turn @ (arm - pull / size)
     return rho, np.cross(omega, rho) - turn @ (change / size - pull * ((g @ change) / size**3))
@@ -47,7 +48,9 @@ def touching(turn: Any, omega: Any, arm: Any, matrix: Any) -> Any:
 def slope(y: Any, mass: Any, inertia: Any, arm: Any, matrix: Any, g: Any, mu: Any, eps: Any) -> Any:
     """Derivative of x (3), v (3), ω (3), R (9); rolling if ε is 0."""
     up = np.array([0.0, 0.0, 1.0])
-    v, omega, turn = y[3:6], y[6:9], y[9:].copy().reshape(3, 3)
+    v = y[3:6]
+    omega = y[6:9]
+    turn = y[9:].copy().reshape(3, 3)
     rho, rate = touching(turn, omega, arm, matrix)
     tensor = turn @ inertia @ turn.T
     gyro = -np.cross(omega, tensor @ omega)
@@ -62,13 +65,16 @@ def slope(y: Any, mass: Any, inertia: Any, arm: Any, matrix: Any, g: Any, mu: An
         u = v + np.cross(omega, rho)
         u[2] = 0.0
         force = up - mu / np.sqrt(u @ u + eps * eps) * u
-        free, by = np.linalg.solve(tensor, gyro), np.linalg.solve(tensor, np.cross(rho, force))
+        free = np.linalg.solve(tensor, gyro)
+        by = np.linalg.solve(tensor, np.cross(rho, force))
         # v̇_z + (ω̇ × ρ + ω × ρ̇)_z = 0, with v̇_z = N/m − g
         rest = -g + (np.cross(free, rho) + np.cross(omega, rate))[2]
         normal = -rest / (1.0 / mass + np.cross(by, rho)[2])
         faster = free + normal * by
         pace = normal / mass * force - g * up
-    out[:3], out[3:6], out[6:9] = v, pace, faster
+    out[:3] = v
+    out[3:6] = pace
+    out[6:9] = faster
     for k in range(3):
         out[9 + k : 18 : 3] = np.cross(omega, turn[:, k])
     return out
@@ -114,7 +120,8 @@ def motion(
     """Positions, velocities, angular velocities, rotations (T, …) at equal times; rolling without ε."""
     gap = float(times[1] - times[0])
     every = int(np.ceil(gap / finest))
-    omega, v = np.array(omega, float), np.array(v, float)
+    omega = np.array(omega, float)
+    v = np.array(v, float)
     rho, _ = touching(turn, omega, solid.arm, solid.matrix)
     if eps == 0.0:
         v = -np.cross(omega, rho)

@@ -10,11 +10,10 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from springgym.bodies import Body, cube, rigid_velocities, rolling_ball, rotation
-from springgym.contact.law import SLOW
-from springgym.scene import Scene
-from springgym.simulator import Simulator
-from springgym.surfaces import (
+from springgym.dynamics.contact.law import SLOW
+from springgym.model.bodies import Body, cube, rigid_velocities, rolling_ball, rotation
+from springgym.model.scene import Scene
+from springgym.model.surfaces import (
     SOFTEST,
     STIFFEST,
     Bowl,
@@ -30,17 +29,21 @@ from springgym.surfaces import (
     scales,
     waves,
 )
+from springgym.simulator import Simulator
 from springgym.theory import contact as theory
 from tests.copies import check_alone
 from tests.params import slow_but
 
-C, REACH, G = 1.0, 0.02, 9.81
+C = 1.0
+REACH = 0.02
+G = 9.81
 ROUNDING = 1e-12
 VARYING = ("damping", "friction", "restitution", "strength")
 """One set of types, compiled once, for most of the tests."""
 BEAD = Body("bead", np.zeros((1, 3)), [1.0], np.zeros((0, 2)), 1.0, 0.0)  # type: ignore[arg-type]
 FLOOR = (floor(),)
-DOWN, WEIGHTLESS = (0.0, 0.0, -G), (0.0, 0.0, 0.0)
+DOWN = (0.0, 0.0, -G)
+WEIGHTLESS = (0.0, 0.0, 0.0)
 
 
 def contact(**changes: Any) -> Contact:
@@ -86,9 +89,11 @@ def test_turning_point(speed: float) -> None:
     lowest = theory.turning_point(0.5 * speed**2, C, REACH)
     step = 1e-6
     simulator = beads([[0, 0, 1.0001 * REACH]], [[0, 0, -speed]], gravity=WEIGHTLESS, step=step)
-    least, last = 1.0, math.inf
+    least = 1.0
+    last = math.inf
     while (h := state(simulator)[0][0, 2]) < last:
-        least, last = h, h
+        least = h
+        last = h
         simulator.advance(1)
     # The nearest node is τ/2 from the turning point at most, where F is largest; its way has a kink.
     bound = 0.5 * float(theory.force(lowest, C, REACH)) * step**2
@@ -125,8 +130,10 @@ def test_rest_height(dtype: Any, level: float, off: float) -> None:
 def test_restitution_is_that_of_theory_at_every_speed(speed: float, step: float) -> None:
     """Hard case 14, which asks for 1e-3: as asked for above `SLOW`, more below; from wherever in a step it
     meets the floor, to 25 (1 − e)² (v h/Δ)²."""
-    asked, phases = np.array([0.0, 0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99, 1.0]), 8
-    each, count = np.repeat(asked, phases), len(asked) * phases
+    asked = np.array([0.0, 0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99, 1.0])
+    phases = 8
+    each = np.repeat(asked, phases)
+    count = len(asked) * phases
     late = np.tile(np.linspace(0, speed * step, phases, endpoint=False), len(asked))
     simulator = beads(
         np.outer(1.001 * REACH + late, [0, 0, 1]),
@@ -184,7 +191,8 @@ def test_placing_in_touch_enters_no_negative_loss() -> None:
     simulator = beads(
         np.outer(heights, [0.0, 0, 1]), np.outer(speeds, [0.0, 1, 0]), contact(friction=0.5), gravity=weight
     )
-    start, before = simulator.measure(), np.zeros(4)
+    start = simulator.measure()
+    before = np.zeros(4)
     for _ in range(50):
         simulator.advance(1)
         found = simulator.measure()
@@ -204,7 +212,8 @@ def at_rest_height(weight: float) -> float:
 
 @pytest.mark.parametrize("step", [2e-3, 5e-4])
 def test_sliding_stops_after_v2_over_2_mu_g(step: float) -> None:
-    friction, speed = 0.4, 3.0
+    friction = 0.4
+    speed = 3.0
     simulator = beads(
         [[0, 0, at_rest_height(G)]], [[0.6 * speed, -0.8 * speed, 0]], contact(friction=friction), step=step
     )
@@ -319,13 +328,16 @@ def test_corners_keep_the_books_of_what_is_fast(angle: float, restitution: float
     In a wide corner without loss, one throw of 256 is off by 2e-3: turns of both surfaces do not settle it.
     """
     off = 1e-2 if angle == 170 else 1e-3
-    draw, planes, speed = np.random.default_rng(0), corner(angle), 3 * REACH / 1e-3
+    draw = np.random.default_rng(0)
+    planes = corner(angle)
+    speed = 3 * REACH / 1e-3
     normals = np.array([plane.normal for plane in planes])
     places = np.linalg.lstsq(normals, draw.uniform(0.05, 0.6, (256, 2)).T, rcond=None)[0].T
     way = 0.02 * draw.normal(size=(256, 3)) - places
     velocities = speed * way / np.linalg.norm(way, axis=1)[:, None]
     simulator = beads(places, velocities, contact(restitution=restitution), planes, WEIGHTLESS)
-    start, turned = simulator.measure().balance, np.zeros(256, bool)
+    start = simulator.measure().balance
+    turned = np.zeros(256, bool)
     for _ in range(math.ceil(2.0 / speed / 1e-3)):
         simulator.advance(1)
         x, v = state(simulator)
@@ -353,7 +365,8 @@ def test_room_keeps_what_bounces_in_it() -> None:
 
 def test_friction_in_a_corner_acts_along_it() -> None:
     """A bead pressed into a corner by gravity stops along it by the sum of both normal forces."""
-    friction, speed = 0.3, 2.0
+    friction = 0.3
+    speed = 2.0
     planes = (Plane((0, 0, 0), (1, 0, 1)), Plane((0, 0, 0), (-1, 0, 1)))
     load = G / math.sqrt(2)
     start = [0, 0, math.sqrt(2) * at_rest_height(load)]
@@ -407,7 +420,9 @@ def test_bowl_keeps_the_energy(strength: float) -> None:
 @pytest.mark.parametrize("surface", slow_but([BOWL, PIPE], BOWL), ids=["bowl", "pipe"])
 def test_a_bead_swings_as_a_pendulum(surface: Surface) -> None:
     """On ice it has the length R − h: a period 2π √((R − h)/g) for small swings. Along a pipe it glides."""
-    length, swing, glides = 1.0 - at_rest_height(G), 0.01, 0.3 if surface is PIPE else 0.0
+    length = 1.0 - at_rest_height(G)
+    swing = 0.01
+    glides = 0.3 if surface is PIPE else 0.0
     middle = np.array(BOWL.centre if surface is BOWL else PIPE.point)
     start = middle + length * np.array([math.sin(swing), 0, -math.cos(swing)])
     simulator = beads([start], [[0, glides, 0]], surfaces=among(surface))
@@ -435,7 +450,8 @@ def test_friction_holds_a_bead_below_its_angle(surface: Surface) -> None:
     last, _ = state(simulator)
     assert np.abs(last - first).max() < 1e-7
     rise = [surface.height(last[0] + d) - surface.height(last[0] - d) for d in 1e-5 * np.eye(3)]
-    slope, off = math.hypot(rise[0], rise[1]) / rise[2], 2e-3
+    slope = math.hypot(rise[0], rise[1]) / rise[2]
+    off = 2e-3
     assert slope < 0.2
     if surface is BOWL:
         assert slope > 0.01

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from springgym.bodies import cube, rigid_velocities, rotation
-from springgym.scene import Scene, WrenchActuator
+from springgym.model.bodies import cube, rigid_velocities, rotation
+from springgym.model.scene import Scene, WrenchActuator
+from springgym.model.surfaces import Bowl, Contact, floor, scales
 from springgym.simulator import Simulator
-from springgym.surfaces import Bowl, Contact, floor, scales
 from tests.copies import check_calls
 from tests.forces.test_contact import DOWN, REACH, VARYING, WEIGHTLESS, beads
 
@@ -55,7 +55,8 @@ def test_energy_and_losses_are_kept_at_every_step_of_an_impact(
 
     In a bowl, friction and the normal follow from each other; turns settle both to 1e-9.
     """
-    restitution, friction = np.array([1, 0.5, 0, 1, 0.5, 0]), np.array([0, 0, 0, 0.5, 0.5, 0.5])
+    restitution = np.array([1, 0.5, 0, 1, 0.5, 0])
+    friction = np.array([0, 0, 0, 0.5, 0.5, 0.5])
     velocities = speed * np.stack([1.4 * friction, 0 * friction, 0 * friction - 1], axis=1)
     simulator = beads([[0, 0, 1.5 * REACH]] * 6, velocities, surfaces=surfaces, gravity=gravity, step=2e-4)
     simulator.vary(np.arange(6), restitution=restitution, friction=friction)
@@ -64,7 +65,8 @@ def test_energy_and_losses_are_kept_at_every_step_of_an_impact(
     fastest = np.zeros(6)
     for _ in range(int(10 * REACH / speed / 2e-4) + 5):
         simulator.advance(1)
-        found, fastest = simulator.measure(), np.maximum(fastest, simulator.velocities[:, 0, 2])
+        found = simulator.measure()
+        fastest = np.maximum(fastest, simulator.velocities[:, 0, 2])
         assert surfaces[0].height(simulator.positions[:, 0]).min() > 0
         assert (np.abs(found.balance / start - 1) < off).all()
     assert (fastest > 0.4 * restitution * speed).all()
@@ -88,7 +90,8 @@ def test_an_untouched_floor_changes_free_flight_to_second_order() -> None:
 
 def test_to_dampers_rest_is_no_stretching() -> None:
     """On ice a cube rests as its springs have it, whatever its dampers: these see the mean velocity."""
-    body, how = cube(stiffness=1e4), Contact(restitution=0.5)
+    body = cube(stiffness=1e4)
+    how = Contact(restitution=0.5)
     lying = body.positions - [0, 0, body.positions[:, 2].min() - scales(how, body)[1]]
     simulator = Simulator(Scene(body, lying, surfaces=(floor(),), contact=how), varying=VARYING, copies=2)
     simulator.vary([0, 1], damping=np.outer([5.0, 50.0], np.ones(28)))
@@ -104,16 +107,21 @@ def test_actions_change_from_call_to_call() -> None:
     draw = np.random.default_rng(5)
     simulator = fallen((floor(),), 1, WrenchActuator())
     simulator.place(simulator.positions + np.array([0, 0, 50.0]), simulator.velocities)
-    mass, seconds, work = simulator.scene.body.mass, 3 * simulator.step, 0.0
+    mass = simulator.scene.body.mass
+    seconds = 3 * simulator.step
+    work = 0.0
     found = simulator.measure()
-    centre, velocity = found.centre[0], found.centre_velocity[0]
+    centre = found.centre[0]
+    velocity = found.centre_velocity[0]
     for _ in range(50):
         force = draw.normal(size=3)
         simulator.actuate(force=force, torque=np.zeros(3))
         simulator.advance(3)
         acceleration = force / mass + [0, 0, -9.81]
         way = seconds * velocity + 0.5 * seconds**2 * acceleration
-        centre, velocity, work = centre + way, velocity + seconds * acceleration, work + force @ way
+        centre = centre + way
+        velocity = velocity + seconds * acceleration
+        work = work + force @ way
         found = simulator.measure()
         assert found.centre[0] == pytest.approx(centre, rel=1e-12)
         assert found.centre_velocity[0] == pytest.approx(velocity, rel=1e-12)

@@ -8,15 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from springgym.bodies import Body
-from springgym.forces.paper_contact import CLAMP
-from springgym.scene import Scene
+from springgym.dynamics.forces.paper_contact import CLAMP
+from springgym.model.bodies import Body
+from springgym.model.scene import Scene
+from springgym.model.surfaces import Bowl, Contact, PaperContact, Pipe, Surface, floor, incline
 from springgym.simulator import PAPER_STEP, Simulator
-from springgym.surfaces import Bowl, Contact, PaperContact, Pipe, Surface, floor, incline
 from springgym.theory import contact as theory
 from tests.forces.test_contact import beads as default_beads
 
-C, REACH, G = 1.0, 0.02, 9.81
+C = 1.0
+REACH = 0.02
+G = 9.81
 BEAD = Body("bead", np.zeros((1, 3)), [1.0], np.zeros((0, 2)), 1.0, 0.0)  # type: ignore[arg-type]
 WEIGHTLESS = (0.0, 0.0, 0.0)
 
@@ -87,9 +89,11 @@ def test_floor_damping_acts_in_contact_alone_and_never_pulls() -> None:
 
 def test_friction_opposes_sliding_up_to_its_cap() -> None:
     """μ F against v_t, at most m |v_t|/2τ (the printed equation 9 has it along v_t)."""
-    friction, h = 0.5, 0.9 * REACH
+    friction = 0.5
+    h = 0.9 * REACH
     force = float(theory.force(h, C, REACH))
-    fast, slow = 3.0, 1e-4
+    fast = 3.0
+    slow = 1e-4
     for step, speed, expected in ((1e-9, fast, friction * force), (PAPER_STEP, slow, slow / 2 / PAPER_STEP)):
         simulator = beads([[0, 0, h]], [[0, speed, 0]], gravity=(0, 0, -force), step=step, friction=friction)
         before = simulator.velocities[0, 0, 1]
@@ -110,7 +114,8 @@ def test_clamp_puts_particles_at_a_tenth_of_the_reach_and_stops_them() -> None:
 
 def test_friction_creeps_where_it_should_hold() -> None:
     """On a slope held by friction, the paper's lets a particle creep at 2 τ g sin α; the default holds it."""
-    angle, friction = 0.3, 0.6
+    angle = 0.3
+    friction = 0.6
     slope = incline(angle)
     start = theory.rest_height(G * math.cos(angle), C, REACH) * np.asarray(slope.normal)
     simulator = beads([start], [[0, 0, 0]], slope, friction=friction)

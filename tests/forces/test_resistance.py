@@ -10,16 +10,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from springgym.bodies import ball, cube, rolling_ball, rope
-from springgym.collisions import Pair
-from springgym.scene import Placed, Scene
-from springgym.surfaces import Contact, floor
+from springgym.model.bodies import ball, cube, rolling_ball, rope
+from springgym.model.collisions import Pair
+from springgym.model.scene import Placed, Scene
+from springgym.model.surfaces import Contact, floor
 from springgym.theory import rolling
 from springgym.theory.contact import rest_height
 from tests.collisions.movers import REACH, STRENGTH, G, world
 from tests.collisions.test_matrix import SHARE, SOFT, cells, kept, thrown
 
-RADIUS, MOMENT = 0.1, SHARE["ball"]
+RADIUS = 0.1
+MOMENT = SHARE["ball"]
 RHO, TAU = 0.01, 0.004
 """Coefficients of rolling resistance, ρ, and of torsional resistance, τ [m]."""
 
@@ -44,7 +45,9 @@ def body_at(of: Any, position: Any, pinned: tuple[int, ...] = ()) -> Placed:
 @cells(("ball",), ("floor", "block"), "ball-floor-springs")
 def test_what_rolls_and_what_spins_stops_and_stays(mover: str, on: str, dynamics: str) -> None:
     """One rolls along x, one aslant, and one spins about the normal."""
-    speed, spin, aslant = 0.3, 4.0, np.array([math.cos(1.0), math.sin(1.0), 0.0])
+    speed = 0.3
+    spin = 4.0
+    aslant = np.array([math.cos(1.0), math.sin(1.0), 0.0])
     arm, moment = arm_on(on)
     way, rolls = rolling.resisted_way(speed, moment, RHO, arm, G)
     spins = rolling.resisted_spin(spin, MOMENT, TAU, RADIUS, G)
@@ -52,7 +55,9 @@ def test_what_rolls_and_what_spins_stops_and_stays(mover: str, on: str, dynamics
     velocities = speed * np.array([(1.0, 0, 0), aslant, (0, 0, 0)])
     turns = np.array([(0, speed / arm, 0), np.cross((0, 0, speed / arm), aslant), (0, 0, spin)])
     w.place(velocities=velocities, spins=turns)
-    start, before, seen = w.centre(), w.simulator.measure().balance, []
+    start = w.centre()
+    before = w.simulator.measure().balance
+    seen = []
     for _ in range(2):
         w.simulator.advance(1500)
         rolled = np.linalg.norm(w.velocity()[:2], axis=1)
@@ -80,7 +85,8 @@ def test_slope_holds_a_ball_up_to_the_angle_of_resistance(
     arm, moment = arm_on(on, angle)
     w = world(BALL, on, BETWEEN, dynamics=dynamics, step=1e-4, tilt=angle)
     w.simulator.advance(1000)
-    place, speed = w.centre(), w.velocity()[:, 0]
+    place = w.centre()
+    speed = w.velocity()[:, 0]
     w.simulator.advance(4000)
     expected = rolling.resisted_acceleration(angle, moment, RHO, arm, G)
     assert (expected == 0.0) == (ratio < 1)
@@ -96,7 +102,8 @@ def test_momenta_are_kept_and_turning_is_lost(mover: str, on: str, dynamics: str
     for scale in (1e-9, 1.0):
         how = Contact(0.5, 0.5, **SOFT, rolling_resistance=scale * RHO, torsional_resistance=scale * TAU)
         simulator = thrown(mover, on, dynamics, how, 1e-4, 1e6).simulator
-        first, energy = simulator.measure(), kept(simulator)
+        first = simulator.measure()
+        energy = kept(simulator)
         simulator.advance(4000)
         last = simulator.measure()
         np.testing.assert_allclose(last.momentum, first.momentum, rtol=0, atol=1e-11)

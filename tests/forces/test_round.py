@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from springgym import Simulator
-from springgym.bodies import (
+from springgym.dynamics.measures import Measures
+from springgym.model.bodies import (
     Body,
     Round,
     capsule,
@@ -24,12 +25,11 @@ from springgym.bodies import (
     start,
     top,
 )
-from springgym.bodies.rotations import rotating
-from springgym.bodies.round import points_of, weights
-from springgym.collisions import Pair
-from springgym.measures import Measures
-from springgym.scene import Placed, Scene
-from springgym.surfaces import (
+from springgym.model.bodies.rotations import rotating
+from springgym.model.bodies.round import points_of, weights
+from springgym.model.collisions import Pair
+from springgym.model.scene import Placed, Scene
+from springgym.model.surfaces import (
     Bowl,
     Contact,
     PaperContact,
@@ -84,7 +84,8 @@ def run(
     scene: Scene, duration: float, every: int = 20, dynamics: str = "springs", step: float | None = None
 ) -> tuple[np.ndarray, Measures]:
     """Times and measures (T, …) of a copy."""
-    simulator, rows = simulated(scene, dynamics, step), []
+    simulator = simulated(scene, dynamics, step)
+    rows = []
     for n in range(round(duration / simulator.step / every) + 1):
         simulator.advance(every if n else 0)
         found = simulator.measure(0)._replace(balance=simulator.measure().balance)
@@ -97,7 +98,8 @@ def run(
 
 def test_weights_say_where_material_points_are_with_the_least_sum_of_squares_over_masses() -> None:
     draw = np.random.default_rng(1)
-    masses, places = draw.uniform(0.5, 2.0, 7), draw.normal(size=(7, 3))
+    masses = draw.uniform(0.5, 2.0, 7)
+    places = draw.normal(size=(7, 3))
     base, slope = weights(masses, places, np.arange(7))
     for point in draw.normal(size=(5, 3)):
         w = base + slope @ point
@@ -150,7 +152,8 @@ def test_capsules_have_the_inertia_of_solids(radius: float, length: float) -> No
     """That of the sum of thin disks."""
     z = (np.arange(200_000) + 0.5) / 200_000 * (length / 2 + radius)
     square = radius**2 - np.maximum(z - length / 2, 0.0) ** 2
-    about, along = np.average(square / 2, weights=square), np.average(z**2, weights=square)
+    about = np.average(square / 2, weights=square)
+    along = np.average(z**2, weights=square)
     body = capsule(radius, length, 2.0)
     expected = 2.0 * np.diag([about / 2 + along, about / 2 + along, about])
     np.testing.assert_allclose(body.inertia(), expected, rtol=1e-6, atol=1e-15)
@@ -273,12 +276,14 @@ STONE = ellipsoid(
 def test_rattleback_moves_by_the_ode_of_rolling_and_turns_back_one_way_only(
     dynamics: str, spin: float, off: float
 ) -> None:
-    omega, velocity = (0.0, 1.0, spin), (0.01, 0.0, 0.0)
+    omega = (0.0, 1.0, spin)
+    velocity = (0.01, 0.0, 0.0)
     scene = on_hard_ground(STONE, 5e-5, 5.0, omega=omega, velocity=velocity)
     springs = dynamics == "springs"
     times, m = run(scene, 5.0, 20 if springs else 100, dynamics, None if springs else 2e-4)
     _, _, spins, _ = motion(rigid(STONE), np.eye(3), omega, velocity, times)
-    own, rigid_one = m.angular_velocity[:, 2] * np.sign(spin), spins[:, 2] * np.sign(spin)
+    own = m.angular_velocity[:, 2] * np.sign(spin)
+    rigid_one = spins[:, 2] * np.sign(spin)
     late = times > 4.5
     assert own[late].mean() == pytest.approx(rigid_one[late].mean(), rel=off)
     assert np.abs(own).max() == pytest.approx(np.abs(rigid_one).max(), rel=0.01)
@@ -341,7 +346,8 @@ def test_top_on_a_round_foot_walks_as_the_rigid_one() -> None:
     ways = []
     for foot in (0.008, 0.004):
         body = top(radius=0.05, height=0.08, mass=0.2, stiffness=1e6, damping=0.0, foot=foot)
-        frame, spin = rotating((0, 0.3, 0)), np.array([0.0, 0, 120.0])
+        frame = rotating((0, 0.3, 0))
+        spin = np.array([0.0, 0, 120.0])
         omega = frame @ spin
         arm = frame @ (body.rounds[0].centre - body.centre) - (0, 0, foot)
         scene = on_hard_ground(body, 2e-5, 1.0, tilt=0.3, spin=120.0, velocity=-np.cross(omega, arm))

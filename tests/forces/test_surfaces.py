@@ -10,11 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from springgym.core import compiled, load, vec
-from springgym.core.vectors import dot
-from springgym.scene import Scene
-from springgym.simulator import Simulator
-from springgym.surfaces import (
+from springgym.core import compiled, load
+from springgym.core.language import vec
+from springgym.core.language.vectors import dot
+from springgym.model.scene import Scene
+from springgym.model.surfaces import (
     SURFACES,
     Bowl,
     HeightField,
@@ -26,6 +26,7 @@ from springgym.surfaces import (
     incline,
     waves,
 )
+from springgym.simulator import Simulator
 from tests.forces.test_contact import (
     BEAD,
     PIPE,
@@ -65,7 +66,8 @@ def test_a_hundred_bounces_keep_the_energy(surface: Surface) -> None:
     simulator = beads(places, velocities, surfaces=among(surface))
     low = -0.5 if surface is PIPE else -0.1
     start = simulator.measure().energy - G * low
-    bounces, last = np.zeros(4), np.ones(4)
+    bounces = np.zeros(4)
+    last = np.ones(4)
     for _ in range(2000):
         simulator.advance(10, check=False)
         energy = simulator.measure().energy - G * low
@@ -87,7 +89,8 @@ def test_a_bead_swings_in_a_trough_with_the_period_of_its_bend() -> None:
 
     That is the bend of z = f + h √(1 + f′²). Of a line at the distance h it would be κ/(1 − κ h): 0.6 % more.
     """
-    kappa, h = 0.1 * (2 * math.pi) ** 2, at_rest_height(G)
+    kappa = 0.1 * (2 * math.pi) ** 2
+    h = at_rest_height(G)
     omega = math.sqrt(G * kappa * (1 + kappa * h))
     swing, fine = 1e-3, waves(0.1, 1.0, 1.0, 0.005)  # the bend of a spline errs in second order
     simulator = beads(
@@ -101,7 +104,8 @@ def test_a_bead_swings_in_a_trough_with_the_period_of_its_bend() -> None:
 
 def test_a_level_or_straight_field_is_a_plane() -> None:
     x, y = np.meshgrid(np.arange(4.0), np.arange(5.0), indexing="ij")
-    field, plane = HeightField(0.2 * x - 0.1 * y, 1.0), Plane((0, 0, 0), (-0.2, 0.1, 1.0))
+    field = HeightField(0.2 * x - 0.1 * y, 1.0)
+    plane = Plane((0, 0, 0), (-0.2, 0.1, 1.0))
     places = np.random.default_rng(2).uniform(-9, 9, (50, 3))
     assert field.height(places) == pytest.approx(plane.height(places), abs=1e-12)
     two = HeightField([[0.0, 1.0], [0.0, 1.0]], 0.5, (3.0, 0.0))
@@ -328,7 +332,8 @@ def test_nets_lie_on_surfaces_and_rays_hit_them(surface: Surface) -> None:
     net = surface.net(np.array([0.1, 0.2, 0.0]), 0.8)
     assert net.ndim == 3
     assert np.abs(surface.height(net)).max() < 1e-12
-    eye, direction = np.array([0.1, 0.1, 0.6]), np.array([[0.6, 0, -0.8], [0, 0.6, -0.8], [0, 0, -1.0]])
+    eye = np.array([0.1, 0.1, 0.6])
+    direction = np.array([[0.6, 0, -0.8], [0, 0.6, -0.8], [0, 0, -1.0]])
     hit = surface.hit(eye, direction)
     if hit is not None:
         places, normals = hit

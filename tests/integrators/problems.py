@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from springgym.bodies import Body
-from springgym.integrators import integrator
-from springgym.integrators.record import Control
-from springgym.packing import decays
-from springgym.scene import Scene, WrenchActuator
+from springgym.dynamics.methods import integrator
+from springgym.dynamics.methods.record import Control
+from springgym.dynamics.packing import decays
+from springgym.model.bodies import Body
+from springgym.model.scene import Scene, WrenchActuator
 from springgym.simulator import STRAIN_LIMIT, Simulator
 
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0.3, 0.9, 0], [0.4, 0.3, 0.8]])
@@ -46,9 +46,12 @@ def oscillator(
         np.array([stiffness, *[1e-9] * 5]),
         np.array([damping, *[0.0] * 5]),
     )
-    positions, velocities = at_rest.copy(), np.zeros((4, 3))
-    positions[0, 0], positions[1, 0] = -stretch / 2, 1 + stretch / 2
-    velocities[0, 0], velocities[1, 0] = -speed / 2, speed / 2
+    positions = at_rest.copy()
+    velocities = np.zeros((4, 3))
+    positions[0, 0] = -stretch / 2
+    positions[1, 0] = 1 + stretch / 2
+    velocities[0, 0] = -speed / 2
+    velocities[1, 0] = speed / 2
     return Scene(body, positions, velocities, gravity=(0.0, 0.0, 0.0), wrench=WrenchActuator())
 
 

@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from springgym.core.blocks import by_copies
-from springgym.integrators import METHODS, integrator
+from springgym.core.language.blocks import by_copies
+from springgym.dynamics.methods import METHODS, integrator
 from tests.integrators.problems import simulator, tetrahedron
 
 pytestmark = [pytest.mark.own_kernels, pytest.mark.slow]
 
-COPIES, STEPS = 11, 200
+COPIES = 11
+STEPS = 200
 
 
 def batch(name: str, copies: Any, threads: int = 1, spoilt: int | None = None, **options: Any) -> tuple:

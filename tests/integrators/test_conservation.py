@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from springgym.integrators import METHODS, integrator
+from springgym.dynamics.methods import METHODS, integrator
 from tests.integrators.problems import NEGLIGIBLE, oscillator, simulator, tetrahedron
 
 NOWHERE = (0.0, 0.0, 0.0)
@@ -19,7 +19,8 @@ def test_energy_has_a_trend_only_if_not_symplectic(name: str) -> None:
     options = {"tolerance": (1e-3, 1e-3)} if record.adaptive else {}
     step = {1: 1e-3, 2: 1e-2, 3: 1e-2, 4: 2e-2, 5: 3e-2, 6: 1e-1}[record.order]
     made = simulator(tetrahedron(name, NEGLIGIBLE, gravity=NOWHERE), name, step, **options)
-    energies, samples = [], 200
+    energies = []
+    samples = 200
     start = made.measure().energy[0]
     for _ in range(samples):
         made.advance(math.ceil(0.3 / step), check=False)
@@ -60,7 +61,9 @@ def test_ledger_closes(name: str) -> None:
 @pytest.mark.parametrize("name", [name for name in METHODS if not integrator(name).negative_substeps])
 def test_spinning_alone_loses_nothing(name: str) -> None:
     """A pair turns at constant length, so that its strong damper does no work."""
-    stiffness, turning, step = 1e4, 4.0, 2e-3
+    stiffness = 1e4
+    turning = 4.0
+    step = 2e-3
     length = 1 / (1 - turning**2 / (2 * stiffness))
     pair = oscillator(name, stiffness, 100.0, stretch=length - 1)
     velocities = np.zeros((4, 3))
@@ -90,7 +93,9 @@ def spin_left(name: str, turns: float, step: float, duration: float) -> tuple[fl
 
 
 def test_implicit_euler_brakes_spin_by_the_law() -> None:
-    turns, step, duration = 1.0, 0.01, 10.0
+    turns = 1.0
+    step = 0.01
+    duration = 10.0
     left, _ = spin_left("implicit_euler", turns, step, duration)
     law = 1 / math.sqrt(1 + 2 * step * (2 * math.pi * turns) ** 2 * duration)
     assert law < 0.4

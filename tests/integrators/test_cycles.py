@@ -10,17 +10,18 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from springgym import stability
-from springgym.bodies import cube, rope, start, top
-from springgym.integrators import integrator
-from springgym.scene import DriveActuator, Placed, Scene, ThrustActuator, WrenchActuator
+from springgym.dynamics import stability
+from springgym.dynamics.methods import integrator
+from springgym.model.bodies import cube, rope, start, top
+from springgym.model.scene import DriveActuator, Placed, Scene, ThrustActuator, WrenchActuator
+from springgym.model.surfaces import Contact, floor
 from springgym.simulator import Simulator
-from springgym.surfaces import Contact, floor
 from tests.copies import check_calls
 from tests.integrators.problems import error, oscillator, reference, simulator, tetrahedron
 from tests.params import slow_but
 
-EVERY, STEP = 6, 2e-3
+EVERY = 6
+STEP = 2e-3
 FAR, NEAR = -9.0, -0.03
 """Heights of a floor [m] that is never touched, and of one that is."""
 VERLET = integrator("verlet")
@@ -76,7 +77,8 @@ def test_calls_that_end_amid_a_cycle_are_refused(steps: int) -> None:
     made.advance(2 * EVERY)
 
 
-LEFT, RIGHT = cube(stiffness=2e3, damping=20.0), cube(stiffness=5e3, damping=10.0)
+LEFT = cube(stiffness=2e3, damping=20.0)
+RIGHT = cube(stiffness=5e3, damping=10.0)
 CUBES = Scene(
     bodies=(
         Placed(
@@ -98,7 +100,8 @@ def struck(copies: int = 1, every: int = EVERY, finer: int = 1) -> Simulator:
 
 def assert_struck(made: Simulator, copy: int = 0) -> None:
     """Bodies have met, and both contact and dampers have taken energy."""
-    told, measures = made.pairs(), made.measure()
+    told = made.pairs()
+    measures = made.measure()
     assert told.impulse[copy, 0] > 0.5
     assert told.contact_loss[copy, 0] > 1e-2
     assert measures.damping_loss[copy] > 1e-2
@@ -185,7 +188,8 @@ def test_order_stays_two(height: float | None) -> None:
 
 @pytest.mark.parametrize("height", slow_but([None, FAR], None))
 def test_ledger_closes(height: float | None) -> None:
-    counts, gaps = 240 * np.array([1, 2, 4]), []
+    counts = 240 * np.array([1, 2, 4])
+    gaps = []
     for count in counts.tolist():
         made = simulator(scene_of(height), "verlet", 0.6 / count, damping_every=EVERY)
         made.actuate(torque=[[1.0, 4.0, 3.0]])
@@ -234,7 +238,8 @@ def test_the_stronger_the_dampers_the_shorter_the_cycle(damping: float, most: in
 @pytest.mark.parametrize(("turn", "rings"), [(0.5, True), (0.46, False)])
 def test_no_vibration_lasts(turn: float, rings: bool) -> None:
     """Dampers do nothing where a vibration has no speed when they act: at each quarter, to and fro."""
-    stiffness, damping = 200.0, 0.5
+    stiffness = 200.0
+    damping = 0.5
     frequency = math.sqrt(2 * stiffness)
     step = 2 * math.sin(turn * math.pi / 2) / frequency  # a step is this share of a half of its period
     scene = oscillator("verlet", stiffness, damping, stretch=0.0, speed=0.01)
@@ -310,7 +315,8 @@ def episodes(env_id: str = "SpringTop-v0", **options: Any) -> Any:
 @pytest.mark.parametrize("env_id", ["SpringTop-v0", "SpringGyroscope-v0", "SpringPendulum-v0"])
 def test_a_control_period_is_of_whole_cycles(env_id: str) -> None:
     at = episodes(env_id)
-    every, step = at.simulator.damping_every, at.simulator.step
+    every = at.simulator.damping_every
+    step = at.simulator.step
     assert every > 1
     assert at.steps % every == 0
     assert at.steps * step == pytest.approx(at.task.period)

@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from springgym.bodies import Body, top
-from springgym.scene import DriveActuator, Scene
+from springgym.model.bodies import Body, top
+from springgym.model.scene import DriveActuator, Scene
 from springgym.simulator import Simulator
 
-ACCELERATION, SPEED, STEP, DURATION = np.array([3.0, -2.0, 0.0]), 1.5, 5e-4, 1.0
+ACCELERATION = np.array([3.0, -2.0, 0.0])
+SPEED = 1.5
+STEP = 5e-4
+DURATION = 1.0
 
 
 @pytest.mark.parametrize("name", ["rk4", pytest.param("tr_bdf2", marks=pytest.mark.slow)])
@@ -30,7 +33,9 @@ def test_drive_reaches_its_speed_and_keeps_it(name: str) -> None:
 
 
 def test_a_body_that_its_pivot_carries_along_does_not_turn() -> None:
-    body, velocity, omega = top(), np.array([1.0, 0.5, 0.0]), np.array([0.3, -0.2, 7.0])
+    body = top()
+    velocity = np.array([1.0, 0.5, 0.0])
+    omega = np.array([0.3, -0.2, 7.0])
     tip = body.particle("tip")
     carried = velocity + np.cross(omega, body.positions - body.positions[tip])
     scene = Scene(body, velocities=carried, pinned=(tip,), drive=DriveActuator(tip, SPEED))

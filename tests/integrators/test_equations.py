@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from springgym.integrators.envelope import envelope
+from springgym.dynamics.methods.envelope import envelope
 from tests.integrators.problems import simulator, tetrahedron
 
 

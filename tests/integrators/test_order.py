@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from springgym.integrators import METHODS, integrator
+from springgym.dynamics.methods import METHODS, integrator
 from tests.integrators.problems import error, reference, simulator, tetrahedron
 
-DURATION, DAMPING = 0.6, 1.0
+DURATION = 0.6
+DAMPING = 1.0
 FIRST = {1: 1024, 2: 256, 3: 256, 4: 128, 6: 16}
 """Steps of the coarsest run by order: errors from 1e-2 down to 1e-12, where the leading term rules."""
 

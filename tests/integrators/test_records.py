@@ -9,9 +9,9 @@ import sys
 import numpy as np
 import pytest
 
-from springgym.core.code_digest import digest
-from springgym.integrators import METHODS, advance_kernel, integrator
-from springgym.measures import read
+from springgym.core.compiler.code_digest import digest
+from springgym.dynamics.measures import read
+from springgym.dynamics.methods import METHODS, advance_kernel, integrator
 from springgym.simulator import Simulator
 from tests.integrators.problems import tetrahedron
 
@@ -64,13 +64,15 @@ def test_tolerance_goes_to_methods_that_have_one(name: str) -> None:
 
 def test_each_method_has_its_own_cache_entry() -> None:
     digests = {
-        name: digest(advance_kernel(name, read).py_func, (), ["springgym.core.compiling"]) for name in METHODS
+        name: digest(advance_kernel(name, read).py_func, (), ["springgym.core.compiler.compiling"])
+        for name in METHODS
     }
     assert len(set(digests.values())) == len(METHODS)
     script = (
-        "from springgym.core.code_digest import digest; from springgym.integrators import advance_kernel; "
-        "from springgym.measures import read; "
-        "print(digest(advance_kernel('rk4', read).py_func, (), ['springgym.core.compiling']).hex())"
+        "from springgym.core.compiler.code_digest import digest; "
+        "from springgym.dynamics.methods import advance_kernel; "
+        "from springgym.dynamics.measures import read; "
+        "print(digest(advance_kernel('rk4', read).py_func, (), ['springgym.core.compiler.compiling']).hex())"
     )
     alone = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
     assert alone.strip() == digests["rk4"].hex()  # whatever else this process has imported

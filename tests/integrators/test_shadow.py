@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from springgym.bodies import Body, rope
-from springgym.scene import Scene
+from springgym.model.bodies import Body, rope
+from springgym.model.scene import Scene
+from springgym.model.surfaces import Plane
 from springgym.simulator import Simulator
-from springgym.surfaces import Plane
 
 FAR = (Plane((0.0, 0.0, -9.0), (0.0, 0.0, 1.0)),)
 """A floor that nothing comes near: steps then drift, kick and drift."""
@@ -65,7 +65,8 @@ def test_it_does_not_drift_while_slow_motion_feeds_vibrations() -> None:
     body = BODIES["triple"]
     simulator = Simulator(Scene(body, pinned=(0,)))
     stake = 9.81 * float(body.masses[1:] @ body.positions[1:, 0])
-    first, seen = simulator.shadow_energy()[0], []
+    first = simulator.shadow_energy()[0]
+    seen = []
     for _ in range(1000):
         simulator.advance(round(0.05 / simulator.step))
         seen.append(simulator.shadow_energy()[0])
@@ -73,7 +74,8 @@ def test_it_does_not_drift_while_slow_motion_feeds_vibrations() -> None:
 
 
 def test_it_is_that_of_the_parameters_of_a_copy() -> None:
-    body, factors = BODIES["triple"], {"masses": 1.3, "stiffness": 0.8, "lengths": 1.01}
+    body = BODIES["triple"]
+    factors = {"masses": 1.3, "stiffness": 0.8, "lengths": 1.01}
     pull = (0.0, 1.0, -9.0)
     simulator = Simulator(Scene(body, pinned=(0,)), copies=2, varying=(*factors, "gravity"))
     changed = {name: factor * getattr(body, name) for name, factor in factors.items()}

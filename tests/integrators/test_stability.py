@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from springgym.integrators import METHODS, integrator
+from springgym.dynamics.methods import METHODS, integrator
 from springgym.simulator import SimulationDivergedError, Simulator
 from tests.integrators.problems import NEGLIGIBLE, oscillator, simulator, tetrahedron
 
@@ -17,7 +17,8 @@ LARGE = (1e29, 1e29)
 
 def grown(name: str, phase: float, steps: int) -> float:
     """Largest stretch near the end of an oscillation with ω h = ``phase``, in units of the amplitude."""
-    frequency, stretch = 100.0, 1e-3
+    frequency = 100.0
+    stretch = 1e-3
     scene = oscillator(name, frequency**2 / 2, NEGLIGIBLE, stretch, speed=0.3 * frequency * stretch)
     options = {"tolerance": LARGE} if integrator(name).adaptive else {}
     made = simulator(scene, name, phase / frequency, **options)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from springgym.bodies import box
+from springgym.model.bodies import box
 from springgym.rendering import Arrow, Camera, Look, Marks, Renderer, Scenery
 from springgym.rendering.look import RED
 
@@ -37,7 +37,8 @@ PALE = ("arrow", "around", "trace", "ball")
 def seen(shape, mark, y, camera=FRONT, strain=None):
     """How much the mark at y, of which the middle is in the middle of the picture, changes it there."""
     look, positions = SHAPES[shape]
-    given, pictures = MARKS[mark](y), []
+    given = MARKS[mark](y)
+    pictures = []
     for shown in (False, True):
         traced = replace(look, trace=len(positions), trace_length=11)
         renderer = Renderer(
@@ -55,7 +56,8 @@ def seen(shape, mark, y, camera=FRONT, strain=None):
 @pytest.mark.parametrize("mark", MARKS)
 def test_a_body_hides_the_marks_behind_it(shape, mark):
     """Nothing is seen of what is fixed; arrows, traces and targets show faintly. Before it, all are seen."""
-    behind, before = seen(shape, mark, 0.9), seen(shape, mark, -0.9)
+    behind = seen(shape, mark, 0.9)
+    before = seen(shape, mark, -0.9)
     assert before > 40
     if mark in PALE:
         assert 0.15 * before < behind < 0.65 * before

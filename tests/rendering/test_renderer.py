@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 from gymnasium.error import DependencyNotInstalled
 
-from springgym.bodies import box
+from springgym.model.bodies import box
+from springgym.model.surfaces import Bowl, Pipe, waves
 from springgym.rendering import Arrow, Camera, Look, Marks, Renderer, Scenery, two_tone
 from springgym.rendering.canvas import lamp
-from springgym.surfaces import Bowl, Pipe, waves
 
-RED, GREEN, BLUE = (210, 30, 30), (30, 180, 60), (30, 60, 210)
+RED = (210, 30, 30)
+GREEN = (30, 180, 60)
+BLUE = (30, 60, 210)
 FRONT = Camera(eye=(0.0, -4.0, 0.0), target=(0.0, 0.0, 0.0), fov=2.0 * np.arctan(0.25))  # 2 m high
 CORNERS = np.array([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)]) * 0.4
 FACES = [(0, 1, 2), (0, 3, 1), (0, 2, 3), (1, 3, 2)]
@@ -20,7 +22,8 @@ SIZE = (96, 96)
 
 
 def turned(points, angle):
-    c, s = np.cos(angle), np.sin(angle)
+    c = np.cos(angle)
+    s = np.sin(angle)
     return points @ np.array([(c, s, 0), (-s, c, 0), (0, 0, 1)])
 
 
@@ -80,7 +83,8 @@ def test_shape_and_type(tetrahedron, size):
 
 
 def test_rotation_changes_the_body_alone(tetrahedron):
-    before, after = draw(tetrahedron, CORNERS), draw(tetrahedron, turned(CORNERS, 0.5))
+    before = draw(tetrahedron, CORNERS)
+    after = draw(tetrahedron, turned(CORNERS, 0.5))
     changed = np.abs(before - after).max(axis=2) > 20
     assert changed.mean() > 0.05
     reach = SIZE[0] / 2 * 0.4 * np.sqrt(3) * 1.3  # px; the corners' sphere, enlarged by perspective
@@ -114,7 +118,8 @@ def test_nearer_faces_hide_farther(order, near):
 
 def test_only_the_outside_of_a_closed_surface_is_drawn():
     patch = np.array([(-0.5, 0, -0.5), (0.5, 0, -0.5), (0, 0, 0.6)])
-    outwards, inwards = Look(triangles=[(0, 1, 2)]), Look(triangles=[(0, 2, 1)])
+    outwards = Look(triangles=[(0, 1, 2)])
+    inwards = Look(triangles=[(0, 2, 1)])
     sheet = Look(triangles=[(0, 2, 1)], opacity=0.5)
     background = empty()
     assert np.abs(draw(outwards, patch) - background).max() > 50
@@ -135,7 +140,8 @@ def test_balls_and_bars_hide_each_other_by_distance():
 def test_a_ball_on_one_of_several_bodies_is_whole():
     """On the far end of a slab, of which the sides and the lower face are nearer; behind a box, it is not."""
     above = Camera(eye=(0.0, -4.0, 3.0), target=(0.0, 0.0, 0.0), fov=FRONT.fov)
-    slab, block = box((1.6, 1.6, 0.2)), box((0.3, 0.2, 0.4))
+    slab = box((1.6, 1.6, 0.2))
+    block = box((0.3, 0.2, 0.4))
     faces = np.concatenate([slab.triangles, block.triangles + 8])
     look = Look(triangles=faces, triangle_colors=GREEN, radii=[*[0] * 16, 0.1], ball_colors=RED)
     for beside, seen in ((0.4, 0), (0.0, 1)):
@@ -185,7 +191,8 @@ def test_faces_to_the_lamp_are_brighter():
 @pytest.mark.parametrize("height", [0.7, 1.2])
 def test_shadow_lies_along_the_light(height):
     camera = Camera.framing((0, 0, 0), 3.0, elevation=0.9)
-    scenery, size = Scenery(floor=0.0), (320, 320)
+    scenery = Scenery(floor=0.0)
+    size = (320, 320)
     ball = np.array([0.3, 0.1, height])
     shown = draw(Look(radii=[0.1]), [ball], camera=camera, scenery=scenery, size=size)
     dark = (empty(camera=camera, scenery=scenery, size=size) - shown).sum(axis=2)
@@ -213,9 +220,12 @@ def orange(picture, point):
 
 def test_trace_passes_through_moments_that_are_not_drawn():
     """Of a half circle in ten moments, only the ends are drawn: a straight line, unless it is followed."""
-    look, points = Look(trace=0, trace_length=20), arc(np.linspace(0.0, np.pi, 11))
-    top, across = (0.0, 0.0, 0.8), (0.0, 0.0, 0.0)
-    plain, followed = Renderer(look, FRONT, size=SIZE), Renderer(look, FRONT, size=SIZE)
+    look = Look(trace=0, trace_length=20)
+    points = arc(np.linspace(0.0, np.pi, 11))
+    top = (0.0, 0.0, 0.8)
+    across = (0.0, 0.0, 0.0)
+    plain = Renderer(look, FRONT, size=SIZE)
+    followed = Renderer(look, FRONT, size=SIZE)
     plain.draw(points[:1])
     picture = plain.draw(points[-1:]).astype(int)
     assert orange(picture, across) > 60 > 20 > orange(picture, top)
@@ -239,7 +249,8 @@ def test_trace_appears_fades_and_is_forgotten():
         picture = renderer.draw([point]).astype(int)
     background = empty()
     change = np.abs(picture - background).max(axis=2)[47:49].max(axis=0)
-    young, old = change[int(48 + 0.6 * 48)], change[int(48 - 0.3 * 48)]
+    young = change[int(48 + 0.6 * 48)]
+    old = change[int(48 - 0.3 * 48)]
     assert young > 100
     assert 10 < old < 0.7 * young
     renderer.reset()
@@ -300,14 +311,17 @@ def test_words_can_be_read_before_any_background(tone, where):
     changed = np.abs(picture - without).max(axis=2) > 0
     shares = np.where(picture <= 10, picture / 3294.6, ((picture / 255 + 0.055) / 1.055) ** 2.4)
     light = (shares @ (0.2126, 0.7152, 0.0722))[changed]
-    dark, bright = np.percentile(light, 2), np.percentile(light, 60)
+    dark = np.percentile(light, 2)
+    bright = np.percentile(light, 60)
     assert (bright + 0.05) / (dark + 0.05) >= 4.5
 
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_an_arrow_around_an_axis(sign):
     """Half a turn about the upright, the middle of it nearest to the eye, by the right hand."""
-    camera, radius, size = Camera.framing((0, 0, 0), 2.0, azimuth=0.0, elevation=1.2), 0.6, (300, 300)
+    camera = Camera.framing((0, 0, 0), 2.0, azimuth=0.0, elevation=1.2)
+    radius = 0.6
+    size = (300, 300)
     mark = Arrow((0, 0, 0), (0, 0, sign * np.pi * radius), BLUE, radius)
     picture = draw(Look(), np.zeros((0, 3)), Marks(arrows=[mark]), camera=camera, size=size)
     blue = (picture[..., 2] - picture[..., 0] > 60).astype(int)
@@ -497,9 +511,11 @@ def test_sectors_look_the_same_after_a_whole_turn_alone(count):
 
 def test_what_lies_on_a_large_face_is_seen_whole():
     """A block on the near end of a slab, whose middle is nearer to the eye than that of the block's side."""
-    corners, triangles = 2 * box().positions, box().triangles
+    corners = 2 * box().positions
+    triangles = box().triangles
     camera = Camera(eye=(0.0, -6.0, 4.0), target=(0.0, 0.0, 0.0), fov=0.6)
-    slab, block = corners * (1, 1, 0.1), corners * 0.15
+    slab = corners * (1, 1, 0.1)
+    block = corners * 0.15
     for place in ((0.0, 0.7, 0.25), (0.5, 0.0, 0.25), (0.0, -0.7, 0.25), (0.0, 0.7, -0.25)):
         at = [block + place, slab]
         for order in (1, -1):  # whichever is named first
@@ -521,7 +537,9 @@ def sights(camera, size, count):
 
 def test_in_a_crowd_each_pixel_shows_what_is_nearest():
     """Sixty-four cubes in a grid, in colours of their own: the one that a way from the eye meets first."""
-    cube, triangles, size = 0.8 * box().positions, box().triangles, (240, 240)
+    cube = 0.8 * box().positions
+    triangles = box().triangles
+    size = (240, 240)
     places = np.stack(np.meshgrid(*[np.arange(4.0)] * 3), axis=-1).reshape(-1, 3)
     places = np.random.default_rng(1).permutation(places)
     colors = np.stack([63 * (np.arange(64) // n % 4) for n in (1, 4, 16)], axis=-1)
@@ -534,24 +552,25 @@ def test_in_a_crowd_each_pixel_shows_what_is_nearest():
     )
     ways, spots = sights(camera, size, 2000)
     low, high = ((places[:, None] + sign * 0.4 - camera.eye) / ways for sign in (-1, 1))
-    enters, leaves = np.minimum(low, high).max(axis=2), np.maximum(low, high).min(axis=2)
+    enters = np.minimum(low, high).max(axis=2)
+    leaves = np.maximum(low, high).min(axis=2)
     found = np.where(enters < leaves - 0.05, enters, np.inf)  # not by a corner
     sure = (found < np.inf).any(axis=0) & ((enters < leaves - 0.05) == (enters < leaves + 0.05)).all(axis=0)
     assert sure.sum() > 150
     nearest = colors[found.argmin(axis=0)]
-    (x, y), share = spots[sure].T, nearest[sure] / 126
+    x, y = spots[sure].T
+    share = nearest[sure] / 126
     edges = np.abs(picture[y, x] - share * grey[y, x]).max(axis=1) > 25  # an outline, or a smooth edge
     assert edges.mean() < 0.1
 
 
 def test_bars_and_balls_are_where_they_are_seen():
     """In perspective: pixels that look through less, or more, than their radius."""
-    camera, size = Camera(eye=(0.3, -2.0, 0.8), target=(0.0, 0.0, 0.0), fov=0.9), (240, 240)
-    start, stop, radius = (
-        np.array([(-0.7, -0.6, -0.3), (0.3, 0.3, 0.4)]),
-        np.array([(0.5, 0.6, 0.1)] * 2),
-        0.2,
-    )
+    camera = Camera(eye=(0.3, -2.0, 0.8), target=(0.0, 0.0, 0.0), fov=0.9)
+    size = (240, 240)
+    start = np.array([(-0.7, -0.6, -0.3), (0.3, 0.3, 0.4)])
+    stop = np.array([(0.5, 0.6, 0.1)] * 2)
+    radius = 0.2
     stop[1] = start[1]  # a ball
     look = Look(bars=[(0, 1)], bar_radius=radius, bar_colors=RED, radii=[0, 0, radius], ball_colors=RED)
     places = np.stack([start[0], stop[0], start[1]])
@@ -560,7 +579,8 @@ def test_bars_and_balls_are_where_they_are_seen():
     along = camera.eye + np.linspace(1.0, 4.0, 300)[:, None, None] * ways
     axis = start + np.linspace(0.0, 1.0, 100)[:, None, None] * (stop - start)
     apart = np.array([np.linalg.norm(along[..., None, :] - at, axis=-1).min(axis=(0, 2)) for at in axis])
-    seen, least = shown[spots[:, 1], spots[:, 0]] > 20, apart.min(axis=0)
+    seen = shown[spots[:, 1], spots[:, 0]] > 20
+    least = apart.min(axis=0)
     assert 40 < (least < 0.9 * radius).sum() < 200
     assert seen[least < 0.9 * radius].all()
     assert not seen[least > 1.1 * radius].any()

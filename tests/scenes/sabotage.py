@@ -16,8 +16,8 @@ import yaml
 from springgym.scenes import load, recording
 from springgym.scenes.checks import Check, check, fitting
 from springgym.scenes.plan import Plan
+from springgym.scenes.strict_yaml import read_yaml
 from springgym.simulator import Simulator
-from springgym.strict_yaml import read_yaml
 
 Change = dict[str, Any] | Callable[[Plan], Plan]
 """Values at keys of the file, joined by dots, or what to make of its plan."""

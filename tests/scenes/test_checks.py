@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from springgym.bodies import start
+from springgym.cli.simulate import table
+from springgym.model.bodies import start
 from springgym.scenes import load, names
 from springgym.scenes.checks import (
     CHECKS,
@@ -27,7 +28,6 @@ from springgym.scenes.checks import (
 )
 from springgym.scenes.checks.basis import applies, within
 from springgym.scenes.recording import record
-from springgym.simulate import table
 from tests.params import slow_unless
 from tests.scenes.conftest import marked, recorded
 from tests.scenes.sabotage import SABOTAGE, after, notices
@@ -81,7 +81,8 @@ def wilder(recording):
         factor = np.where(np.arange(len(m.kinetic)) > 0, 10.0, 1.0)
         return m._replace(**{name: factor * getattr(m, name) for name in names})
 
-    m, bodies = grown(recording.measures), tuple(map(grown, recording.bodies))
+    m = grown(recording.measures)
+    bodies = tuple(map(grown, recording.bodies))
     return replace(recording, measures=m, bodies=bodies, step=1.5 * recording.step)
 
 

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
+from springgym.model.surfaces import Contact
 from springgym.scenes import load
 from springgym.scenes.checks import CHECKS
 from springgym.scenes.plots import PLOTS
 from springgym.scenes.reading import KINDS, SURFACES, _started
-from springgym.surfaces import Contact
 
 PAGE = (Path(__file__).parents[2] / "docs" / "scenes.md").read_text()
 WORDS = set(re.findall(r"\w+", PAGE))

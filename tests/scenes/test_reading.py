@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from springgym.bodies.precession import heavy_top
-from springgym.materials import Grain, Material
+from springgym.model.bodies.precession import heavy_top
+from springgym.model.materials import Grain, Material
+from springgym.model.surfaces import Bowl, Contact, HeightField, PaperContact, Pipe, Plane, scales, waves
 from springgym.scenes import load, names
-from springgym.strict_yaml import YamlError
-from springgym.surfaces import Bowl, Contact, HeightField, PaperContact, Pipe, Plane, scales, waves
+from springgym.scenes.strict_yaml import YamlError
 from springgym.theory.contact import force
 from springgym.theory.rope import catenary
 from springgym.theory.top import steady_precession
@@ -281,7 +281,8 @@ def test_steady_precession_by_name(name, root):
         heavy_top(scene.body, scene.pinned, scene.gravity),
         *{"gyroscope": (1.5707963, 40)}.get(name, (0.35, 49.8)),
     )
-    pin, head = scene.pinned[0], scene.body.markers[1]
+    pin = scene.pinned[0]
+    head = scene.body.markers[1]
     # ring particles in pairs: the axle's end itself has a kick
     ring = list(scene.body.parts["ring"])
     middle = scene.positions[ring].mean(axis=0) - scene.positions[pin]

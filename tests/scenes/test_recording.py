@@ -3,8 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from springgym.bodies import rope
-from springgym.scene import Scene
+from springgym.model.bodies import rope
+from springgym.model.scene import Scene
 from springgym.scenes import load
 from springgym.scenes.recording import record, rigid_twin
 from springgym.simulator import SimulationDivergedError, Simulator

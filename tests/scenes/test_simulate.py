@@ -19,13 +19,13 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from springgym import cli, simulate
-from springgym.bodies import Body, cube
-from springgym.cli import main
-from springgym.contact.totals import PairReadings
-from springgym.extras import install, missing
+from springgym import cli
+from springgym.cli import main, simulate
+from springgym.core.extras import install, missing
+from springgym.dynamics.contact.totals import PairReadings
+from springgym.model.bodies import Body, cube
+from springgym.model.scene import MOST_LISTED, Placed, Scene
 from springgym.rendering.look import INK
-from springgym.scene import MOST_LISTED, Placed, Scene
 from springgym.scenes import load, names, plots
 from springgym.scenes.checks import CHECKS, Check
 from springgym.scenes.checks.basis import within
@@ -57,7 +57,7 @@ SHORT = ["simulate", "cube-pendulum", "--duration", "0.1"]
 
 def test_list_shows_every_scene(capsys, monkeypatch):
     """It builds none: some need packages that may be missing."""
-    monkeypatch.setattr("springgym.simulate.load", None)
+    monkeypatch.setattr("springgym.cli.simulate.load", None)
     assert main(["simulate", "--list"]) == 0
     printed = capsys.readouterr().out
     assert max(map(len, printed.splitlines())) <= 80
@@ -101,7 +101,8 @@ def test_the_tutorial_shows_the_first_lines_of_the_output(capsys, monkeypatch, t
 
 
 def test_pairs_of_bodies_are_told_one_by_one_or_together():
-    body, apart = cube(), np.array([2.0, 0.0, 0.0])
+    body = cube()
+    apart = np.array([2.0, 0.0, 0.0])
     bodies = [Placed(body, body.positions + n * apart, name=f"c{n}") for n in range(8)]
     made = Scene(bodies=bodies)
     values = np.ones((2, len(made.meetings)))
@@ -242,7 +243,8 @@ def test_a_file_that_cannot_be_written_keeps_no_other_from_being_so(capsys, monk
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(simulate, "save_trace", fails)
-    trace, plot = tmp_path / "a.npz", tmp_path / "a.png"
+    trace = tmp_path / "a.npz"
+    plot = tmp_path / "a.png"
     assert main([*SHORT, "--trace", str(trace), "--plot", str(plot), "--check"]) == 2
     printed, said = capsys.readouterr()
     assert said == f"springgym: error: {trace}: No space left on device\n"
@@ -416,7 +418,7 @@ def test_table_shows_relative_and_absolute_differences():
     assert lines[3].split() == ["b", "1", "not", "seen", "100", "%", "FAILED"]
     assert all(line.split()[-3:] == ["1.5", "%", "ok"] for line in lines[4:])
     on_the_site = page_writer("media").rows(checks)
-    assert [row[5] for row in on_the_site[1:]] == ["2 %", "1e-05 m", "100 %", *["1.5 %"] * 3]
+    assert [row[6] for row in on_the_site[1:]] == ["2 %", "1e-05 m", "100 %", *["1.5 %"] * 3]
 
 
 # --- Plots and films --------------------------------------------------------------------------------
@@ -599,7 +601,8 @@ def test_film_shows_the_body_in_the_picture(name):
 def test_film_shows_vibrations_that_nobody_could_see():
     """The rim of a struck steel top moves by micrometres: its springs are coloured by their strain."""
     recording = record(replace(load("ringing-top"), duration=2e-3, checks=()))
-    middle, plain = np.s_[60:540, 60:580], replace(recording.plan.view, strain=False)
+    middle = np.s_[60:540, 60:580]
+    plain = replace(recording.plan.view, strain=False)
     still = list(frames(replace(recording, plan=replace(recording.plan, view=plain))))
     shown = list(frames(recording))
     assert len(shown) == len(still) > 4
@@ -625,7 +628,8 @@ def test_strain_of_the_full_colour_is_round():
 def test_the_light_end_of_an_uneven_ball_is_dark():
     """A tippe-top is dark where its centre of mass is not; what is even, or no ball, has no cap."""
     scene = load("tippe-top").scene
-    drawn, body = look(scene, None), scene.body
+    drawn = look(scene, None)
+    body = scene.body
     dark = (np.asarray(drawn.triangle_colors) == INK).all(axis=1)
     skin = drawn.points(body.positions)
     middles = skin[np.asarray(drawn.triangles)].mean(axis=1) - body.rounds[0].centre
@@ -640,7 +644,8 @@ def test_the_light_end_of_an_uneven_ball_is_dark():
 @pytest.mark.slow
 def test_film_is_written_in_real_time(tmp_path, monkeypatch):
     imageio = pytest.importorskip("imageio.v3")
-    path, shown = tmp_path / "film.gif", {}
+    path = tmp_path / "film.gif"
+    shown = {}
     monkeypatch.setattr(simulate, "_bar", lambda name: lambda items: shown.setdefault(name, list(items)))
     assert main(["simulate", "cube-pendulum", "--duration", "0.5", "--video", str(path)]) == 0
     assert {name: len(items) for name, items in shown.items()} == {"cube-pendulum": 51, "film": 13}

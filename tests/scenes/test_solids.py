@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from springgym.bodies import vibrations
+from springgym.model.bodies import vibrations
 from springgym.scenes import load
 from springgym.scenes.checks import check
 from springgym.scenes.recording import record

@@ -27,7 +27,8 @@ def rigid_reference() -> Callable[..., Reference]:
         inertia = np.asarray(inertia, float)
 
         def slope(_, y):
-            w, r = y[:3], y[3:].reshape(3, 3)
+            w = y[:3]
+            r = y[3:].reshape(3, 3)
             spin = np.array([[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]])
             rates = np.empty(12)
             rates[:3] = (r.T @ torque(r) - spin @ (inertia * w)) / inertia

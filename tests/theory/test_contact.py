@@ -8,7 +8,10 @@ from scipy.integrate import solve_ivp
 
 from springgym.theory import contact
 
-C, REACH, MASS, G = 0.05, 0.02, 1.3, 9.81
+C = 0.05
+REACH = 0.02
+MASS = 1.3
+G = 9.81
 WEIGHT = MASS * G
 INSIDE = contact.energy(0.005, C, REACH)
 
@@ -22,7 +25,8 @@ def fly(height, speed, until, weight):
     def event(_, y):
         return until(*y)
 
-    event.terminal, event.direction = True, 1
+    event.terminal = True
+    event.direction = 1
     # a step of 1 ms falls 4 mm from 0.8 m: it cannot jump across the floor's reach
     how = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-14, "max_step": 1e-3}
     run = solve_ivp(slope, (0, 5), [height, speed], events=event, **how)
@@ -31,7 +35,8 @@ def fly(height, speed, until, weight):
 
 
 def test_force_is_minus_the_slope_of_the_energy():
-    h, step = np.array([0.003, 0.007, 0.015, 0.0199]), 1e-7
+    h = np.array([0.003, 0.007, 0.015, 0.0199])
+    step = 1e-7
     slope = (contact.energy(h + step, C, REACH) - contact.energy(h - step, C, REACH)) / (2 * step)
     force = contact.force(h, C, REACH)
     # step^2 U'''/6 = step^2 c/h^4 = 6e-6 N at the lowest, round-off eps U / step = 1e-7 N
@@ -96,7 +101,8 @@ def test_rebound_is_that_of_the_motion(restitution, speed):
     def out(_, y):
         return y[0] - REACH
 
-    out.terminal, out.direction = True, 1
+    out.terminal = True
+    out.direction = 1
     time = REACH / speed
     how = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-14, "max_step": time / 50}
     run = solve_ivp(slope, (0, 1e4 * time), [REACH, -speed], events=out, **how)
@@ -128,7 +134,9 @@ def test_bad_restitution_is_named():
 
 def test_sliding_particle_stops_where_it_should():
     """Against the sum of the motion under constant deceleration, in small steps of midpoint rule."""
-    speed, friction, steps = 3.0, 0.4, 1000
+    speed = 3.0
+    friction = 0.4
+    steps = 1000
     step = speed / (friction * G) / steps
     speeds = speed - friction * G * step * (np.arange(steps) + 0.5)
     distance = contact.stopping_distance(speed, friction)

@@ -8,7 +8,10 @@ from scipy.integrate import quad, solve_ivp
 
 from springgym.theory import dominoes
 
-H, D, S, G = 0.048, 0.0075, 0.0144, 9.81
+H = 0.048
+D = 0.0075
+S = 0.0144
+G = 9.81
 INERTIA = (H * H + D * D) / 3
 START = 7.0
 LAST = math.asin(S / H)
@@ -21,7 +24,8 @@ def test_without_friction_the_energy_is_kept_from_impact_to_impact():
         angles, rates = dominoes.leaning(angle, train, H, D, S)
         return (H * np.cos(angles) + D * np.sin(angles)).sum() / 2, (rates**2).sum()
 
-    rate, times = START, []
+    rate = START
+    times = []
     for train in range(1, 5):
         high, together = of(0.0, train)
         energy = INERTIA * together * rate**2 / 2 + G * high
@@ -59,7 +63,8 @@ def test_two_dominoes_move_as_their_forces_say(friction):
         return np.array([-H * (math.cos(lean) + friction * math.sin(lean)), arm - friction * D])
 
     def slope(_, y):
-        angles, rates = y[:2], y[2:]
+        angles = y[:2]
+        rates = y[2:]
         first, second = constraint(*angles)
         free = 0.5 * G / INERTIA * (H * np.sin(angles) - D * np.cos(angles))
         pushed = moments(*angles)
@@ -71,7 +76,9 @@ def test_two_dominoes_move_as_their_forces_say(friction):
 
     there.terminal = True
     square = START**2 + G / INERTIA * (H * (1 - math.cos(LAST)) - D * math.sin(LAST))
-    before, (first, _), pushed = np.array([math.sqrt(square), 0.0]), constraint(LAST, 0.0), moments(LAST, 0.0)
+    before = np.array([math.sqrt(square), 0.0])
+    first, _ = constraint(LAST, 0.0)
+    pushed = moments(LAST, 0.0)
     after = before - (first @ before) / (first @ pushed) * pushed
     run = solve_ivp(slope, (0, 1), [LAST, 0.0, *after], events=there, rtol=1e-11, atol=1e-13)
     hits = dominoes.impacts(2, H, D, S, INERTIA, START, G, friction)

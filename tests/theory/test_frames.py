@@ -25,7 +25,8 @@ def test_axis_of_the_documented_azimuth():
 
 
 def test_carried_particles_move_with_their_velocity():
-    omega, points = np.array([0.3, -2.0, 1.1]), np.array([[1.0, 2.0, 3.0], [-1.0, 0.5, 0.0]])
+    omega = np.array([0.3, -2.0, 1.1])
+    points = np.array([[1.0, 2.0, 3.0], [-1.0, 0.5, 0.0]])
     step = 1e-5
     times = np.array([-step, 0.0, step])
     turn = Rotation.from_rotvec(times[:, None] * omega).as_matrix()

@@ -77,7 +77,8 @@ def test_energy_and_momentum_are_kept(inertia, omega):
 @pytest.mark.parametrize(("omega", "about"), [([0.3, 2.0, 2.5], "major"), ([2.5, 2.0, 0.3], "minor")])
 def test_middle_component_reverses_every_flip_interval(omega, about):
     i1, i2, i3 = inertia = np.array([1.0, 2.0, 3.0])
-    twice, square = np.square(omega) @ inertia, np.square(omega) @ inertia**2
+    twice = np.square(omega) @ inertia
+    square = np.square(omega) @ inertia**2
     assert (square > twice * i2) == (about == "major")
     if about == "minor":
         i1, i3 = i3, i1
@@ -99,7 +100,8 @@ def test_flip_interval_of_a_steady_spin_is_infinite():
 
 
 def test_flips_near_the_middle_axis_follow_the_growth_rate():
-    inertia, spin = [0.158, 0.289, 0.372], 6.0
+    inertia = [0.158, 0.289, 0.372]
+    spin = 6.0
     rate = free_body.growth_rate(inertia, spin)
     intervals = [free_body.flip_interval(inertia, [s, spin, 0.0]) for s in (1e-4, 1e-6)]
     # a disturbance 100 times smaller takes ln(100)/rate longer to grow, and as long to fall back

@@ -7,7 +7,9 @@ import pytest
 
 from springgym.theory.impact import impact
 
-MASS, SPRING, SPEED = 0.5, 200.0, 0.3
+MASS = 0.5
+SPRING = 200.0
+SPEED = 0.3
 
 
 def dropped(damping=0.0, stiff=1e3, **changes):
@@ -25,7 +27,8 @@ def test_two_masses_on_a_hard_floor():
     Each of its two meetings takes π/ω of a mass on the floor's own spring.
     """
     met = dropped()
-    half, meeting = math.pi / math.sqrt(2 * SPRING / MASS), math.pi / math.sqrt(1e3 * SPRING / MASS)
+    half = math.pi / math.sqrt(2 * SPRING / MASS)
+    meeting = math.pi / math.sqrt(1e3 * SPRING / MASS)
     assert met.duration == pytest.approx(half + meeting, rel=2e-3)
     assert met.speed == pytest.approx(SPEED, rel=1e-3)
     assert met.until > met.duration

@@ -16,7 +16,8 @@ CRITICAL = 2 * math.sqrt(50.0 * 2.0)
     "damping", [0.0, 3.0, CRITICAL * (1 - 1e-9), CRITICAL, CRITICAL * (1 + 1e-9), 90.0, 5000.0]
 )
 def test_damped_against_the_matrix_exponential(damping):
-    mass, stiffness = 2.0, 50.0
+    mass = 2.0
+    stiffness = 50.0
     matrix = np.array([[0.0, 1.0], [-stiffness / mass, -damping / mass]])
     for t in (0.0, 0.1, 0.9, 3.0):
         expected = expm(matrix * t) @ [0.3, -2.0]
@@ -42,13 +43,17 @@ def test_damped_never_gains_energy(damping, x, v):
 
 def test_spun_pair_keeps_its_length():
     """The two masses circle on the closed form's length, and not on the rest length."""
-    mass, stiffness, rest, omega = 0.5, 400.0, 1.0, 12.0
+    mass = 0.5
+    stiffness = 400.0
+    rest = 1.0
+    omega = 12.0
     length = oscillation.spun_pair_length(mass, stiffness, rest, omega)
     assert length > 1.08
 
     def lengths(start):
         def slope(_, y):
-            r, v = y[:2], y[2:]
+            r = y[:2]
+            v = y[2:]
             size = np.linalg.norm(r)  # r is the edge, of reduced mass m/2
             return [*v, *(-2 * stiffness / mass * (size - rest) / size * r)]
 
@@ -66,8 +71,12 @@ def test_pair_spun_too_fast_flies_apart():
 
 def test_implicit_euler_loses_spin_as_stated():
     """Implicit Euler on a stiff pair, each step solved to round-off."""
-    omega, step, steps, stiffness = 10.0, 2e-3, 500, 1e7
-    r, v = np.array([1.0, 0.0]), np.array([0.0, omega])
+    omega = 10.0
+    step = 2e-3
+    steps = 500
+    stiffness = 1e7
+    r = np.array([1.0, 0.0])
+    v = np.array([0.0, omega])
 
     spins = []
     for _ in range(steps):
@@ -80,14 +89,16 @@ def test_implicit_euler_loses_spin_as_stated():
             change = np.linalg.solve(np.eye(2) + step**2 * stiffness * slope, gap)
             w = w - change
         assert np.abs(change).max() < 1e-10
-        r, v = r + step * w, w
+        r = r + step * w
+        v = w
         spins.append((r[0] * v[1] - r[1] * v[0]) / (r @ r))
     expected = oscillation.implicit_euler_spin(omega, step, step * np.arange(1, steps + 1))
     # (h omega)^2 = 4e-4 is the next order of a step's loss and omega^2/k = 1e-5 the stretch
     assert spins == pytest.approx(expected, rel=2e-3)
     assert expected[-1] < 0.9 * omega
     # omega0 = omega1 (1 + h^2 omega1^2) to (h omega)^4, once settled in
-    before, after = np.array(spins[4:-1]), np.array(spins[5:])
+    before = np.array(spins[4:-1])
+    after = np.array(spins[5:])
     assert before == pytest.approx(after * (1 + (step * after) ** 2), rel=1e-6)
     assert before != pytest.approx(after, rel=1e-5)
 

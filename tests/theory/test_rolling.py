@@ -19,7 +19,8 @@ def skid_until_it_rolls(velocity, omega, radius=0.03, moment=SOLID, friction=0.2
 
     Vectors in the plane are complex numbers. A turn by the right angle from x to y, UP × …, multiplies by i.
     """
-    v, w = complex(*velocity[:2]), complex(*omega[:2])
+    v = complex(*velocity[:2])
+    w = complex(*omega[:2])
     for _ in range(200_000):
         slip = v + 1j * radius * w
         speed = abs(slip)
@@ -33,7 +34,8 @@ def skid_until_it_rolls(velocity, omega, radius=0.03, moment=SOLID, friction=0.2
 
 @pytest.mark.parametrize(("cut", "restitution"), [(0.0, 1.0), (0.7, 0.9)])
 def test_balls_roll_on_after_they_met(restitution, cut):
-    came, radius = np.array([2.0, 0.0, 0.0]), 0.03
+    came = np.array([2.0, 0.0, 0.0])
+    radius = 0.03
     line = np.array([math.cos(cut), math.sin(cut), 0.0])
     given = (1 + restitution) / 2 * (came @ line) * line
     spin = np.cross(UP, came) / radius
@@ -52,10 +54,14 @@ def test_wall_gives_the_sum_of_its_small_impulses(spin, friction):
 
     Vectors along the wall are complex numbers, and n × … multiplies them by −i.
     """
-    v, w, n, radius = np.array([1.0, 0.5, -0.2]), np.array([3.0, -7.0, spin]), np.array([-1.0, 0, 0]), 0.03
+    v = np.array([1.0, 0.5, -0.2])
+    w = np.array([3.0, -7.0, spin])
+    n = np.array([-1.0, 0, 0])
+    radius = 0.03
     found = rolling.off_a_wall(v, w, n, radius, SOLID, friction, 0.8)
     part = 1.8 * 1.0 / 10_000
-    along, turn = complex(v[1], v[2]), complex(w[1], w[2])
+    along = complex(v[1], v[2])
+    turn = complex(w[1], w[2])
     for _ in range(10_000):
         slip = along - 1j * radius * turn
         speed = abs(slip)
@@ -68,10 +74,14 @@ def test_wall_gives_the_sum_of_its_small_impulses(spin, friction):
 
 def test_ball_on_a_turntable_turns_at_the_rate_of_the_circle():
     """A ball that creeps with a slip of 10⁻⁶ m/s and less, by its friction −c (slip)."""
-    rate, radius, moment = 7.0, 0.05, SOLID
+    rate = 7.0
+    radius = 0.05
+    moment = SOLID
 
     def slope(_, y):
-        x, v, w = y[:3], y[3:6], y[6:]
+        x = y[:3]
+        v = y[3:6]
+        w = y[6:]
         slip = v - radius * np.cross(w, UP) - rate * np.cross(UP, x)
         slip[2] = 0.0
         pull = -1e6 * slip
@@ -86,7 +96,11 @@ def test_ball_on_a_turntable_turns_at_the_rate_of_the_circle():
 
 
 def test_egg_rises_in_the_time_of_its_equation():
-    a, b, constant, weight, friction = 0.03, 0.022, 4e-5, 0.6, 0.1
+    a = 0.03
+    b = 0.022
+    constant = 4e-5
+    weight = 0.6
+    friction = 0.1
 
     def slope(_, y):
         return -friction * weight / constant * ((a * np.cos(y)) ** 2 + (b * np.sin(y)) ** 2)
@@ -102,7 +116,11 @@ def test_egg_rises_in_the_time_of_its_equation():
 
 def test_resistance_is_that_of_the_equations_of_motion() -> None:
     """m dv/dt = m g sin a − f and I dw/dt = f r − ρ N, solved for dv/dt = r dw/dt and f."""
-    angle, moment, rho, radius, g = 0.3, 0.4, 0.01, 0.1, 9.81
+    angle = 0.3
+    moment = 0.4
+    rho = 0.01
+    radius = 0.1
+    g = 9.81
     slows = np.array([[1.0, 1.0], [moment, -1.0]])
     pulls = np.array([g * math.sin(angle), -rho / radius * g * math.cos(angle)])
     expected = np.linalg.solve(slows, pulls)[0]

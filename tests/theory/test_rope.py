@@ -37,7 +37,8 @@ def test_hanging_rope_is_in_balance():
 
 def test_modes_are_those_of_the_whole_rope():
     """Frequencies from a finite-difference Hessian in three dimensions: each swing twice."""
-    points, n = hanging(MASSES, REST, STIFFNESS), len(MASSES)
+    points = hanging(MASSES, REST, STIFFNESS)
+    n = len(MASSES)
     step = 1e-5
     hessian = np.empty((3 * n, 3 * n))
     for column in range(3 * n):
@@ -130,7 +131,8 @@ def test_catenary_is_in_balance_and_reaches(masses, span, rise, stiffness):
 
 def test_fine_inextensible_catenary_is_a_cosh():
     """z = a cosh((x - s/2)/a) - a cosh(s/2a), length 2a sinh(s/2a); beads approach it as 1/N^2."""
-    span, a = 2.0, 0.9
+    span = 2.0
+    a = 0.9
     total = 2 * a * math.sinh(span / 2 / a)
     gaps = []
     for n in (100, 200):

@@ -73,7 +73,9 @@ def test_orthotropic_of_equal_constants_is_isotropic():
 
 
 def test_orthotropic_answers_a_pull_and_a_shear_by_its_constants():
-    young, poisson, shear = (1.858, 0.774, 12.205), (0.526, 0.076, 0.045), (0.195, 0.899, 0.595)
+    young = (1.858, 0.774, 12.205)
+    poisson = (0.526, 0.076, 0.045)
+    shear = (0.195, 0.899, 0.595)
     tensor = solid.orthotropic(young, poisson, shear)
     stress = np.zeros((3, 3))
     stress[0, 0] = 1.0
@@ -106,7 +108,8 @@ def nearest(found, expected):
 @pytest.mark.parametrize("poisson", [0.1, 0.25, 0.45])
 def test_sphere_of_lamb(poisson):
     """Twisting: x j₂'(x) = j₂(x) with x = ω a/c_t; breathing: tan y = y/(1 − (c_l y/2 c_t)²), y = ω a/c_l."""
-    found, ct = solved(solid.ball_rule(1.0), poisson), shear_speed(poisson)
+    found = solved(solid.ball_rule(1.0), poisson)
+    ct = shear_speed(poisson)
     twist = brentq(lambda x: x * spherical_jn(2, x, True) - spherical_jn(2, x), 2.0, 3.0)
     assert twist == pytest.approx(2.5011, abs=1e-4)
     assert nearest(found, twist * ct) == pytest.approx(twist * ct, rel=1e-6)

@@ -119,7 +119,8 @@ def test_motion_restarted_on_the_way_goes_on(name):
         float(half.psi),
     )
     later = np.linspace(0, 5, 20)
-    whole, rest = top.motion(PAPER, state, 1000 + later), top.motion(PAPER, again, later)
+    whole = top.motion(PAPER, state, 1000 + later)
+    rest = top.motion(PAPER, again, later)
     # angles of 5e4 rad are rounded at 7e-12; ten roundings, and growth of omega3 t = 250 at most
     assert rest.attitude == pytest.approx(whole.attitude, abs=1e-9)
 
@@ -186,7 +187,8 @@ def test_cusps_loops_and_waves():
 @pytest.mark.parametrize("name", ["cusps", "waves, falling, spun backwards", "plane pendulum"])
 def test_tilt_returns_after_the_nutation_period(name):
     state = CASES[name]
-    period, times = top.nutation_period(PAPER, state), np.linspace(0, 1, 7)
+    period = top.nutation_period(PAPER, state)
+    times = np.linspace(0, 1, 7)
     now, half, later = (np.cos(top.motion(PAPER, state, times + d).theta) for d in (0, period / 2, period))
     assert later == pytest.approx(now, abs=1e-13)
     assert np.abs(half - now).max() > 0.05
@@ -251,7 +253,9 @@ def test_fast_top_nutates_at_the_fast_limit():
 
 
 def test_sleeping_threshold():
-    r, h, g = 0.5, 1.0, 9.81
+    r = 0.5
+    h = 1.0
+    g = 9.81
     threshold = top.sleeping_threshold(PAPER)
     assert threshold**2 == pytest.approx(3 * g * h * (3 * h**2 + r**2) / r**4, rel=1e-14)
     tilt = 1e-3
@@ -273,7 +277,10 @@ def test_upright_axis_below_the_threshold_balances_for_ever():
 
 
 def test_cone_top_is_the_sum_over_its_particles():
-    mass, radius, height, n = 12.0, 0.5, 1.0, 12
+    mass = 12.0
+    radius = 0.5
+    height = 1.0
+    n = 12
     angles = 2 * math.pi * np.arange(n) / n
     ring = np.stack([radius * np.cos(angles), radius * np.sin(angles), np.full(n, height)], axis=1)
     points = np.vstack([ring, [0, 0, height], [0, 0, 0]])

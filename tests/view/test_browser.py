@@ -47,7 +47,8 @@ PATIENCE = 120
 
 @pytest.fixture
 def browser(tmp_path):
-    chromium, driver = shutil.which("chromium") or shutil.which("google-chrome"), shutil.which("chromedriver")
+    chromium = shutil.which("chromium") or shutil.which("google-chrome")
+    driver = shutil.which("chromedriver")
     if not (chromium and driver):
         refuse = pytest.fail if os.environ.get("CI") else pytest.skip  # a night without a test is no success
         refuse("chromium and chromedriver are not installed")
@@ -198,7 +199,8 @@ def test_page_plays_turns_and_changes(browser, page, tmp_path):
     until(lambda: f"tilt {shown}" in text(browser))
 
     # a number that makes no sense is told over an empty stage, on which nothing plays
-    kept, full = page.motion, settled(browser)
+    kept = page.motion
+    full = settled(browser)
     page._ask("top", {("body", "mass"): -1.0})
     until(lambda: "positive" in texts(browser, ".told.wrong"))
     changes(browser, full)

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from springgym.scenes import load, names
-from springgym.strict_yaml import YamlError, changed, parse_yaml
+from springgym.scenes.strict_yaml import YamlError, changed, parse_yaml
 from springgym.view.knobs import knobs
 from tests.params import slow_but
 

@@ -39,7 +39,8 @@ def test_strain_is_that_of_the_simulator(top):
 def test_pin_holds_the_weight_and_turns_it():
     """A pendulum at its lowest: the pin pulls with M (g + v²/r), straight up."""
     recording = recorded("cube-pendulum", 3.0)
-    m, scene = recording.measures, recording.plan.scene
+    m = recording.measures
+    scene = recording.plan.scene
     arrows = of_recording(recording, twin=False).arrows
     n = int(np.argmin(m.centre[:400, 2]))
     radius = np.linalg.norm(m.centre[n] - recording.positions[n, scene.pinned[0]])
@@ -65,7 +66,8 @@ def test_floor_holds_what_lies_on_it():
 def test_what_rolls_is_held_where_it_touches():
     """The floor holds a ball below its centre, a radius away, where no particle is."""
     recording = record(replace(load("ball-skids"), duration=0.2), contacts=True)
-    arrows, scene = of_recording(recording, twin=False).arrows, recording.plan.scene
+    arrows = of_recording(recording, twin=False).arrows
+    scene = recording.plan.scene
     radius = np.sqrt(scene.body.rounds[0].matrix[0, 0])
     origins = arrows["support"].origins
     below = recording.measures.centre - np.array([0.0, 0.0, radius])
@@ -138,7 +140,9 @@ def test_the_states_between_are_those_under_the_action(env_id):
     env = gym.make(env_id).unwrapped
     env.action_space.seed(0)
     env.reset(seed=3)
-    task, simulator, steps = env.episodes.task, env.episodes.simulator, env.episodes.steps
+    task = env.episodes.task
+    simulator = env.episodes.simulator
+    steps = env.episodes.steps
     parts = round(task.period / motion.times[1])
     for period in range(3):
         action = env.action_space.sample()

@@ -155,7 +155,9 @@ def test_a_panel_takes_what_it_offers(server, panel):
 
 def test_a_panel_takes_nothing_else(server, panel, recwarn):
     """Each as a message of its own, between two that are taken: the server is not ended by it, either."""
-    slider, choice, tick = panel["slider"], panel["choice"], panel["tick"]
+    slider = panel["slider"]
+    choice = panel["choice"]
+    tick = panel["tick"]
     before = {name: part.value for name, part in panel.items()}
     start = {"type": "FileTransferStartUpload", "source_component_uuid": panel["upload"]._impl.uuid}
     start |= {"transfer_uuid": "t", "filename": "f", "mime_type": "m", "part_count": 1, "size_bytes": 4}

@@ -91,7 +91,8 @@ def test_each_of_several_bodies_has_sliders_that_move_it_alone(page):
     assert ("gravity",) in sliders
     before = page.motion
     after = page._subject.make(page.name, {knob.path: 20.0})
-    (left, right), (same, other) = apart(before), apart(after)
+    left, right = apart(before)
+    same, other = apart(after)
     assert (left == same).all()
     assert abs(right - other).max() > 0.1
     heavier = page._subject.make(page.name, {("bodies", "left", "body", "mass"): 20.0})
@@ -152,7 +153,8 @@ def run(page):
 
 
 def test_whatever_making_raises_the_page_lives_on(page, caplog):
-    make, motion = page._subject.make, page.motion
+    make = page._subject.make
+    motion = page.motion
 
     def raising(name, changes):
         raise changes["error"]
@@ -268,7 +270,8 @@ def test_who_tears_a_body_apart_is_told_what_to_do(page):
 
 
 def test_the_old_motion_stands_while_another_is_made(page):
-    make, go = page._subject.make, threading.Event()
+    make = page._subject.make
+    go = threading.Event()
 
     def waiting(name, changes):
         go.wait(60)
@@ -279,7 +282,8 @@ def test_the_old_motion_stands_while_another_is_made(page):
         until(lambda: page.time > 0)
         page._ask(page.name, {("gravity",): 5.0})
         until(lambda: "simulating" in page._over.content)
-        stood, motion = page.time, page.motion
+        stood = page.time
+        motion = page.motion
         assert page.playing
         until(lambda: page._due == {})
         assert page.time == stood

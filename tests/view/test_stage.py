@@ -53,7 +53,8 @@ def test_colors_are_those_of_the_films(light, linear):
 def test_marks_of_another_moment_are_hidden(stage):
     """A crane that has let go of its last block has no target, and balls that are apart no aim."""
     motion = simulated("block-holds")
-    spot, beside = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)
+    spot = (0.0, 0.0, 0.0)
+    beside = (1.0, 0.0, 0.0)
     many = Marks(
         disks=[(spot, 0.1, look.INK)],
         rings=[(spot, 0.1)],
@@ -110,7 +111,8 @@ def test_both_of_two_bodies_feel_a_contact(stage):
 
 
 def test_a_round_body_shows_its_skin_and_others_their_springs(stage):
-    ball, top = simulated("ball-rolls"), simulated("top")
+    ball = simulated("ball-rolls")
+    top = simulated("top")
     assert not ball.glassy
     assert top.glassy
     stage.show(springs=ball.glassy)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from springgym.checks import instance, shown, suggestion
-from springgym.scene import Scene
+from springgym.model.scene import Scene
 from springgym.scenes.checks import billiards, contact, free, rolling, solids, swings, together, tops  # noqa: F401  (they fill CHECKS)
 from springgym.scenes.checks.basis import CHECKS, NEEDS, NOT_COVERED, TOGETHER, TOUCHING, Check
 from springgym.scenes.plan import Plan

@@ -54,7 +54,8 @@ def applies(*needs: Need, together: bool = False, contacts: bool = False) -> Cal
 
     def add(check: Checking) -> Checking:
         name = function("check", check).__name__
-        CHECKS[name], NEEDS[name] = check, needs
+        CHECKS[name] = check
+        NEEDS[name] = needs
         if together:
             TOGETHER.add(name)
         if contacts:
@@ -206,7 +207,8 @@ def crossings(times: np.ndarray, values: np.ndarray, rising: bool | None = None)
     if len(times) < 4:
         return np.zeros(0)
     seen = np.isfinite(values)
-    up, down = (values[:-1] < 0) & (values[1:] >= 0), (values[:-1] > 0) & (values[1:] <= 0)
+    up = (values[:-1] < 0) & (values[1:] >= 0)
+    down = (values[:-1] > 0) & (values[1:] <= 0)
     wanted = up | down if rising is None else up if rising else down
     found = []
     for n in np.flatnonzero(wanted & seen[:-1] & seen[1:]).tolist():
@@ -232,7 +234,10 @@ def peaks(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray
     """Return times and heights of the maxima of samples at equal intervals, by parabolas through three."""
     times, values = _samples(times, values)
     n = np.flatnonzero((values[1:-1] > values[:-2]) & (values[1:-1] >= values[2:])) + 1
-    before, here, after = values[n - 1], values[n], values[n + 1]
-    slope, bend = (after - before) / 2, before - 2 * here + after
+    before = values[n - 1]
+    here = values[n]
+    after = values[n + 1]
+    slope = (after - before) / 2
+    bend = before - 2 * here + after
     shift = -slope / bend
     return times[n] + shift * (times[1] - times[0]), here + slope * shift / 2

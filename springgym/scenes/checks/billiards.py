@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from springgym.contact.law import SLOW
-from springgym.scene import Placed
+from springgym.dynamics.contact.law import SLOW
+from springgym.model.scene import Placed
 from springgym.scenes.checks import needs
 from springgym.scenes.checks.basis import Check, applies, within
 from springgym.scenes.checks.rolling import ROLLED, moment_share, refuse_other_than_balls
@@ -77,7 +77,8 @@ def billiards(recording: Recording) -> list[Check]:
     m v − z × I ω/r of any ball. Balls without friction between them exchange m v and no spin. So the sum over
     all is conserved.
     """
-    scene, bodies = recording.plan.scene, recording.bodies
+    scene = recording.plan.scene
+    bodies = recording.bodies
     body = scene.bodies[0].body
     radius, share = moment_share(body)
     up = np.array([0.0, 0.0, 1.0])
@@ -85,7 +86,8 @@ def billiards(recording: Recording) -> list[Check]:
     kept = np.sum(each, axis=0) / (1 + share)
     size = float(np.linalg.norm(kept[0]))
     way = kept[0] / size
-    along, across = kept[-1] @ way, kept[-1] @ (-way[1], way[0])
+    along = kept[-1] @ way
+    across = kept[-1] @ (-way[1], way[0])
     sag = max(2 * float(m.strain[len(recording.times) // 2 :].max(initial=0.0)) for m in bodies)
     slip = max(
         float(np.linalg.norm((m.centre_velocity[-1] - radius * np.cross(m.angular_velocity[-1], up))[:2]))
@@ -101,7 +103,8 @@ def billiards(recording: Recording) -> list[Check]:
 
 def _struck(recording: Recording, radius: float, share: float) -> list[Check]:
     """Compare the final speeds of two balls with theory, after one rolled into the other at rest."""
-    met, bodies = recording.plan.scene.meetings[0], recording.bodies
+    met = recording.plan.scene.meetings[0]
+    bodies = recording.bodies
     came, rests = sorted(range(2), key=lambda n: -float(np.linalg.norm(bodies[n].centre_velocity[0])))
     velocity = bodies[came].centre_velocity[0] * (1, 1, 0)
     speed = float(np.linalg.norm(velocity))
@@ -166,12 +169,14 @@ def turntable(recording: Recording) -> list[Check]:
     """
     scene = recording.plan.scene
     number, _ = _other(recording)
-    table, ball = recording.bodies[number], recording.bodies[1 - number]
+    table = recording.bodies[number]
+    ball = recording.bodies[1 - number]
     # as the table is free, the slip is that of the reduced mass
     _, share = moment_share(scene.bodies[1 - number].body)
     share *= 1 + scene.bodies[1 - number].body.mass / scene.bodies[number].body.mass
     late = recording.times > 0.5 * recording.times[-1]
-    times, velocity = recording.times[late], (ball.centre_velocity - table.centre_velocity)[late]
+    times = recording.times[late]
+    velocity = (ball.centre_velocity - table.centre_velocity)[late]
     expected = rolling.turntable_rate(float(table.angular_velocity[late, 2].mean()), share)
     enough = late.sum() > 3
     turned = np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0]))

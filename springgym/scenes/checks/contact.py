@@ -9,10 +9,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from springgym.bodies.body import rigidity_matrix
-from springgym.bodies.elasticity import spring_force_and_jacobian
-from springgym.bodies.precession import axial_moments
-from springgym.contact.law import SLOW
+from springgym.dynamics.contact.law import SLOW
+from springgym.model.bodies.body import rigidity_matrix
+from springgym.model.bodies.elasticity import spring_force_and_jacobian
+from springgym.model.bodies.precession import axial_moments
+from springgym.model.surfaces import Bowl, Contact, PaperContact, Pipe, Plane, scales
 from springgym.scenes.checks import needs
 from springgym.scenes.checks.basis import (
     Check,
@@ -27,7 +28,6 @@ from springgym.scenes.checks.basis import (
 )
 from springgym.scenes.checks.tops import angles, mean_rate
 from springgym.scenes.recording import Recording, record
-from springgym.surfaces import Bowl, Contact, PaperContact, Pipe, Plane, scales
 from springgym.theory import contact as theory
 from springgym.theory import impact as impacts
 from springgym.theory import pendulum
@@ -86,7 +86,9 @@ def _carried(recording: Recording) -> np.ndarray:
 def bounces(recording: Recording) -> list[Check]:
     """Check the lowest point of a particle dropped on an elastic floor, and the height of its rebounds."""
     _, c, reach, g = _met(recording)
-    mass, times, height = recording.plan.scene.body.mass, recording.times, recording.positions[:, 0, 2]
+    mass = recording.plan.scene.body.mass
+    times = recording.times
+    height = recording.positions[:, 0, 2]
     start = float(height[0])
     lowest = theory.turning_point(mass * g * start, c, reach, mass * g)
     # it turns at most half an interval from a state, with a = F/m
@@ -128,7 +130,8 @@ def restitution(recording: Recording) -> list[Check]:
 def rest_height(recording: Recording) -> list[Check]:
     """Compare the load on the particles of a body at rest with its weight."""
     _, c, reach, g = _met(recording)
-    surface, below = recording.plan.scene.surfaces[0], _carried(recording)
+    surface = recording.plan.scene.surfaces[0]
+    below = _carried(recording)
     weight = recording.plan.scene.body.mass * g
     late = recording.times >= min(0.9 * recording.times[-1], recording.times[-2])
     heights = surface.height(recording.positions[late][:, below])
@@ -151,7 +154,8 @@ def at_rest(recording: Recording, late: np.ndarray) -> Check:
 def stopping(recording: Recording) -> list[Check]:
     """Check the distance and time in which a sliding block stops."""
     contact, _, _, g = _met(recording)
-    m, mass = recording.measures, recording.plan.scene.body.mass
+    m = recording.measures
+    mass = recording.plan.scene.body.mass
     speed = float(np.linalg.norm(m.momentum[0])) / mass
     way = float(np.linalg.norm(m.centre[-1] - m.centre[0]))
     expected = theory.stopping_distance(speed, contact.friction, g)
@@ -171,7 +175,8 @@ def slope(recording: Recording) -> list[Check]:
     contact = recording.plan.scene.contact
     surface = recording.plan.scene.surfaces[0]
     assert isinstance(surface, Plane)
-    angle, way = math.acos(surface.normal[2]), way_down(recording, np.array(surface.normal))
+    angle = math.acos(surface.normal[2])
+    way = way_down(recording, np.array(surface.normal))
     return [down_slope(recording, way, angle, contact.friction, recording.plan.scene.body.lengths.min())]
 
 
@@ -251,8 +256,10 @@ def impact(recording: Recording) -> list[Check]:
     Theory is `springgym.theory.impact`, for the body's springs, not for the solid that they may model, whose
     waves they do not represent. Every step is measured, from the last recorded state before contact.
     """
-    scene, (_, c, reach, g) = recording.plan.scene, _met(recording)
-    body, start = scene.body, scene.positions
+    scene = recording.plan.scene
+    _, c, reach, g = _met(recording)
+    body = scene.body
+    start = scene.positions
     _, jacobian = spring_force_and_jacobian(body.with_(positions=start, lengths=body.lengths), start)
     rows = rigidity_matrix(start, body.springs).reshape(len(body.springs), -1)
     height = start[:, 2] - start[:, 2].min()
@@ -291,7 +298,8 @@ def _touch(recording: Recording, reach: float, expected: impacts.Impact) -> tupl
 
 def _alone(recording: Recording) -> bool:
     """Return whether only the tip of a top came near to the surface."""
-    scene, (_, _, reach, _) = recording.plan.scene, _met(recording)
+    scene = recording.plan.scene
+    _, _, reach, _ = _met(recording)
     x = np.delete(recording.positions, scene.body.particle("tip"), axis=1)
     return bool((scene.surfaces[0].height(x.reshape(-1, 3)) > reach).all())
 
@@ -313,7 +321,8 @@ def rubbing(recording: Recording) -> list[Check]:
     Both follow from momentum and weight. In an interval the direction of the slip turns by an angle α, so
     that the sum of friction is a chord, short by α²/24. A tip that sticks is not covered.
     """
-    scene, m = recording.plan.scene, recording.measures
+    scene = recording.plan.scene
+    m = recording.measures
     contact, _, _, g = _met(recording)
     given = np.diff(m.momentum, axis=0)
     given[:, 2] += scene.body.mass * g * np.diff(recording.times)
@@ -329,8 +338,10 @@ def rubbing(recording: Recording) -> list[Check]:
 @applies(needs.surface, needs.on_tip, needs.friction, needs.moves, needs.gravity)
 def resting_tip(recording: Recording) -> list[Check]:
     """Compare the mean precession in the second half, when the tip rests, with that of a pinned top."""
-    scene, m = recording.plan.scene, recording.measures
-    body, g = scene.body, gravity(recording)
+    scene = recording.plan.scene
+    m = recording.measures
+    body = scene.body
+    g = gravity(recording)
     tip = body.particle("tip")
     late = recording.times >= 0.5 * recording.times[-1]
     tilt, azimuth = angles(recording)

@@ -7,14 +7,14 @@ from contextlib import suppress
 
 import numpy as np
 
-from springgym.bodies.body import inertia
-from springgym.bodies.precession import heavy_top
 from springgym.checks import TINY
+from springgym.dynamics.stability import automatic_step
+from springgym.model.bodies.body import inertia
+from springgym.model.bodies.precession import heavy_top
 from springgym.scenes.checks import needs
 from springgym.scenes.checks.basis import Check, applies, crossings, slack, spread, turning_rate, within
 from springgym.scenes.plan import Plan
 from springgym.scenes.recording import Recording, rigid_twin
-from springgym.stability import automatic_step
 from springgym.theory import free_body, oscillation
 
 STIFF = 1e-3
@@ -34,10 +34,12 @@ BALANCED = 2e-3
 @applies(needs.free, needs.flips)
 def flips(recording: Recording) -> list[Check]:
     """Check the interval between the flips of a body set spinning about its middle axis."""
-    scene, m = recording.plan.scene, recording.measures
+    scene = recording.plan.scene
+    m = recording.measures
     moments, principal = scene.body.with_(positions=scene.positions, lengths=scene.body.lengths).principal()
     omega = principal.T @ m.angular_velocity[0]
-    side, axis = m.side, m.axis
+    side = m.side
+    axis = m.axis
     triad = np.stack([side, np.cross(axis, side), axis], axis=2)
     middle = triad @ (triad[0].T @ principal[:, 1])
     along = np.einsum("ti,ti->t", middle, m.angular_velocity)
@@ -63,9 +65,12 @@ def spun_length(recording: Recording) -> list[Check]:
     decays as exp(−c t/m) (the reduced mass is m/2), and not at all without a damper.
     """
     body = recording.plan.scene.body
-    k, c, mass = float(body.stiffness[0]), float(body.damping[0]), float(body.masses[0])
+    k = float(body.stiffness[0])
+    c = float(body.damping[0])
+    mass = float(body.masses[0])
     apart = recording.positions[-1, 1] - recording.positions[-1, 0]
-    length, rate = float(np.linalg.norm(apart)), recording.velocities[-1, 1] - recording.velocities[-1, 0]
+    length = float(np.linalg.norm(apart))
+    rate = recording.velocities[-1, 1] - recording.velocities[-1, 0]
     omega = float(np.linalg.norm(np.cross(apart, rate))) / length**2
     momentum = float(np.linalg.norm(recording.measures.angular_momentum[0]))
     expected, spin = oscillation.spun_pair(mass, k, float(body.lengths[0]), momentum)
@@ -83,7 +88,8 @@ def momentum(recording: Recording) -> list[Check]:
     The tolerance is `ROUNDED` times Σ m |r| |v|, or Σ m |v|, with the initial speeds plus those that gravity
     may add: g t for a free body, 2 √(g r) for one that swings over its pin.
     """
-    m, scene = recording.measures, recording.plan.scene
+    m = recording.measures
+    scene = recording.plan.scene
     duration = float(recording.times[-1])
     pull = np.zeros(3) if scene.gravity is None else np.array(scene.gravity)
     about = scene.positions[scene.pinned[0]] if scene.pinned else m.centre[0]
@@ -117,7 +123,8 @@ def energy(recording: Recording) -> list[Check]:
     energy, see `Simulator.shadow_energy`. The tolerance is far smaller for a stiff body that only turns about
     a pin, see `of_turning`.
     """
-    m, plan = recording.measures, recording.plan
+    m = recording.measures
+    plan = recording.plan
     drift = float(np.abs(m.balance - m.balance[0]).max())
     step = automatic_step(plan.scene, recording.integrator)  # a run with larger steps has no larger tolerance
     tolerance = min(BALANCED * at_stake(plan), of_turning(plan, step))
@@ -132,11 +139,14 @@ def of_turning(plan: Plan, step: float) -> float:
     the fastest possible rotation: Ω² is at most ω² + 4 g/l, with ω at the start, and l from the pin to the
     centre of mass. The energy of a symmetric top's spin keeps its form.
     """
-    scene, body = plan.scene, plan.scene.bodies[0].body
+    scene = plan.scene
+    body = plan.scene.bodies[0].body
     if len(scene.bodies) > 1 or scene.can_touch or body.floppy or not plan.stretched or not scene.pinned:
         return math.inf
-    masses, pull = body.masses, scene.gravity or (0.0, 0.0, 0.0)
-    x, v = scene.positions - scene.positions[scene.pivot], scene.velocities
+    masses = body.masses
+    pull = scene.gravity or (0.0, 0.0, 0.0)
+    x = scene.positions - scene.positions[scene.pivot]
+    v = scene.velocities
     omega = np.linalg.pinv(inertia(x, masses)) @ (masses @ np.cross(x, v))
     energy = float(masses @ (v**2).sum(axis=1)) / 2
     rings = float(masses @ ((v - np.cross(omega, x)) ** 2).sum(axis=1)) / 2
@@ -162,7 +172,8 @@ def at_stake(plan: Plan) -> float:
     held = [float(p.positions.mean(axis=0) @ up) for p in scene.bodies if len(p.pinned) == len(p.body.masses)]
     whole = float(scene.masses @ (scene.velocities**2).sum(axis=1)) / 2
     for placed in scene.bodies:
-        body, pinned = placed.body, placed.pinned
+        body = placed.body
+        pinned = placed.pinned
         if len(pinned) == len(body.masses):
             continue
         centre = body.masses @ placed.positions / body.mass

@@ -12,17 +12,17 @@ from typing import Any
 
 import numpy as np
 
-from springgym import rigid
-from springgym.bodies import Body
-from springgym.bodies.elastic import Cable, Elastic
-from springgym.bodies.network import vibrations
-from springgym.bodies.precession import axial_moments, heavy_top
-from springgym.bodies.rotations import axes
-from springgym.rigid.shape import check_rigid
-from springgym.scene import Scene
+from springgym.dynamics import rigid
+from springgym.dynamics.rigid.shape import check_rigid
+from springgym.model.bodies import Body
+from springgym.model.bodies.elastic import Cable, Elastic
+from springgym.model.bodies.network import vibrations
+from springgym.model.bodies.precession import axial_moments, heavy_top
+from springgym.model.bodies.rotations import axes
+from springgym.model.scene import Scene
+from springgym.model.surfaces import Bowl, Contact, Pipe, Plane, scales
 from springgym.scenes.checks.basis import Need
 from springgym.scenes.plan import Plan
-from springgym.surfaces import Bowl, Contact, Pipe, Plane, scales
 
 TURNS_OVER = math.radians(45)
 """A body flips if its angular momentum comes this near to its middle axis [rad]: it is then nearer to that
@@ -214,7 +214,8 @@ def flips(plan: Plan) -> None:
     drift = scene.body.masses @ scene.velocities / body.mass
     arm = scene.positions - body.centre
     momentum = principal.T @ (scene.body.masses @ np.cross(arm, scene.velocities - drift))
-    whole, energy = float(momentum @ momentum), float((momentum**2 / moments).sum())
+    whole = float(momentum @ momentum)
+    energy = float((momentum**2 / moments).sum())
     if not whole > 0:
         raise ValueError("it does not rotate")
     if abs(whole - energy * moments[1]) <= 1e-12 * whole:
@@ -235,7 +236,8 @@ def symmetric(plan: Plan) -> None:
 
 def struck(plan: Plan) -> None:
     """Raise ValueError if a body's lowest vibrations are not excited, or the body is rotated."""
-    scene, body = plan.scene, plan.scene.body
+    scene = plan.scene
+    body = plan.scene.body
     frequencies, modes = vibrations(body)
     lowest = modes[frequencies < frequencies[0] * (1 + 1e-6)]
     excited = np.linalg.norm(np.einsum("qni,n,ni->q", lowest, body.masses, scene.velocities))

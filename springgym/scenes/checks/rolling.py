@@ -6,14 +6,14 @@ import math
 
 import numpy as np
 
-from springgym.bodies import Body, Round
-from springgym.bodies.body import inertia
+from springgym.model.bodies import Body, Round
+from springgym.model.bodies.body import inertia
+from springgym.model.surfaces import Contact, Plane, scales
 from springgym.scenes.checks import needs
 from springgym.scenes.checks.basis import Check, applies, crossings, gravity, slack, turning_rate, within
 from springgym.scenes.checks.contact import way_down
 from springgym.scenes.plan import Plan
 from springgym.scenes.recording import Recording
-from springgym.surfaces import Contact, Plane, scales
 from springgym.theory import contact as sliding
 from springgym.theory import rolling as theory
 
@@ -82,8 +82,10 @@ def _ball(plan: Plan) -> None:
 
 def _tippe_top(plan: Plan) -> None:
     """Raise ValueError unless a body is a symmetric sphere with its centre of mass off its centre."""
-    feature, body = _feature(plan), plan.scene.body
-    squares, arm = np.linalg.eigvalsh(feature.matrix), feature.centre - body.centre
+    feature = _feature(plan)
+    body = plan.scene.body
+    squares = np.linalg.eigvalsh(feature.matrix)
+    arm = feature.centre - body.centre
     off = float(np.linalg.norm(arm))
     if np.ptp(squares) > 1e-9 * squares[2] or not off > 1e-6 * feature.extent:
         raise ValueError(f"body {body.name!r} is not a sphere whose centre of mass is off its centre")
@@ -97,7 +99,8 @@ def _tippe_top(plan: Plan) -> None:
 
 def _disk(plan: Plan) -> None:
     """Raise ValueError unless a body has one flat round feature about its centre of mass."""
-    feature, body = _feature(plan), plan.scene.body
+    feature = _feature(plan)
+    body = plan.scene.body
     squares = np.linalg.eigvalsh(feature.matrix)
     off = float(np.linalg.norm(feature.centre - body.centre))
     if squares[0] > THIN * squares[2] or squares[2] - squares[1] > 1e-9 * squares[2] or off > 1e-9:
@@ -113,7 +116,8 @@ def _solid(plan: Plan) -> None:
 
 def _egg(plan: Plan) -> None:
     """Raise ValueError unless a body is a prolate spheroid about its centre of mass, of the same symmetry."""
-    feature, body = _feature(plan), plan.scene.body
+    feature = _feature(plan)
+    body = plan.scene.body
     squares, axes = np.linalg.eigh(feature.matrix)
     off = float(np.linalg.norm(feature.centre - body.centre))
     if squares[1] - squares[0] > 1e-9 * squares[2] or not squares[1] < 0.999 * squares[2] or off > 1e-9:
@@ -132,11 +136,14 @@ def moment_share(body: Body) -> tuple[float, float]:
 @applies(_ball, needs.slope, needs.gravity, needs.coulomb)
 def rolling(recording: Recording) -> list[Check]:
     """Compare the acceleration of a ball on a slope with theory: it rolls, or skids for lack of friction."""
-    scene, (_, share) = recording.plan.scene, moment_share(recording.plan.scene.body)
-    surface, contact = scene.surfaces[0], scene.contact
+    scene = recording.plan.scene
+    _, share = moment_share(recording.plan.scene.body)
+    surface = scene.surfaces[0]
+    contact = scene.contact
     assert isinstance(surface, Plane)
     assert isinstance(contact, Contact)
-    angle, g = math.acos(surface.normal[2]), gravity(recording)
+    angle = math.acos(surface.normal[2])
+    g = gravity(recording)
     way = way_down(recording, np.array(surface.normal))
     late = recording.times > 0.25 * recording.times[-1]
     measured = 2 * float(np.polyfit(recording.times[late], way[late], 2)[0]) if late.sum() > 3 else math.nan
@@ -155,11 +162,13 @@ def _sag(recording: Recording) -> float:
 @applies(_ball, needs.level, needs.friction, needs.moves, needs.gravity)
 def skidding(recording: Recording) -> list[Check]:
     """Compare the speed at which a ball rolls after it skidded with theory, and the time to half the slip."""
-    contact, m = recording.plan.scene.contact, recording.measures
+    contact = recording.plan.scene.contact
+    m = recording.measures
     radius, share = moment_share(recording.plan.scene.body)
     slip = m.centre_velocity - np.cross(m.angular_velocity, [0.0, 0.0, radius])
     along = slip[0] * (1, 1, 0) / max(float(np.linalg.norm(slip[0, :2])), 1e-300)
-    start, turning = float(m.centre_velocity[0] @ along), float((slip - m.centre_velocity)[0] @ along)
+    start = float(m.centre_velocity[0] @ along)
+    turning = float((slip - m.centre_velocity)[0] @ along)
     speed, lasts = theory.after_skidding(start + turning, share, contact.friction, gravity(recording))
     expected = speed - turning
     late = recording.times > max(1.5 * lasts, 0.75 * recording.times[-1])
@@ -175,13 +184,17 @@ def skidding(recording: Recording) -> list[Check]:
 
 def _resisted(plan: Plan) -> None:
     """Raise ValueError unless a ball has rolling resistance, and rolls from the start until it stops."""
-    contact, (radius, share) = plan.scene.contact, moment_share(plan.scene.body)
+    contact = plan.scene.contact
+    radius, share = moment_share(plan.scene.body)
     if not isinstance(contact, Contact) or not contact.rolling_resistance > 0:
         raise ValueError("nothing resists its rolling")
     if contact.friction < contact.rolling_resistance / (radius * (1 + share)):
         raise ValueError("its friction is too small for it to roll to a stop")
-    x, v, masses = plan.scene.positions, plan.scene.velocities, plan.scene.body.masses
-    arms, centre = x - masses @ x / masses.sum(), masses @ v / masses.sum()
+    x = plan.scene.positions
+    v = plan.scene.velocities
+    masses = plan.scene.body.masses
+    arms = x - masses @ x / masses.sum()
+    centre = masses @ v / masses.sum()
     spin = np.linalg.solve(inertia(arms, masses), masses @ np.cross(arms, v))
     slip = centre - np.cross(spin, [0.0, 0.0, radius])
     if np.linalg.norm(slip) > ROLLED * np.linalg.norm(centre):
@@ -191,7 +204,8 @@ def _resisted(plan: Plan) -> None:
 @applies(_ball, needs.level, needs.moves, needs.gravity, _resisted)
 def rolling_resistance(recording: Recording) -> list[Check]:
     """Compare the distance and the time in which a rolling ball stops with theory."""
-    contact, m = recording.plan.scene.contact, recording.measures
+    contact = recording.plan.scene.contact
+    m = recording.measures
     assert isinstance(contact, Contact)
     radius, share = moment_share(recording.plan.scene.body)
     speed = np.linalg.norm(m.centre_velocity[:, :2], axis=1)
@@ -212,8 +226,10 @@ def rolling_resistance(recording: Recording) -> list[Check]:
 @applies(_tippe_top, needs.level, needs.moves, needs.gravity)
 def tippe_top(recording: Recording) -> list[Check]:
     """Compare Jellett's constant of a tippe-top with its start, and check the rise of its centre of mass."""
-    scene, m = recording.plan.scene, recording.measures
-    feature, body = _feature(recording.plan), scene.body
+    scene = recording.plan.scene
+    m = recording.measures
+    feature = _feature(recording.plan)
+    body = scene.body
     arm = feature.centre - body.centre
     off = float(np.linalg.norm(arm))
     axis = m.axis * np.sign(float(arm @ (body.positions[body.markers[1]] - body.positions[body.markers[0]])))
@@ -240,7 +256,8 @@ def _orientation(body: Body, positions: np.ndarray) -> np.ndarray:
 def _rolled(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
     """Return angular velocities [rad/s] and velocities [m/s], both (T, 3), of a rigid body that rolls."""
     scene = recording.plan.scene
-    feature, body = _feature(recording.plan), scene.body
+    feature = _feature(recording.plan)
+    body = scene.body
     squares, axes = np.linalg.eigh(feature.matrix)
     if np.linalg.det(axes) < 0:
         axes[:, 0] *= -1
@@ -270,7 +287,8 @@ def rattleback(recording: Recording) -> list[Check]:
     m = recording.measures
     spins, _ = _rolled(recording)
     by = slack(recording, float(np.linalg.norm(m.angular_velocity[0])))
-    rigid, own = spins[:, 2], m.angular_velocity[:, 2]
+    rigid = spins[:, 2]
+    own = m.angular_velocity[:, 2]
     late = recording.times > 0.9 * recording.times[-1]
     found = [
         within(
@@ -291,8 +309,10 @@ def rattleback(recording: Recording) -> list[Check]:
 @applies(_disk, needs.level, needs.friction, needs.moves, needs.gravity)
 def euler_disk(recording: Recording) -> list[Check]:
     """Compare the rate at which a disk rolls on its rim with theory, from its mean tilt."""
-    scene, m = recording.plan.scene, recording.measures
-    feature, body = _feature(recording.plan), scene.body
+    scene = recording.plan.scene
+    m = recording.measures
+    feature = _feature(recording.plan)
+    body = scene.body
     tilt = np.arccos(np.clip(np.abs(m.axis[:, 2]), 0.0, 1.0))
     azimuth = np.unwrap(np.arctan2(m.axis[:, 1], m.axis[:, 0]))
     mean = float(tilt.mean())
@@ -306,7 +326,8 @@ def euler_disk(recording: Recording) -> list[Check]:
 @applies(_solid, needs.level, needs.friction, needs.moves, needs.gravity)
 def walking(recording: Recording) -> list[Check]:
     """Compare path length and displacement of a rolling body with a rigid one (Kane & Levinson 1982)."""
-    m, times = recording.measures, recording.times
+    m = recording.measures
+    times = recording.times
     _, velocities = _rolled(recording)
     mean = 0.5 * (velocities[1:] + velocities[:-1])
     path = np.concatenate([np.zeros((1, 3)), np.cumsum(mean, axis=0) * times[1]])[:, :2]
@@ -327,24 +348,30 @@ def egg(recording: Recording) -> list[Check]:
 
     Theory is of an egg that slides all the time, spins fast, and does not leave the floor.
     """
-    scene, m = recording.plan.scene, recording.measures
-    feature, body = _feature(recording.plan), scene.body
+    scene = recording.plan.scene
+    m = recording.measures
+    feature = _feature(recording.plan)
+    body = scene.body
     squares, axes = np.linalg.eigh(feature.matrix)
-    across, along = math.sqrt(squares[0]), math.sqrt(squares[2])
-    turn, up = _orientation(body, scene.positions), np.array([0.0, 0.0, 1.0])
+    across = math.sqrt(squares[0])
+    along = math.sqrt(squares[2])
+    turn = _orientation(body, scene.positions)
+    up = np.array([0.0, 0.0, 1.0])
     pull = feature.matrix @ (turn.T @ up)
     arm = turn @ pull / math.sqrt(float(up @ turn @ pull))
     constant = abs(float(m.angular_momentum[0] @ arm))
     triad = np.stack([m.side, np.cross(m.axis, m.side), m.axis], axis=2)
     cosine = np.clip(np.abs(triad[:, 2] @ (triad[0].T @ turn @ axes[:, 2])), 0.0, 1.0)
-    tilt, high = np.arccos(cosine), np.sqrt(across**2 + (along**2 - across**2) * cosine**2)
+    tilt = np.arccos(cosine)
+    high = np.sqrt(across**2 + (along**2 - across**2) * cosine**2)
     weight = body.mass * gravity(recording)
     passed = [crossings(recording.times, tilt - of, rising=False) for of in RISE]
     rises = float(passed[1][0] - passed[0][0]) if all(map(len, passed)) else math.nan
     expected = theory.egg_rise(*RISE, (along, across), constant, weight, scene.contact.friction)
     strength, reach = scales(scene.contact, body)
     gap = sliding.rest_height(weight, strength, reach)
-    leaves, end = float((m.centre[:, 2] - high).max()), float(m.centre[-1, 2]) - gap
+    leaves = float((m.centre[:, 2] - high).max())
+    end = float(m.centre[-1, 2]) - gap
     by = slack(recording, 0.0)
     names = [f"{math.degrees(of):.0f}°" for of in RISE]
     return [

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from springgym.bodies import vibrations
-from springgym.bodies.elastic import Cable, Elastic
-from springgym.bodies.precession import precession_gap, wobble_growth
+from springgym.model.bodies import vibrations
+from springgym.model.bodies.elastic import Cable, Elastic
+from springgym.model.bodies.precession import precession_gap, wobble_growth
 from springgym.scenes.checks import needs
 from springgym.scenes.checks.basis import Check, applies, crossings, gravity, peaks, period, within
 from springgym.scenes.checks.tops import angles, mean_rate, rigid_top
@@ -50,7 +50,8 @@ def _solid(recording: Recording) -> Elastic:
 @applies(needs.solid)
 def solid_inertia(recording: Recording) -> list[Check]:
     """Check mass, centre and inertia tensor of the particles against the solid's, by quadrature."""
-    body, solid = recording.plan.scene.body, _solid(recording)
+    body = recording.plan.scene.body
+    solid = _solid(recording)
     size = float(np.ptp(body.positions, axis=0).max())
     moments = np.sort(np.linalg.eigvalsh(solid.inertia))
     turned = float(np.abs(body.inertia() - solid.inertia).max())
@@ -88,7 +89,8 @@ def ring_frequency(recording: Recording) -> list[Check]:
     """
     solid = _solid(recording)
     times, ringing = _ringing(recording)
-    ratio, damping = solid.frequency_ratio, solid.damping_ratio
+    ratio = solid.frequency_ratio
+    damping = solid.damping_ratio
     slow = math.sqrt(1 - damping**2) * (1 + (solid.frequency * recording.step) ** 2 / 24)
     measured = 1 / period(times, ringing) if len(crossings(times, ringing)) > 2 else math.nan
     expected = solid.frequency / (2 * math.pi) * slow
@@ -121,7 +123,8 @@ def spin_gap(recording: Recording) -> list[Check]:
     rigid body's rate it nutates a little, which makes s².
     """
     scene = recording.plan.scene
-    solid, (rigid, state) = _solid(recording), rigid_top(recording)
+    solid = _solid(recording)
+    rigid, state = rigid_top(recording)
     _, azimuth = angles(recording)
     rate = top.steady_precession(rigid, state.theta, state.omega3)[0]
     expected = precession_gap(scene.body, scene.pinned, scene.gravity or (), state.theta, state.omega3)
@@ -140,7 +143,8 @@ def _mean(times: np.ndarray, values: np.ndarray) -> float:
 @applies(needs.solid, needs.free, needs.symmetric, needs.moves)
 def wobble(recording: Recording) -> list[Check]:
     """Check the growth of the wobble of a free symmetric body by internal friction, while it is small."""
-    scene, m = recording.plan.scene, recording.measures
+    scene = recording.plan.scene
+    m = recording.measures
     momentum = m.angular_momentum / np.linalg.norm(m.angular_momentum, axis=1)[:, None]
     across = np.linalg.norm(np.cross(m.axis, momentum), axis=1)
     tilt = np.arctan2(across, np.einsum("ti,ti->t", m.axis, momentum))

@@ -45,7 +45,8 @@ def _pin(recording: Recording) -> np.ndarray:
 @applies(needs.pinned, needs.gravity)
 def pendulum(recording: Recording) -> list[Check]:
     """Check the period of a body swinging in a plane about its pin, released at rest."""
-    scene, pin = recording.plan.scene, _pin(recording)
+    scene = recording.plan.scene
+    pin = _pin(recording)
     arm = recording.measures.centre - pin
     sideways = arm[0] * (1, 1, 0)
     sideways = sideways / np.linalg.norm(sideways)
@@ -71,7 +72,8 @@ def small_swings(recording: Recording) -> list[Check]:
 
     For a rotation by a small vector φ from hanging, I φ̈ = −K φ with K = M g l (1 − ẑ ẑᵀ), I about the pin.
     """
-    body, pin = recording.plan.scene.body, _pin(recording)
+    body = recording.plan.scene.body
+    pin = _pin(recording)
     hanging = _hanging(recording)
     r = hanging - pin
     inertia = np.sum(body.masses * (r * r).sum(axis=1)) * np.eye(3) - (body.masses * r.T) @ r
@@ -92,7 +94,7 @@ def small_swings(recording: Recording) -> list[Check]:
 
 
 def _hanging(recording: Recording) -> np.ndarray:
-    from springgym.bodies import start
+    from springgym.model.bodies import start
 
     scene = recording.plan.scene
     pin = _pin(recording)
@@ -123,19 +125,23 @@ def rope_stretch(recording: Recording) -> list[Check]:
     A mode of frequency ω decays as exp(−γ t), γ = c ω²/2k; so the rest of the bounce is known.
     """
     body = recording.plan.scene.body
-    k, c, g = float(body.stiffness[0]), float(body.damping[0]), gravity(recording)
+    k = float(body.stiffness[0])
+    c = float(body.damping[0])
+    g = gravity(recording)
     lengths = np.linalg.norm(np.diff(recording.positions, axis=1), axis=2)
     expected = rope.stretched_lengths(body.masses[1:], body.lengths, body.stiffness, g)
     lowest = float(rope.bounce_modes(body.masses[1:], body.stiffness).frequencies[0])
     decay = c * lowest**2 / (2 * k)
     stretch = float((expected - body.lengths).sum())
     left = stretch * math.exp(-decay * recording.times[-1])
-    total, bounce = lengths.sum(axis=1), math.sqrt(max(lowest**2 - decay**2, 0.0))
+    total = lengths.sum(axis=1)
+    bounce = math.sqrt(max(lowest**2 - decay**2, 0.0))
     kept = recording.times < 12 / max(decay, 1e-300)  # above round-off
     measured = 2 * math.pi / period(recording.times[kept], (total - expected.sum())[kept])
     # the beads' own modes shift the first crossings by their fraction of the mass
     by = (bounce * recording.step) ** 2 + float(body.masses[1:-1].sum() / body.mass)
-    whole, top = float(expected.sum()), float(expected[0])
+    whole = float(expected.sum())
+    top = float(expected[0])
     return [
         within(HANGING, "length of the rope", whole, float(total[-1]), "m", left / whole),
         within(HANGING, "length of the top spring", top, float(lengths[-1, 0]), "m", left / top),
@@ -167,7 +173,8 @@ def rope_modes(recording: Recording) -> list[Check]:
 def rope_swing(recording: Recording) -> list[Check]:
     """Check the period of a rope with a heavy end: its lowest mode, slowed by the amplitude."""
     body = recording.plan.scene.body
-    masses, g = body.masses[1:], gravity(recording)
+    masses = body.masses[1:]
+    g = gravity(recording)
     modes = rope.swing_modes(masses, body.lengths, body.stiffness, g)
     arm = recording.positions[:, -1] - recording.positions[:, 0]
     angle = np.arctan2(arm[:, 0], -arm[:, 2])
@@ -189,9 +196,14 @@ def bungee(recording: Recording) -> list[Check]:
     Part of the cord's own energy, at most that of its fall, remains in vibration, and dampers dissipate some:
     both shorten the fall by their energy over the force at the lowest point.
     """
-    scene, m, g = recording.plan.scene, recording.measures, gravity(recording)
-    body, top = scene.body, float(scene.positions[0, 2])
-    length, cord, jumper = float(body.lengths.sum()), float(body.masses[1:-1].sum()), float(body.masses[-1])
+    scene = recording.plan.scene
+    m = recording.measures
+    g = gravity(recording)
+    body = scene.body
+    top = float(scene.positions[0, 2])
+    length = float(body.lengths.sum())
+    cord = float(body.masses[1:-1].sum())
+    jumper = float(body.masses[-1])
     stiffness = 1 / float((1 / body.stiffness).sum())
     height = recording.positions[:, -1, 2]
     lowest = int(np.argmin(height))

@@ -6,14 +6,14 @@ import math
 
 import numpy as np
 
-from springgym.collisions import Meeting
-from springgym.contact.law import SLOW
-from springgym.resolution import QUICK
+from springgym.dynamics.contact.law import SLOW
+from springgym.model.collisions import Meeting
+from springgym.model.resolution import QUICK
+from springgym.model.surfaces import Bowl
 from springgym.scenes.checks import needs
 from springgym.scenes.checks.basis import Check, applies, gravity, within
 from springgym.scenes.checks.contact import WITHIN, at_rest, down_slope
 from springgym.scenes.recording import Recording
-from springgym.surfaces import Bowl
 from springgym.theory import contact as theory
 from springgym.theory import dominoes
 from springgym.theory.rope import tensions
@@ -70,7 +70,8 @@ def exchange(recording: Recording) -> list[Check]:
     m is the reduced mass. The balls act like hard ones at a distance between that of their surfaces and Δ
     more, and reverse in steps with the relative error (v h/Δ)².
     """
-    scene, met = recording.plan.scene, _met(recording)
+    scene = recording.plan.scene
+    met = _met(recording)
     masses = [scene.bodies[n].body.mass for n in (met.first, met.second)]
     start = [recording.bodies[n] for n in (met.first, met.second)]
     radius = sum(scene.bodies[n].body.radius for n in (met.first, met.second))
@@ -127,7 +128,8 @@ def cradle(recording: Recording) -> list[Check]:
 @applies(needs.slab, needs.coulomb, together=True)
 def slab(recording: Recording) -> list[Check]:
     """Compare a body on a fixed slab with theory: it rests, or slides as on a slope."""
-    scene, met = recording.plan.scene, _met(recording)
+    scene = recording.plan.scene
+    met = _met(recording)
     held, free = sorted((met.first, met.second), key=lambda n: not scene.bodies[n].pinned)
     up = recording.bodies[held].axis[0]
     angle = math.acos(float(up[2]))
@@ -141,7 +143,8 @@ def slab(recording: Recording) -> list[Check]:
 @applies(needs.collide, needs.gravity, together=True)
 def stacked(recording: Recording) -> list[Check]:
     """Compare the force of each contact in a stack at rest with the weight above it."""
-    scene, late = recording.plan.scene, _late(recording)
+    scene = recording.plan.scene
+    late = _late(recording)
     high = [float(m.centre[-1, 2]) for m in recording.bodies]
     time = float(np.ptp(recording.times[late]))
     impulse = recording.pairs.impulse[late]
@@ -168,14 +171,16 @@ def pile(recording: Recording) -> list[Check]:
 
     Walls carry a part of the weight by friction.
     """
-    scene, late = recording.plan.scene, _late(recording)
+    scene = recording.plan.scene
+    late = _late(recording)
     masses = np.array([placed.body.mass for placed in scene.bodies])
     weights = masses * gravity(recording)
     carried = np.zeros((len(late), len(masses)))
     outside = np.zeros(len(late))
     told = recording.contacts if len(recording.contacts) == len(recording.times) else ()
     for n, found in enumerate(told[state] for state in late if told):
-        there, upwards = found.there[0], found.force[0, :, 2]
+        there = found.there[0]
+        upwards = found.force[0, :, 2]
         bodies = found.second[0] >= 0
         np.add.at(carried[n], found.first[0][there], upwards[there])
         np.add.at(carried[n], found.second[0][there & bodies], -upwards[there & bodies])
@@ -197,9 +202,11 @@ def draped(recording: Recording) -> list[Check]:
 
     Its ends swing a little, which is the error of theory; the middle is at rest.
     """
-    scene, met = recording.plan.scene, _met(recording)
+    scene = recording.plan.scene
+    met = _met(recording)
     over, cord = sorted((met.first, met.second), key=lambda n: not scene.bodies[n].pinned)
-    body, own = scene.bodies[cord].body, scene.slices[cord]
+    body = scene.bodies[cord].body
+    own = scene.slices[cord]
     late = _late(recording)
     x = recording.positions[late][:, own]
     low = float(recording.positions[-1, scene.slices[over], 2].max())
@@ -237,7 +244,9 @@ def wave(recording: Recording) -> list[Check]:
     edge = np.array([thickness / 2, 0.0, -height / 2])
     inertia = float(body.inertia(body.centre + edge)[1, 1]) / body.mass
     start = float(recording.bodies[first].angular_velocity[0, 1])
-    reach, friction, g = _met(recording).reach, _met(recording).contact.friction, gravity(recording)
+    reach = _met(recording).reach
+    friction = _met(recording).contact.friction
+    g = gravity(recording)
     speeds = []
     for more in (0.0, reach, 0.5 * reach):
         hits = dominoes.impacts(

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from springgym.bodies.precession import heavy_top
+from springgym.model.bodies.precession import heavy_top
 from springgym.scenes.checks import needs
 from springgym.scenes.checks.basis import Check, applies, peaks, slack, spread
 from springgym.scenes.recording import Recording
@@ -25,8 +25,10 @@ times as much in the tilt."""
 
 def rigid_top(recording: Recording) -> tuple[HeavyTop, TopState]:
     """Return the rigid top of a recording, and its initial motion."""
-    scene, m = recording.plan.scene, recording.measures
-    axis, omega = m.axis[0], m.angular_velocity[0]
+    scene = recording.plan.scene
+    m = recording.measures
+    axis = m.axis[0]
+    omega = m.angular_velocity[0]
     tilt = math.atan2(math.hypot(axis[0], axis[1]), axis[2])
     rate = np.cross(omega, axis)
     sideways = max(axis[0] ** 2 + axis[1] ** 2, 1e-300)

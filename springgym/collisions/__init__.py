@@ -1,7 +1,0 @@
-"""Pairs of bodies in a scene that collide, and their contact parameters, for `springgym.contact`."""
-
-from springgym.collisions.meeting import Collisions, Meeting, Meetings, Pair, meetings
-from springgym.collisions.overlap import check_apart
-from springgym.collisions.shape import Shape, as_met, shape
-
-__all__ = ["Collisions", "Meeting", "Meetings", "Pair", "Shape", "as_met", "check_apart", "meetings", "shape"]

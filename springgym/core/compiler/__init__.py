@@ -1,0 +1,1 @@
+"""Compilation of functions that extend Numba, and the cache of compiled code."""

@@ -1,0 +1,1 @@
+"""A small language of SIMD values on Numba: numbers of many environments, vectors, blocks."""

@@ -1,0 +1,1 @@
+"""What happens in a step: forces, contact, methods, rigid bodies, measures."""

@@ -1,0 +1,515 @@
+"""The records of contact: surfaces, bodies that may touch, neighbour lists, and rows of contacts.
+
+Each element of an array holds one number per copy of a block, unless all copies share the array.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from springgym.core.language.kinds import Number, Numbers, Rows, Vector
+
+Kinds: TypeAlias = tuple[Any, ...]
+"""All surfaces of each kind, see `springgym.model.surfaces.surface`; in overloads, Numba's types of them."""
+
+
+Facing: TypeAlias = tuple[Vector, Number, Number]
+"""The mean normal n̄ of a surface along a path, its square, and the gap [m] where the path begins."""
+
+
+class Times(NamedTuple):
+    """The times of a node [s]: of the drifts before and after it."""
+
+    lead: Number
+    """h/2; 0 where `springgym.dynamics.step` searches before the first step"""
+    out: Number
+    """h/2"""
+    whole: Number
+    """the sum"""
+
+
+class Surfaces(NamedTuple):
+    """Surfaces of any kinds, and the contact of a body with them."""
+
+    kinds: Kinds
+    strength: np.ndarray
+    """c [N·m²], (1,)"""
+    reach: float
+    """Δ [m]"""
+    coarse_from: float
+    """the normal speed above which a contact counts as coarse [m/s], see `springgym.model.resolution`"""
+    radius: float | None
+    """[m] of balls and rods, whose gaps count from their skin; None if all bodies are made of points"""
+    coupled: bool | None
+    """True if `springgym.model.surfaces.coupled`; else None, so that no iteration is compiled"""
+    totals: Numbers | None = None
+    """(`ENTRIES`,) totals of the body, of which only `COARSE` and `FASTEST` are set; None where contacts are
+    rows"""
+
+
+class Resistance(NamedTuple):
+    """Coefficients of rolling and torsional resistance, of surfaces (1,) or of pairs of bodies (pairs,)."""
+
+    rolling: np.ndarray
+    """ρ [m]"""
+    torsional: np.ndarray
+    """τ [m]"""
+
+
+class SurfaceImpulse(NamedTuple):
+    """The impulses of surfaces on a particle at a node, as changes of its velocity."""
+
+    change: Vector
+    """change of velocity by normal impulses [m/s]"""
+    rub: Vector
+    """change of velocity by friction [m/s]"""
+    force: Vector
+    """Σ J n without loss [m/s]: its product with the displacement, over the time, is the barriers' work"""
+
+
+MANY = 10
+"""Largest number of bodies in a scene whose sweeps are iterated until impulses agree. With more bodies, a
+node takes a few sweeps, and the next node continues from its impulses."""
+
+
+PASSES = 2
+"""Number of iterations within a sweep that find a contact's couple and friction from each other."""
+
+
+LEAST = 0.01
+"""Least share of K by which friction is taken to change the slip of a feature that does not turn."""
+
+
+class Rounds(NamedTuple):
+    """The round features of a body."""
+
+    first: np.ndarray
+    """(features,) index of the first carrier of each feature in the arrays of carriers below"""
+    behind: np.ndarray
+    """(features,) and where they end"""
+    particle: np.ndarray
+    """(carriers,)"""
+    base: np.ndarray
+    """(carriers,) weight of the feature's centre"""
+    slope: np.ndarray
+    """(carriers, 3) B [1/m]"""
+    matrix: np.ndarray
+    """(3 features, 3) rows of A [m²]"""
+
+
+class Shapes(NamedTuple):
+    """The features of all bodies, one body after another, by indices of the scene's particles."""
+
+    vertices: np.ndarray
+    """(V, 1) the particle at each vertex"""
+    triangles: np.ndarray | None
+    """(T, 3) the particles at the corners of each triangle; None if no body has triangles"""
+    edges: np.ndarray | None
+    """(E, 2) the particles at the ends of each sharp edge, or rod of a body without triangles; None if no
+    body has any"""
+    start: np.ndarray
+    """(3, bodies + 1) where each body's vertices, triangles and edges begin, and the end"""
+    radius: np.ndarray
+    """(bodies,) [m] of balls and rods"""
+    rods: np.ndarray | None
+    """(bodies,) whether a body is of rods; None if none is"""
+    balls: np.ndarray | None
+    """(bodies,) whether a body is a ball; None if none is"""
+
+
+class Pairs(NamedTuple):
+    """The pairs of bodies that may touch, and then each body with the surfaces, if there are any.
+
+    Each array has shape (pairs,), if nothing else is said.
+    """
+
+    among: int
+    """how many pairs are of two bodies"""
+    first: np.ndarray
+    """the index of the first body of each pair"""
+    second: np.ndarray
+    """the index of the second body of each pair; −1 for surfaces"""
+    reach: np.ndarray
+    """the contact margin Δ, the gap below which contact repels both bodies [m]"""
+    coarse_from: np.ndarray
+    """the normal speed above which a contact counts as coarse [m/s], see `springgym.model.resolution`"""
+    least_reach: float
+    """the least Δ of all pairs [m]"""
+    parallel: np.ndarray
+    """σ², the square of the sine below which two edges count as parallel [1]"""
+    strength: np.ndarray
+    """c of the barrier [N·m²]"""
+    friction: np.ndarray | None
+    """μ [1]; None if no pair has friction"""
+    resistance: Resistance | None
+    """the coefficients of rolling and torsional resistance of all pairs; None if all are zero"""
+    loss: np.ndarray | None
+    """β of restitution [1]; None if no pair loses any energy by it"""
+    radius: np.ndarray
+    """(bodies,) the radius of the balls or rods of each body [m]; 0 of a body with faces"""
+    single: np.ndarray
+    """(bodies,) whether a body is a single particle"""
+    shapes: Shapes | None
+    """the features of all bodies; None if bodies do not collide"""
+    most: int
+    """how many contacts of bodies a copy can have"""
+
+
+NONE = -1.0
+"""Entry of a list in a copy that has fewer entries than others."""
+
+
+WATCHED, CLOSE = range(2)
+"""Indices of the lists of pairs in `Neighbours.length`."""
+
+
+class Neighbours(NamedTuple):
+    """The neighbour lists of features: the workspace of `springgym.dynamics.contact.search`.
+
+    Lists of features persist from node to node; those of one pair follow those of another.
+    """
+
+    origin: np.ndarray
+    """(particles, 3) where vertices were when features were listed [m]"""
+    shift: np.ndarray
+    """(particles, 3) displacement since then [m]"""
+    moved: np.ndarray
+    """(bodies,) the largest displacement of a vertex, plus what is added for fast bodies [m]"""
+    mean_shift: np.ndarray
+    """(bodies, 3) the mean displacement of vertices [m]"""
+    bend: np.ndarray
+    """(bodies,) the largest difference from it [m]"""
+    mean: np.ndarray
+    """(bodies, 3) the mean velocity of vertices [m/s]"""
+    turning: np.ndarray
+    """(bodies,) the largest difference from it [m/s]"""
+    low: np.ndarray
+    """(bodies, 3) lower corners of the boxes around the bodies, when features were listed [m]"""
+    high: np.ndarray
+    """(bodies, 3) and their upper corners [m]"""
+    along: np.ndarray
+    """(particles,) distance of vertices from the other body of a pair, along the line of their centres [m]"""
+    listed: np.ndarray
+    """(pairs,) all features of a pair nearer than this were listed; 0 before the first listing [m]"""
+    gap: np.ndarray
+    """(pairs,) no features of the pair were nearer than this when they were listed [m]"""
+    nearest: np.ndarray
+    """(pairs,) nor are any nearer than this at this node [m]"""
+    reach: np.ndarray
+    """(pairs,) search distance for contacts at this node [m]"""
+    watched: np.ndarray
+    """(pairs,) list: pairs of bodies that are not far apart in some copy, ascending"""
+    ahead: np.ndarray
+    """(bodies,) excess of the motion in half a step over the allowed one, when pairs were watched [m]"""
+    margin: np.ndarray
+    """(bodies,) the distance that a body may move before the search lists the watched pairs anew [m]"""
+    travelled: np.ndarray
+    """(bodies,) bound of the motion from when pairs were watched to when features were listed [m]"""
+    close: np.ndarray
+    """(pairs,) list of the watched pairs that may touch at this node"""
+    length: np.ndarray
+    """(2,) the lengths of the lists `watched` and `close`, at the indices `WATCHED` and `CLOSE`"""
+    kept: np.ndarray
+    """(1,) whether the lists of all pairs are stored"""
+    used: np.ndarray
+    """(4,) the numbers of rows of vertices, triangles, edges and candidates in use"""
+    ends: np.ndarray
+    """(pairs, 3, 3) of vertices, triangles and edges: first rows of the first and second body, and the end"""
+    vertex: np.ndarray
+    """(V,) list of the vertices of a pair that lie between the two bodies: the first body's come first"""
+    vertex_particle: np.ndarray
+    """(V,) which particles they are"""
+    point: np.ndarray
+    """(V, 3) where they are [m]"""
+    triangle: np.ndarray
+    """(T,) list of the triangles of a pair that lie between both bodies: those of the first body, then of the
+    second"""
+    triangle_particles: np.ndarray
+    """(3 T,) the particles at the corners of these triangles"""
+    corner: np.ndarray
+    """(T, 3) the first corner of each triangle [m]"""
+    first: np.ndarray
+    """(T, 3) the side u of each triangle, from its first corner to its second [m]"""
+    second: np.ndarray
+    """(T, 3) the side w of each triangle, from its first corner to its third [m]"""
+    normal: np.ndarray
+    """(T, 3) the cross product u × w, whose length is twice the area of the triangle [m²]"""
+    square: np.ndarray
+    """(T,) |u × w|², the square of twice the area [m⁴]; −1 in rows without a triangle"""
+    products: np.ndarray
+    """(T, 3) the products |u|², u·w and |w|² of the sides [m²]"""
+    sizes: np.ndarray
+    """(T, 3) 1 over ``square`` [m⁻⁴], 1 over the product of all sides' squares [m⁻⁶], the largest of
+    these [m²]"""
+    edge: np.ndarray
+    """(E,) list of the edges of a pair that lie between both bodies: those of the first body, then of the
+    second"""
+    edge_particles: np.ndarray
+    """(2 E,) the particles at the ends of these edges"""
+    start: np.ndarray
+    """(E, 3) the first end of each edge [m]"""
+    way: np.ndarray
+    """(E, 3) the vector from the first end of each edge to its second [m]; 0 in rows without an edge"""
+    candidate: np.ndarray
+    """rows of triangles and edges: first all of them in order, then those near a vertex or an edge"""
+    faces: np.ndarray
+    """(V, 2) the range in ``candidate`` of each vertex's candidates, triangles of the other body"""
+    partners: np.ndarray
+    """(E, 2) the range in ``candidate`` of the second body's edges near each edge of the first"""
+    crossed: np.ndarray
+    """(most,) list of the rows of edges of one body that cross edges of the other"""
+    crossing: np.ndarray
+    """(most,) the rows of the edges that they cross"""
+
+
+Quad: TypeAlias = tuple[Number, Number, Number, Number]
+"""A number of each of four particles."""
+
+
+class Near(NamedTuple):
+    """Two bodies near each other at a node."""
+
+    pair: int
+    bodies: tuple[int, int]
+    lead: Number
+    """time from the beginning of the step to the node [s]"""
+    reach: Number
+    """search distance for contacts [m]"""
+    radius: Number
+    """the sum of the radii of balls and rods of both [m]"""
+
+
+class Closest(NamedTuple):
+    """The closest points of two features of each copy: a contact where its ``share`` is positive."""
+
+    particles: Quad
+    """the indices of up to four particles"""
+    weights: Quad
+    """w of each: they sum to 0"""
+    normal: Vector
+    """n, from the second body to the first"""
+    gap: Number
+    """d [m]"""
+    share: Number
+    """Φ of the strength"""
+
+
+FAR = 1e9
+"""Gap [m] of a row in the copies that have no contact there."""
+
+
+MET, ROWS = range(2)
+"""Indices in `ContactRows.length` of the number of pairs that have contacts, and of rows of contacts."""
+
+
+Ends: TypeAlias = tuple[Vector, Vector, Vector, Vector]
+"""A vector for each of the four ends of two edges."""
+
+
+class Turning(NamedTuple):
+    """The bodies that contacts turn as one, see `springgym.dynamics.contact.movers`."""
+
+    turns: np.ndarray
+    """(bodies,) whether contacts turn a body as one"""
+    balls: np.ndarray
+    """(bodies,) True for a ball, whose contacts are found from its centre of mass"""
+    first: np.ndarray
+    """(bodies,) the index of the row that holds its velocity; the next row holds its angular momentum"""
+    pivot: np.ndarray
+    """(bodies,) the index of its only pinned particle; −1 if none or all particles are pinned"""
+    lightness: np.ndarray
+    """(bodies,) 1/M [1/kg]; 0 for pinned bodies"""
+    point: np.ndarray
+    """(2 bodies, 3) the point X of each body at the node [m], then at the end of the step"""
+    turn: np.ndarray
+    """(4 bodies, 3) the inverse inertia I⁻¹ about the body's point at the node, in two rows: xx, yy, zz, and
+    xy, xz, yz [1/(kg·m²)]; then those of all bodies at the end of the step"""
+
+
+class ContactRows(NamedTuple):
+    """The contacts of a node, one row each, with their impulses."""
+
+    length: np.ndarray
+    """(2,) the number of pairs that have contacts, `MET`, and of rows of contacts, `ROWS`"""
+    touching_pairs: np.ndarray
+    """(pairs,) list of the pairs of bodies that have contacts, in ascending order"""
+    left_out: np.ndarray
+    """(pairs,) number of contacts at this node that were left out for lack of space"""
+    counts: np.ndarray
+    """(2,) number of contacts of each copy: in all, and of the pair that is being searched"""
+    pair: np.ndarray
+    """(rows,) the pair that this contact belongs to, the same in all copies"""
+    body: np.ndarray
+    """(2 rows,) its first and its second body; −1 for a surface"""
+    surface: np.ndarray
+    """(rows,) the index of the surface; −1 between bodies"""
+    feature: np.ndarray
+    """(rows,) the index of the round feature that touches a surface; −1 for a particle"""
+    members: np.ndarray
+    """(rows,) the number of particles of the contact, the same in all copies"""
+    loose: np.ndarray
+    """(rows,) the number of the contact's particles if any of them moves individually, else 0; None if no
+    bodies collide"""
+    only: np.ndarray
+    """(rows,) the index of the particle at a surface if it moves individually; else −1"""
+    touching: np.ndarray
+    """(rows,) the index of the particle at a surface; −1 of round features and between bodies"""
+    late: np.ndarray
+    """(rows,) 1 if slip is that of the points which touch at the end of the step, else 0"""
+    tilts: np.ndarray
+    """(rows,) 1 if the torque of friction has to be cancelled, see `springgym.dynamics.contact.friction`,
+    else 0"""
+    particle: np.ndarray
+    """(4 rows,) the indices of the particles"""
+    weight: np.ndarray
+    """(4 rows,) the weights w of particles that move individually: > 0 in the first body"""
+    normal: np.ndarray
+    """(rows, 3) the normal n from the second side to the first; at a surface the gradient of the height"""
+    gap: np.ndarray
+    """(rows,) the gap d at the node [m], to which h u/2 is added until the step ends; `FAR` in copies without
+    this contact"""
+    start: np.ndarray
+    """(rows,) the gap h₀ at the beginning of the step [m]"""
+    shift: np.ndarray
+    """(rows,) the length that is added to a gap too small to be resolved [m]; else 0"""
+    share: np.ndarray
+    """(rows,) the factor Φ, 0 to 1, by which the strength c is multiplied where edges meet"""
+    place: np.ndarray
+    """(rows, 3) where the contact is [m]"""
+    arm: np.ndarray
+    """(4 rows, 3) arms from the points X of both bodies, if they turn as one, to the contact at the node, and
+    to the points that touch at the end of the step [m]"""
+    approach: np.ndarray
+    """(rows,) the speed u₀ along the normal before the node [m/s]"""
+    gain: np.ndarray
+    """(4 rows,) w/m [1/kg]"""
+    inverse_mass: np.ndarray
+    """(rows,) the inverse mass W along the normal [1/kg]"""
+    impulse: np.ndarray
+    """(rows,) the impulse J along the normal [N·s]"""
+    friction: np.ndarray
+    """(rows, 3) the impulse of friction on the first body [N·s]"""
+    couple: np.ndarray
+    """(rows, 3) the angular impulse of the couple on the first body [N·m·s]"""
+    taper: np.ndarray
+    """(rows, 3) the impulse of the gradient of Φ on the first body [N·s]"""
+    tilt: np.ndarray
+    """(2 rows, 3) G and H; of a rod, G and the direction along it: see
+    `springgym.dynamics.contact.friction`"""
+    height: np.ndarray
+    """(rows,) the distance along n of the points at which friction acts on both sides [m]"""
+    crossed: np.ndarray
+    """(rows,) more than 0 where two edges meet"""
+    grips: np.ndarray
+    """(rows,) 1 where friction acts, else 0"""
+    losses: np.ndarray
+    """(bodies, 3) each body's losses at this node to restitution and to friction [J]; the last column is 0"""
+    going: np.ndarray
+    """(1,) 1 while the impulses of a copy are iterated, else 0"""
+    change: np.ndarray
+    """(1,) the largest change of a displacement in a sweep, divided by the Δ of its contact [1]"""
+    turning: Turning | None
+    """the bodies that turn as one; None if none do"""
+
+
+class Problem(NamedTuple):
+    """All that determines the impulses of the contacts of a node."""
+
+    span: Times
+    """the time of the node"""
+    x: Rows
+    """(N, 3) positions of all particles at the node, as others see them [m]"""
+    before: Rows
+    """velocities before it [m/s], see `springgym.dynamics.contact.movers`"""
+    inverse_mass: Numbers
+    """(N,) the inverse masses of the particles [1/kg]"""
+    pairs: Pairs
+    """the pairs of bodies, and their parameters"""
+    contacts: ContactRows
+    """the contacts, with their impulses as output"""
+    totals: Numbers
+    """the totals of each pair, see `springgym.dynamics.contact.totals`"""
+
+
+class RowSpace(NamedTuple):
+    """The arrays in which a thread solves contacts; rows (N, 3) are of all particles.
+
+    If a body turns as one, its first two rows are its velocity [m/s] and angular momentum [kg·m²/s].
+    """
+
+    velocity: Rows
+    """velocities after the node, with the current impulses of contact [m/s]"""
+    free: Rows
+    """velocities after the node without contact [m/s]"""
+    before: Rows
+    """velocities before the node [m/s]"""
+    places: Rows
+    """positions at the node as contacts use them: the first particle of a ball is at its centre [m]"""
+    speeds: Rows
+    """velocities before the node as contacts use them [m/s]"""
+    active: np.ndarray
+    """(bodies,) whether a body has contacts in any copy"""
+    rolls: np.ndarray
+    """(bodies,) whether the slip of any contact of a body is measured at the end of the step"""
+    lists: Neighbours | None
+    """the features that are near each other; None if bodies do not collide"""
+    contacts: ContactRows
+
+
+class Search(NamedTuple):
+    """The arrays that a search for contacts reads and writes."""
+
+    x: Rows
+    """positions (N, 3) [m]"""
+    w: Rows
+    """velocities (N, 3) before the node [m/s]"""
+    pairs: Pairs
+    lists: Neighbours
+    contacts: ContactRows
+
+
+class WarmStart(NamedTuple):
+    """The impulses of contacts at the last node: a hash table for each copy, whose length is a power of 2."""
+
+    pair: np.ndarray
+    """(rows,) the index of the contact's pair, plus one; 0 in an empty row"""
+    first: np.ndarray
+    """(rows,) the first particle of the contact, or the round feature"""
+    others: np.ndarray
+    """(rows,) a number made of the other ends of two edges; the surface's index; 0 for a vertex"""
+    impulse: np.ndarray
+    """(rows,) the impulse J along the normal [N·s]"""
+    friction: np.ndarray | None
+    """(rows, 3) the impulse of friction [N·s]; None if no pair has friction"""
+    couple: np.ndarray | None
+    """(rows, 3) the angular impulse of the couple [N·m·s]; None if no turning is resisted"""
+    in_use: np.ndarray
+    """(1,) 1 if any row of the table is filled, else 0"""
+
+
+TOUCHING, IMPULSE, GAP, ENERGY, CONTACT, FRICTION, MISSES, COARSE, OVERFLOW, FASTEST = range(10)
+"""The totals of a pair: whether it touches; the sum of J [N·s]; the least gap [m]; the energy in the barriers
+[J]; the losses to restitution and to friction [J]; how often a contact was found too late, was too fast to
+keep its restitution, or had no space; and the largest approach speed along the normal of any contact with an
+impulse [m/s]."""
+
+
+ENTRIES = 10
+
+
+class Collisions(NamedTuple):
+    """Bodies that collide, with their totals and warm start."""
+
+    pairs: Pairs
+    totals: np.ndarray
+    """(pairs × `ENTRIES`,)"""
+    stored: np.ndarray
+    """(bodies,) half of the energy in the barriers of each body's pairs [J]"""
+    fresh: np.ndarray
+    """(1,) 1 in copies that were just placed and whose touching bodies are not found yet, else 0"""
+    changing: np.ndarray
+    """(1 + pairs,) the number of pairs that may touch or have energy in their barriers; these, ascending"""
+    warm: WarmStart | None = None
+    """the impulses of the last node; None if contacts start from nothing"""

@@ -1,0 +1,1 @@
+"""What a scene is: bodies, surfaces, collisions, materials. NumPy only."""
