@@ -624,7 +624,7 @@ def task_of(env_id: str, env_kwargs: Mapping[str, Any]) -> Task | None:
     if found is None:
         return None
     row, arguments = found
-    task_type = getattr(import_module(f"springgym.envs.{row.module}"), row.name)
+    task_type = getattr(import_module(f"springgym.envs.tasks.{row.module}"), row.name)
     own = inspect.signature(task_type).parameters
     return task_type(**{name: value for name, value in (arguments | dict(env_kwargs)).items() if name in own})
 

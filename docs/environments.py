@@ -64,7 +64,7 @@ def read() -> dict[str, Any]:
 
 def environment(row: Row, suffix: str) -> Any:
     """Return a class of an environment: its task, or with a suffix, its single environment or its batch."""
-    return getattr(import_module(f"springgym.envs.{row.module}"), row.name + suffix)
+    return getattr(import_module(f"springgym.envs.tasks.{row.module}"), row.name + suffix)
 
 
 def docstring(row: Row) -> str:

@@ -30,7 +30,7 @@ def test_every_environment_declares_what_it_takes():
     common = keywords(SpringEnv.__init__) | keywords(_Common._make) - {"copies"} | keywords(options.Settings)
     assert set(get_type_hints(options.EnvOptions)) == common | {"observation"}
     for row in ENVIRONMENTS:
-        module = import_module(f"springgym.envs.{row.module}")
+        module = import_module(f"springgym.envs.tasks.{row.module}")
         task = task_type(row.id)
         declared = get_type_hints(getattr(module, f"{row.name.removeprefix('Spring')}Options"))
         taken = get_type_hints(task.__init__)
@@ -94,7 +94,7 @@ def test_a_type_checker_knows_the_package(tmp_path):
     for name in springgym.__all__:  # what is Any would pass
         lines.append(f"_{name}: int = springgym.{name}  # type: ignore[assignment]")
     for row in ENVIRONMENTS:
-        lines.append(f"from springgym.envs.{row.module} import {row.name}Env")
+        lines.append(f"from springgym.envs.tasks.{row.module} import {row.name}Env")
         lines.append(f"{row.name}Env(nonsense=1)  # type: ignore[call-arg]")
     client = tmp_path / "client.py"
     client.write_text("\n".join(lines) + "\n")

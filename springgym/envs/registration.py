@@ -189,8 +189,8 @@ def register() -> None:
             row, arguments = found
             gym.register(
                 env_id,
-                entry_point=f"springgym.envs.{row.module}:{row.name}Env",
-                vector_entry_point=f"springgym.envs.{row.module}:{row.name}VectorEnv",
+                entry_point=f"springgym.envs.tasks.{row.module}:{row.name}Env",
+                vector_entry_point=f"springgym.envs.tasks.{row.module}:{row.name}VectorEnv",
                 max_episode_steps=row.max_episode_steps,
                 reward_threshold=None if arguments else row.reward_threshold,
                 kwargs=arguments,

@@ -19,7 +19,7 @@ IDS = [row.id for row in ENVIRONMENTS]
 
 def task_type(env_id: str) -> type[Task]:
     row, _ = find(env_id)  # type: ignore[misc]
-    return getattr(import_module(f"springgym.envs.{row.module}"), row.name)
+    return getattr(import_module(f"springgym.envs.tasks.{row.module}"), row.name)
 
 
 FLOPPY = [env_id for env_id in IDS if any(p.body.floppy for p in task_type(env_id)().scene.bodies)]

@@ -29,7 +29,7 @@ each_row_but_a_duel = pytest.mark.parametrize(
 
 
 def documentation(row: Row) -> str:
-    text = getattr(import_module(f"springgym.envs.{row.module}"), f"{row.name}Env").__doc__
+    text = getattr(import_module(f"springgym.envs.tasks.{row.module}"), f"{row.name}Env").__doc__
     return str(text).replace("−", "-")
 
 
