@@ -322,7 +322,8 @@ def derivative(scene: Scene) -> Callable[[float, np.ndarray], np.ndarray]:
         pull = (body.stiffness * (length - body.lengths) + body.damping * rate) / length
         acceleration = ends @ (pull[:, None] * apart) + gravity * free[:, None]
         for plane in planes:
-            push = theory.contact.force(plane.height(x), strength, reach) * free / body.masses
+            heights = np.maximum(plane.height(x), 1e-9 * reach)  # trial states of solvers may be below it
+            push = theory.contact.force(heights, strength, reach) * free / body.masses
             acceleration += push[:, None] * plane.normal
         return np.concatenate([v.ravel(), acceleration.ravel()])
 

@@ -1,8 +1,8 @@
 """Analytical and reference solutions against which the simulator is tested.
 
 Every module is plain functions of floats and arrays in SI units, z up, with the equation, the
-units and the source in each docstring. Nothing here imports the simulator. Importing it needs only NumPy;
-functions that need SciPy import it when called.
+units and the source in each docstring. Arguments are checked by `springgym.checks`; nothing else of springgym
+is imported here. Importing it needs only NumPy; functions that need SciPy import it when called.
 
 =============  ==================================================================================
 `top`          heavy symmetric (Lagrange) top with one point fixed

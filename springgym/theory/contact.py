@@ -11,9 +11,12 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from springgym.checks import number
+from springgym.theory.checking import ANY, between, checked, not_negative, positive, positives
 from springgym.theory.frames import Floats
 
 
+@checked(height=positives(*ANY), strength=positive, reach=positive)
 def force(height: ArrayLike, strength: float, reach: float) -> Floats:
     """Return F(h) = c/h^2 - c/Delta^2 for 0 < h < Delta, else 0, N (paper, eq 8).
 
@@ -24,10 +27,14 @@ def force(height: ArrayLike, strength: float, reach: float) -> Floats:
     strength, reach : float
         c, N m^2, and Delta, m.
     """
-    height = np.asarray(height, float)
+    return _force(np.asarray(height, float), strength, reach)
+
+
+def _force(height: Floats, strength: float, reach: float) -> Floats:
     return np.maximum(strength / height**2 - strength / reach**2, 0.0)
 
 
+@checked(height=positives(*ANY), strength=positive, reach=positive)
 def energy(height: ArrayLike, strength: float, reach: float) -> Floats:
     """Return U(h) = c (Delta - h)^2 / (h Delta^2) for 0 < h < Delta, else 0, J; F = -dU/dh.
 
@@ -37,6 +44,7 @@ def energy(height: ArrayLike, strength: float, reach: float) -> Floats:
     return np.asarray(strength * np.maximum(reach - height, 0.0) ** 2 / (height * reach**2))
 
 
+@checked(weight=not_negative, strength=positive, reach=positive)
 def rest_height(weight: float, strength: float, reach: float) -> float:
     """Return the height at which the floor supports a weight, Delta / sqrt(1 + m g Delta^2 / c), m.
 
@@ -48,6 +56,7 @@ def rest_height(weight: float, strength: float, reach: float) -> float:
     return reach / math.sqrt(1 + weight * reach**2 / strength)
 
 
+@checked(energy=number, strength=positive, reach=positive, weight=not_negative)
 def turning_point(energy: float, strength: float, reach: float, weight: float = 0.0) -> float:
     """Return the lowest height of a particle of a given energy, m.
 
@@ -69,6 +78,7 @@ def turning_point(energy: float, strength: float, reach: float, weight: float = 
     return strength / _larger_root(energy, strength, reach, weight) / _stiff(strength, reach, weight)
 
 
+@checked(energy=number, strength=positive, reach=positive, weight=positive)
 def apex(energy: float, strength: float, reach: float, weight: float) -> float:
     """Return the greatest height, E / m g above Delta, m, to which each bounce without loss returns.
 
@@ -96,6 +106,7 @@ def _larger_root(energy: float, strength: float, reach: float, weight: float) ->
     return (half + math.sqrt(square)) / stiff
 
 
+@checked(speed=not_negative, restitution=between(0.0, 1.0), slow=positive)
 def rebound(speed: float, restitution: float, slow: float) -> float:
     """Return rebound over impact speed v of the force F(h) (1 - beta h_dot / sqrt(h_dot^2 + w^2)).
 
@@ -111,18 +122,9 @@ def rebound(speed: float, restitution: float, slow: float) -> float:
     slow : float
         w > 0, m/s.
 
-    Raises
-    ------
-    ValueError
-        If e lies outside [0, 1], v is negative, or w is not positive.
-
     Source: with u = w sinh a, m u du/dh = F L(u) says that the integral of sinh a cosh a/(1 + beta tanh a)
     up to the impact speed is that of sinh a cosh a/(1 - beta tanh a) up to the speed of the rebound.
     """
-    if not 0 <= restitution <= 1:
-        raise ValueError(f"restitution must lie in [0, 1], got {restitution!r}")
-    if not (speed >= 0 and slow > 0):
-        raise ValueError(f"speed must be >= 0 and slow > 0, got {speed!r} and {slow!r} m/s")
     if restitution == 1 or speed == 0:
         return 1.0
     angles = np.linspace(0.0, math.asinh(speed / slow), 40001)
@@ -139,11 +141,13 @@ def _sums(values: np.ndarray, at: np.ndarray) -> np.ndarray:
     return np.append(0.0, np.cumsum((values[1:] + values[:-1]) / 2 * np.diff(at)))
 
 
+@checked(speed=not_negative, friction=positive, gravity=positive)
 def stopping_distance(speed: float, friction: float, gravity: float = 9.81) -> float:
     """Return the distance a particle slides on a level floor, v^2 / (2 mu g), m (Coulomb friction)."""
     return speed**2 / (2 * friction * gravity)
 
 
+@checked(angle=between(0.0, math.pi / 2), friction=not_negative, gravity=not_negative)
 def slope_acceleration(angle: float, friction: float, gravity: float = 9.81) -> float:
     """Return the acceleration of a particle sliding down a slope, g (sin a - mu cos a), m/s^2.
 
@@ -152,6 +156,7 @@ def slope_acceleration(angle: float, friction: float, gravity: float = 9.81) -> 
     return gravity * (math.sin(angle) - friction * math.cos(angle))
 
 
+@checked(angle=between(0.0, math.pi / 2), friction=not_negative)
 def holds(angle: float, friction: float) -> bool:
     """Return whether a particle at rest stays on a slope, tan a <= mu, for 0 <= a < pi/2 rad."""
     return math.sin(angle) <= friction * math.cos(angle)

@@ -27,6 +27,7 @@ import math
 
 import numpy as np
 
+from springgym.theory.checking import between, checked, count, filled, not_negative, numbers, positive
 from springgym.theory.frames import Floats
 
 PARTS = 40
@@ -36,8 +37,33 @@ NEAR = 1e-5
 """Half of the angle difference by which rates are differentiated [rad]."""
 
 
+MOST = 1000
+"""Largest number of dominoes. The time to find their impacts grows with its square."""
+
+
+@checked(
+    angle=between(0.0, math.pi / 2),
+    count=count(1, MOST),
+    height=positive,
+    thickness=not_negative,
+    space=positive,
+)
 def leaning(angle: float, count: int, height: float, thickness: float, space: float) -> tuple[Floats, Floats]:
     """Return angles θᵢ [rad] of `count` dominoes, from the foremost back, and rates dθᵢ/dθ, each (count,)."""
+    _check_row(height, thickness, space)
+    return _leaning(angle, count, height, thickness, space)
+
+
+def _check_row(height: float, thickness: float, space: float) -> None:
+    """Raise ValueError if a domino does not reach the next, or is no upright slab."""
+    for name, size in (("space", space), ("thickness", thickness)):
+        if not size < height:
+            raise ValueError(f"{name} is {size} m; it must be less than the height, {height} m")
+
+
+def _leaning(
+    angle: float, count: int, height: float, thickness: float, space: float
+) -> tuple[Floats, Floats]:
     pitch = space + thickness
     angles = np.zeros(count)
     rates = np.ones(count)
@@ -50,17 +76,43 @@ def leaning(angle: float, count: int, height: float, thickness: float, space: fl
     return angles, rates
 
 
+@checked(
+    angles=filled(numbers((None,), low=-math.pi, high=math.pi)),
+    height=positive,
+    thickness=not_negative,
+    space=positive,
+    friction=not_negative,
+)
 def weights(angles: Floats, height: float, thickness: float, space: float, friction: float) -> Floats:
     """Return weights f (count,) of the equations of motion at angles (count,) [rad], foremost first."""
+    _check_row(height, thickness, space)
+    return _weights(angles, height, thickness, space, friction)
+
+
+def _weights(angles: Floats, height: float, thickness: float, space: float, friction: float) -> Floats:
     found = np.ones(len(angles))
     for n in range(1, len(angles)):
         lean = angles[n] - angles[n - 1]
         arm = height * math.cos(lean) - (space + thickness) * math.sin(angles[n - 1])
         push = height * (math.cos(lean) + friction * math.sin(lean))
+        if arm < friction * thickness:
+            raise ValueError(
+                f"friction is {friction}; it holds dominoes that lean by {angles[n - 1]:.6g} rad"
+            )
         found[n] = found[n - 1] * (arm - friction * thickness) / push
     return found
 
 
+@checked(
+    count=count(2, MOST),
+    height=positive,
+    thickness=not_negative,
+    space=positive,
+    inertia=positive,
+    start=positive,
+    gravity=not_negative,
+    friction=not_negative,
+)
 def impacts(
     count: int,
     height: float,
@@ -87,21 +139,17 @@ def impacts(
     Raises
     ------
     ValueError
-        If count is below 2, start is not positive, a domino does not reach the next, or they are too far
-        apart to hit each other.
+        If a domino does not reach the next, comes to rest before it hits the next, or is held by friction.
     """
-    if not (count >= 2 and start > 0):
-        raise ValueError(f"count must be 2 or more and start positive, got {count!r} and {start!r} rad/s")
-    if not 0 < space < height:
-        raise ValueError(f"space is {space} m; it must be more than 0 and less than the height, {height} m")
+    _check_row(height, thickness, space)
     last = math.asin(space / height)
     part = last / PARTS
 
     def sums(angle: float, train: int) -> tuple[float, float, float]:
         """Return the sums Σ f w, Σ f w′ and Σ f T/I."""
-        angles, rates = leaning(angle, train, height, thickness, space)
-        f = weights(angles, height, thickness, space, friction)
-        before, after = (leaning(angle + by, train, height, thickness, space)[1] for by in (-NEAR, NEAR))
+        angles, rates = _leaning(angle, train, height, thickness, space)
+        f = _weights(angles, height, thickness, space, friction)
+        before, after = (_leaning(angle + by, train, height, thickness, space)[1] for by in (-NEAR, NEAR))
         pull = 0.5 * gravity / inertia * (height * np.sin(angles) - thickness * np.cos(angles))
         return float(f @ rates), float(f @ (after - before)) / (2 * NEAR), float(f @ pull)
 
@@ -129,12 +177,21 @@ def impacts(
         thirds = slowness[0] + 4 * slowness[1::2].sum() + 2 * slowness[2:-1:2].sum() + slowness[-1]
         time += float(part / 3 * thirds)
         found.append(time)
-        share = weights(np.array([0.0, last]), height, thickness, space, friction)[1]
+        share = _weights(np.array([0.0, last]), height, thickness, space, friction)[1]
         together = share * known[-1][0]
         rate = math.sqrt(squares[-1]) * together / (together + 1)
     return np.array(found)
 
 
+@checked(
+    height=positive,
+    thickness=not_negative,
+    space=positive,
+    inertia=positive,
+    gravity=positive,
+    count=count(2, MOST),
+    friction=not_negative,
+)
 def speed(
     height: float,
     thickness: float,

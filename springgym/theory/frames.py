@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from springgym.theory.checking import ANY, FRAMES, VECTORS, checked, fit, numbers, rotations
+
 Floats = NDArray[np.float64]
 
 
+@checked(phi=numbers(*ANY), theta=numbers(*ANY), psi=numbers(*ANY))
 def euler_zxz(phi: ArrayLike, theta: ArrayLike, psi: ArrayLike) -> Floats:
     """Return the frame of Goldstein's Euler angles: R = Rz(phi) Rx(theta) Rz(psi).
 
@@ -26,7 +29,9 @@ def euler_zxz(phi: ArrayLike, theta: ArrayLike, psi: ArrayLike) -> Floats:
 
     Source: Goldstein, Poole & Safko, *Classical Mechanics*, 3rd ed., section 4.4.
     """
-    phi, theta, psi = np.broadcast_arrays(*(np.asarray(x, float) for x in (phi, theta, psi)))
+    phi, theta, psi = (np.asarray(x, float) for x in (phi, theta, psi))
+    fit(phi=phi, theta=theta, psi=psi)
+    phi, theta, psi = np.broadcast_arrays(phi, theta, psi)
     cf = np.cos(phi)
     sf = np.sin(phi)
     ct = np.cos(theta)
@@ -41,6 +46,7 @@ def euler_zxz(phi: ArrayLike, theta: ArrayLike, psi: ArrayLike) -> Floats:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
+@checked(frame=rotations(*FRAMES), omega_world=numbers(*VECTORS), points=numbers((None, 3)))
 def carry(frame: ArrayLike, omega_world: ArrayLike, points: ArrayLike) -> tuple[Floats, Floats]:
     """Return positions and velocities of particles fixed in a turning frame: x = R r, v = omega x (R r).
 
@@ -60,5 +66,10 @@ def carry(frame: ArrayLike, omega_world: ArrayLike, points: ArrayLike) -> tuple[
     """
     frame = np.asarray(frame, float)
     omega = np.asarray(omega_world, float)
+    if frame.shape[:-1] != omega.shape:
+        raise ValueError(
+            f"frame has shape {frame.shape}, and omega_world {omega.shape}; they must be S + (3, 3) and "
+            "S + (3,)"
+        )
     positions = np.asarray(points, float) @ np.swapaxes(frame, -1, -2)
     return positions, np.cross(omega[..., None, :], positions)

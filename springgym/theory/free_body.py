@@ -17,10 +17,23 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from springgym.checks import number
 from springgym.theory._elliptic import Jacobi, complete_k, incomplete_f, jacobi, third_kind
+from springgym.theory.checking import (
+    ANY,
+    FRAMES,
+    VECTORS,
+    checked,
+    numbers,
+    optional,
+    positive,
+    principal_moments,
+    rotations,
+)
 from springgym.theory.frames import Floats, euler_zxz
 
 
+@checked(omega_body=numbers(*VECTORS), omega_world=numbers(*VECTORS), attitude=rotations(*FRAMES))
 class FreeMotion(NamedTuple):
     """Motion at times of shape S.
 
@@ -33,6 +46,7 @@ class FreeMotion(NamedTuple):
     attitude: Floats
 
 
+@checked(mass=positive, edges=numbers((3,), low=0.0))
 def corner_box_inertia(mass: float, edges: ArrayLike) -> Floats:
     """Return the inertia of eight equal corner masses: I_x = M (b^2 + c^2)/4 and cyclic, kg m^2.
 
@@ -49,6 +63,7 @@ def corner_box_inertia(mass: float, edges: ArrayLike) -> Floats:
     return np.asarray(mass / 4 * (squares.sum() - squares))
 
 
+@checked(inertia=principal_moments, spin=number)
 def growth_rate(inertia: ArrayLike, spin: float) -> float:
     """Return the rate at which a disturbance of spin about the middle axis grows, 1/s.
 
@@ -114,6 +129,7 @@ def _circulation(inertia: Floats, omega: Floats) -> _Circulation | None:
     return _Circulation(turn, moments, signs * amplitude, rate, m1, start)
 
 
+@checked(inertia=principal_moments, omega=numbers((3,)))
 def flip_interval(inertia: ArrayLike, omega: ArrayLike) -> float:
     """Return the time between reversals of the middle component, 2 K(k) / p, s.
 
@@ -135,10 +151,11 @@ def flip_interval(inertia: ArrayLike, omega: ArrayLike) -> float:
 
     Source: Landau & Lifshitz section 37.
     """
-    solution = _circulation(*_checked(inertia, omega))
+    solution = _circulation(np.asarray(inertia, float), np.asarray(omega, float))
     return math.inf if solution is None else 2 * complete_k(solution.m1) / solution.rate
 
 
+@checked(inertia=principal_moments, omega=numbers((3,)), t=numbers(*ANY), frame=optional(rotations((3, 3))))
 def motion(inertia: ArrayLike, omega: ArrayLike, t: ArrayLike, frame: ArrayLike | None = None) -> FreeMotion:
     """Return the exact motion: Jacobi functions for omega, an integral of the third kind for the frame.
 
@@ -164,15 +181,9 @@ def motion(inertia: ArrayLike, omega: ArrayLike, t: ArrayLike, frame: ArrayLike 
     -------
     FreeMotion
 
-    Raises
-    ------
-    ValueError
-        If a moment is not positive.
-
     Source: Landau & Lifshitz section 37.
     """
-    inertia, omega = _checked(inertia, omega)
-    t = np.asarray(t, float)
+    inertia, omega, t = (np.asarray(given, float) for given in (inertia, omega, t))
     first = np.eye(3) if frame is None else np.asarray(frame, float)
     solution = _circulation(inertia, omega)
     if solution is None:
@@ -213,13 +224,6 @@ def _wound(solution: _Circulation, p: float, q: float, now: Jacobi, phase: Float
     between = jacobi(start + np.where(small, phase, 0.0)[..., None] * (1 + nodes) / 2, m1)
     mean = (1 / (p * between.cn**2 + q * between.sn**2)) @ weights / 2
     return np.where(small, phase * mean, wound)
-
-
-def _checked(inertia: ArrayLike, omega: ArrayLike) -> tuple[Floats, Floats]:
-    moments = np.asarray(inertia, float)
-    if not (moments > 0).all():
-        raise ValueError(f"inertia needs three positive moments, got {moments.tolist()}")
-    return moments, np.asarray(omega, float)
 
 
 def _steady(omega: Floats, t: Floats, first: Floats) -> FreeMotion:

@@ -17,13 +17,29 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from springgym.theory.contact import force
+from springgym.checks import array, number, shown
+from springgym.theory.checking import (
+    ROUNDING,
+    checked,
+    filled,
+    not_negative,
+    numbers,
+    positive,
+    positives,
+    symmetric,
+)
+from springgym.theory.contact import _force
 from springgym.theory.frames import Floats
 
 RADIANS = 0.02
 """Angle by which the fastest vibration advances in a step [rad]."""
 
 
+STIFFEST = 1000.0
+"""Largest ratio of the fastest to the slowest vibration: five million steps."""
+
+
+@checked(duration=not_negative, speed=number, until=not_negative)
 class Impact(NamedTuple):
     """From the first touch: `duration` to the last, s; `speed` of the centre at `until`, m/s and s."""
 
@@ -32,6 +48,16 @@ class Impact(NamedTuple):
     until: float
 
 
+@checked(
+    masses=filled(positives((None,))),
+    stiffness=numbers((None, None)),
+    damping=numbers((None, None)),
+    heights=numbers((None,), low=0.0),
+    speed=positive,
+    strength=positive,
+    reach=positive,
+    gravity=not_negative,
+)
 def impact(
     masses: ArrayLike,
     stiffness: ArrayLike,
@@ -66,15 +92,26 @@ def impact(
         If it does not vibrate, or does not leave the floor within a hundred radians of its slowest vibration.
     """
     mass = np.repeat(np.asarray(masses, float), 3)[:, None]
-    high = reach + np.asarray(heights, float)
+    size = len(mass)
+    high = reach + array("heights", heights, (size // 3,))
     root = np.sqrt(mass)
-    squares = np.linalg.eigvalsh(np.asarray(stiffness, float) / (root * root.T))
-    quick = math.sqrt(squares[-1] + 2 * strength / (reach**3 * mass.min()))
+    springs, dampers = (
+        symmetric(name, array(name, given, (size, size)))
+        for name, given in (("stiffness", stiffness), ("damping", damping))
+    )
+    rates = np.linalg.eigvalsh(dampers)
+    if rates[0] < -ROUNDING * abs(rates).max():
+        raise ValueError(f"damping is {shown(damping)}; it must take energy from all motions")
+    squares = np.linalg.eigvalsh(springs / (root * root.T))
     if not squares[-1] > 0:
-        raise ValueError("the body does not vibrate; it needs a spring between two particles")
+        raise ValueError(
+            f"stiffness is {shown(stiffness)}: the body does not vibrate; it needs a spring between two "
+            "particles"
+        )
+    quick = math.sqrt(squares[-1] + 2 * strength / (reach**3 * mass.min()))
     slow = math.sqrt(squares[squares > 1e-9 * squares[-1]][0])
-    springs = np.asarray(stiffness, float) / mass
-    dampers = np.asarray(damping, float) / mass
+    springs = springs / mass
+    dampers = dampers / mass
     vertical = slice(2, None, 3)
     step = RADIANS / quick
 
@@ -82,7 +119,7 @@ def impact(
         u, v = state
         a = -springs @ u - dampers @ v
         a[vertical] += (
-            force(np.maximum(high + u[vertical], 1e-9 * reach), strength, reach) / mass[vertical, 0]
+            _force(np.maximum(high + u[vertical], 1e-9 * reach), strength, reach) / mass[vertical, 0]
         )
         a[vertical] -= gravity
         return np.array([v, a])
@@ -93,6 +130,11 @@ def impact(
     share = mass[vertical, 0] / mass[vertical].sum()
     last = 0.0
     slowest = min(slow, math.sqrt(2 * strength / (reach**3 * mass[vertical].sum())))
+    if quick > STIFFEST * slowest:
+        raise ValueError(
+            f"the fastest vibration, of {quick:g} rad/s, is more than {STIFFEST:g} times as fast as the "
+            f"slowest, of {slowest:g} rad/s: stiffness and strength are too different, or the masses"
+        )
     for n in range(math.ceil(100 / slowest / step)):
         before = float((high + state[0, vertical]).min()) - reach
         k1 = rate(state)

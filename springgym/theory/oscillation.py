@@ -7,9 +7,12 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from springgym.checks import number
+from springgym.theory.checking import ANY, checked, not_negative, numbers, positive
 from springgym.theory.frames import Floats
 
 
+@checked(mass=positive, damping=not_negative, stiffness=positive, x=number, v=number, t=numbers(*ANY))
 def damped(
     mass: float, damping: float, stiffness: float, x: float, v: float, t: ArrayLike
 ) -> tuple[Floats, Floats]:
@@ -58,6 +61,7 @@ def damped(
     )
 
 
+@checked(mass=positive, stiffness=positive, rest_length=positive, omega=number)
 def spun_pair_length(mass: float, stiffness: float, rest_length: float, omega: float) -> float:
     """Return the length of two equal masses on a spring in steady spin, L = L0 / (1 - m Omega^2 / 2k), m.
 
@@ -82,6 +86,7 @@ def spun_pair_length(mass: float, stiffness: float, rest_length: float, omega: f
     return rest_length / (1 - share)
 
 
+@checked(mass=positive, stiffness=positive, rest_length=positive, momentum=number)
 def spun_pair(mass: float, stiffness: float, rest_length: float, momentum: float) -> tuple[float, float]:
     """Return the length, m, and the spin, rad/s, of two equal masses on a spring in steady spin.
 
@@ -101,6 +106,7 @@ def spun_pair(mass: float, stiffness: float, rest_length: float, momentum: float
     return spun_pair_length(mass, stiffness, rest_length, low), math.copysign(low, momentum)
 
 
+@checked(omega=number, step=not_negative, t=numbers(*ANY, low=0.0))
 def implicit_euler_spin(omega: float, step: float, t: ArrayLike) -> Floats:
     """Return the spin of a body after implicit Euler steps, Omega0 / sqrt(1 + 2 h Omega0^2 t), rad/s.
 

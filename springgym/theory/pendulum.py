@@ -14,10 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from springgym.checks import number
 from springgym.theory._elliptic import complete_k, incomplete_f, jacobi
+from springgym.theory.checking import ANY, between, checked, inside, numbers, positive
 from springgym.theory.frames import Floats
 
 
+@checked(i1=positive, i3=positive, length=positive, mgl=positive)
 @dataclass(frozen=True)
 class CornerCube:
     """Cube of eight equal corner masses, about one vertex; a symmetric top about its diagonal.
@@ -32,6 +35,7 @@ class CornerCube:
     mgl: float
 
 
+@checked(mass=positive, edge=positive, gravity=positive)
 def cube_on_vertex(mass: float, edge: float, gravity: float = 9.81) -> CornerCube:
     """Return the cube's I3 = M b^2/2 and I1 = M b^2/2 + M l^2 = 5 M b^2/4, l = sqrt(3) b/2.
 
@@ -49,11 +53,13 @@ def cube_on_vertex(mass: float, edge: float, gravity: float = 9.81) -> CornerCub
     )
 
 
+@checked(inertia=positive, mgl=positive)
 def small_period(inertia: float, mgl: float) -> float:
     """Return the period of small swings, T0 = 2 pi sqrt(I / Mgl), s; inertia about the pivot, kg m^2."""
     return 2 * math.pi * math.sqrt(inertia / mgl)
 
 
+@checked(inertia=positive, mgl=positive, amplitude=inside(-math.pi, math.pi))
 def period(inertia: float, mgl: float, amplitude: float) -> float:
     """Return the period of swings of an amplitude below pi, T = T0 (2/pi) K(sin(amplitude/2)), s.
 
@@ -62,19 +68,13 @@ def period(inertia: float, mgl: float, amplitude: float) -> float:
     inertia, mgl, amplitude : float
         About the pivot, kg m^2; weight times pivot-to-centre distance, N m; rad.
 
-    Raises
-    ------
-    ValueError
-        If |amplitude| >= pi, where the pendulum does not swing back.
-
     Source: Landau & Lifshitz section 11, problem 1.
     """
-    if not abs(amplitude) < math.pi:
-        raise ValueError(f"amplitude must be below pi rad, got {amplitude!r}")
     quarter = complete_k(math.cos(amplitude / 2) ** 2)
     return small_period(inertia, mgl) * 2 / math.pi * quarter
 
 
+@checked(inertia=positive, mgl=positive, theta=between(-math.pi, math.pi), theta_dot=number, t=numbers(*ANY))
 def motion(inertia: float, mgl: float, theta: float, theta_dot: float, t: ArrayLike) -> tuple[Floats, Floats]:
     """Return the exact angle and rate from (theta, theta_dot) at time 0, swinging or going round.
 
@@ -99,15 +99,8 @@ def motion(inertia: float, mgl: float, theta: float, theta_dot: float, t: ArrayL
     theta, theta_dot : ndarray, shape S
         rad and rad/s; theta counts whole turns when the pendulum goes round.
 
-    Raises
-    ------
-    ValueError
-        If |theta| > pi.
-
     Source: Whittaker chapter IV.
     """
-    if not abs(theta) <= math.pi:
-        raise ValueError(f"theta must lie in [-pi, pi] rad, got {theta!r}")
     t = np.asarray(t, float)
     w = math.sqrt(mgl / inertia)
     sign = -1.0 if theta_dot < 0 else 1.0  # solve the mirror image that starts with a rate >= 0

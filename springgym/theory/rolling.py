@@ -7,9 +7,36 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from springgym.checks import TINY, number, shown
+from springgym.theory.checking import (
+    ROUNDING,
+    VECTORS,
+    between,
+    checked,
+    count,
+    fit,
+    not_negative,
+    numbers,
+    positive,
+    positives,
+    principal_moments,
+    rotations,
+    symmetric,
+    units,
+)
 from springgym.theory.frames import Floats
 
+MOST = 10_000
+"""Largest number of steps between two times."""
 
+SHEAR = 1e-3
+"""Largest error of the product of a frame and its transpose, of a motion that the steps resolve."""
+
+TOGETHER = 1_000_000
+"""Largest number of steps from the first to the last time."""
+
+
+@checked(angle=between(-math.pi / 2, math.pi / 2), moment=not_negative, gravity=not_negative)
 def acceleration(angle: float, moment: float, gravity: float = 9.81) -> float:
     """Return the acceleration of a ball that rolls down a slope, g sin a / (1 + I/(m r^2)), m/s^2.
 
@@ -25,11 +52,19 @@ def acceleration(angle: float, moment: float, gravity: float = 9.81) -> float:
     return gravity * math.sin(angle) / (1 + moment)
 
 
+@checked(angle=between(0.0, math.pi / 2), moment=not_negative)
 def needed_friction(angle: float, moment: float) -> float:
     """Return the least coefficient of friction by which a ball rolls down a slope, tan a / (1 + m r^2/I)."""
     return math.tan(angle) * moment / (1 + moment)
 
 
+@checked(
+    angle=between(-math.pi / 2, math.pi / 2),
+    moment=not_negative,
+    resistance=not_negative,
+    radius=positive,
+    gravity=not_negative,
+)
 def resisted_acceleration(
     angle: float, moment: float, resistance: float, radius: float, gravity: float = 9.81
 ) -> float:
@@ -54,6 +89,7 @@ def resisted_acceleration(
     return math.copysign(gravity * max(pull, 0.0) / (1 + moment), angle)
 
 
+@checked(speed=not_negative, moment=not_negative, resistance=positive, radius=positive, gravity=positive)
 def resisted_way(
     speed: float, moment: float, resistance: float, radius: float, gravity: float = 9.81
 ) -> tuple[float, float]:
@@ -65,6 +101,7 @@ def resisted_way(
     return speed**2 / (2 * slower), speed / slower
 
 
+@checked(spin=not_negative, moment=not_negative, resistance=positive, radius=positive, gravity=positive)
 def resisted_spin(
     spin: float, moment: float, resistance: float, radius: float, gravity: float = 9.81
 ) -> float:
@@ -75,6 +112,7 @@ def resisted_spin(
     return moment * radius**2 * spin / (resistance * gravity)
 
 
+@checked(speed=not_negative, moment=not_negative, friction=positive, gravity=positive)
 def after_skidding(
     speed: float, moment: float, friction: float, gravity: float = 9.81
 ) -> tuple[float, float]:
@@ -91,6 +129,7 @@ def after_skidding(
     return rolls, (speed - rolls) / (friction * gravity)
 
 
+@checked(velocity=numbers((3,)), line=units((3,)), moment=not_negative, restitution=between(0.0, 1.0))
 def after_struck(
     velocity: ArrayLike, line: ArrayLike, moment: float, restitution: float = 1.0
 ) -> tuple[Floats, Floats]:
@@ -118,10 +157,21 @@ def after_struck(
     """
     came = np.asarray(velocity, float)
     along = np.asarray(line, float)
+    if came @ along < 0:
+        raise ValueError(f"velocity is {shown(velocity)}; it must not lead away from the ball along the line")
     given = (1 + restitution) / 2 * float(came @ along) / (1 + moment) * along
     return came - given, given
 
 
+@checked(
+    velocity=numbers((3,)),
+    omega=numbers((3,)),
+    normal=units((3,)),
+    radius=positive,
+    moment=not_negative,
+    friction=not_negative,
+    restitution=between(0.0, 1.0),
+)
 def off_a_wall(
     velocity: ArrayLike,
     omega: ArrayLike,
@@ -148,6 +198,10 @@ def off_a_wall(
     """
     v, w, n = (np.asarray(of, float) for of in (velocity, omega, normal))
     towards = float(v @ n)
+    if towards > 0:
+        raise ValueError(
+            f"velocity is {shown(velocity)}; it must not lead away from the wall along the normal"
+        )
     slip = v - radius * np.cross(w, n) - towards * n
     speed = float(np.linalg.norm(slip))
     push = -(1 + restitution) * towards
@@ -155,6 +209,7 @@ def off_a_wall(
     return np.asarray(v + push * n - (rub / speed * slip if speed > 0 else 0.0))
 
 
+@checked(rate=number, moment=not_negative)
 def turntable_rate(rate: float, moment: float) -> float:
     """Return the rate at which a ball that rolls on a turning table moves around its circle, rad/s.
 
@@ -172,6 +227,7 @@ def turntable_rate(rate: float, moment: float) -> float:
     return rate * moment / (1 + moment)
 
 
+@checked(angle=between(TINY, math.pi / 2), radius=positive, across=positive, gravity=not_negative)
 def disk_rate(angle: float, radius: float, across: float, gravity: float = 9.81) -> float:
     """Return the rate at which a disk that rolls on its rim, centre at rest, rotates about z, rad/s.
 
@@ -194,6 +250,7 @@ def disk_rate(angle: float, radius: float, across: float, gravity: float = 9.81)
     return math.sqrt(gravity * radius / (across * math.sin(angle)))
 
 
+@checked(angular_momentum=numbers(*VECTORS), axis=units(*VECTORS), radius=positive, offset=not_negative)
 def jellett(angular_momentum: ArrayLike, axis: ArrayLike, radius: float, offset: float) -> Floats:
     """Return Jellett's constant of a tippe-top, L . (r z - a e), kg m^3/s, which friction does not change.
 
@@ -211,10 +268,21 @@ def jellett(angular_momentum: ArrayLike, axis: ArrayLike, radius: float, offset:
     radius, offset : float
         r of the sphere, and a, m.
     """
-    arm = radius * np.array([0.0, 0.0, 1.0]) - offset * np.asarray(axis, float)
-    return np.asarray((np.asarray(angular_momentum, float) * arm).sum(axis=-1))
+    spin = np.asarray(angular_momentum, float)
+    up = np.asarray(axis, float)
+    fit(angular_momentum=spin, axis=up)
+    arm = radius * np.array([0.0, 0.0, 1.0]) - offset * up
+    return np.asarray((spin * arm).sum(axis=-1))
 
 
+@checked(
+    start=between(0.0, math.pi / 2),
+    end=between(0.0, math.pi / 2),
+    semi_axes=positives((2,)),
+    jellett=positive,
+    weight=positive,
+    friction=positive,
+)
 def egg_rise(
     start: float, end: float, semi_axes: tuple[float, float], jellett: float, weight: float, friction: float
 ) -> float:
@@ -236,11 +304,23 @@ def egg_rise(
     weight, friction : float
         m g, N, and mu.
     """
-    a, b = semi_axes
+    if end > start:
+        raise ValueError(f"end is {end} rad; it must be at most the start, {start} rad")
+    a, b = (float(axis) for axis in semi_axes)
     turned = [math.atan2(b * math.sin(tilt), a * math.cos(tilt)) for tilt in (start, end)]
     return (turned[0] - turned[1]) * jellett / (a * b * friction * weight)
 
 
+@checked(
+    semi_axes=positives((3,)),
+    inertia=numbers((3, 3)),
+    offset=numbers((3,)),
+    frame=rotations((3, 3)),
+    omega=numbers((3,)),
+    times=numbers((None,)),
+    gravity=not_negative,
+    steps=count(1, MOST),
+)
 def rolling_ellipsoid(
     semi_axes: ArrayLike,
     inertia: ArrayLike,
@@ -280,7 +360,21 @@ def rolling_ellipsoid(
     Returns
     -------
     angular velocities (T, 3), rad/s, and frames (T, 3, 3)
+
+    Raises
+    ------
+    ValueError
+        If times are not equally spaced, the inertia is of no body, or the steps do not resolve the motion.
     """
+    moments = np.asarray(times, float)
+    gaps = np.diff(moments)
+    if not len(gaps) or gaps[0] <= 0 or abs(gaps - gaps[0]).max() > ROUNDING * gaps[0]:
+        raise ValueError(f"times is {shown(times)}; it must be two times or more that rise by equal steps")
+    if steps * len(gaps) > TOGETHER:
+        raise ValueError(
+            f"steps is {steps}; it must be at most {TOGETHER // len(gaps)} for {len(gaps)} times"
+        )
+    _check_tensor(np.asarray(inertia, float))
     matrix = np.diag(np.asarray(semi_axes, float) ** 2)
     tensor = np.asarray(inertia, float)
     arm = np.asarray(offset, float)
@@ -298,18 +392,28 @@ def rolling_ellipsoid(
         moment = np.cross(rho, gravity * up - np.cross(w, moves)) - np.cross(w, own @ w)
         return np.cross(w, turn.T).T, np.linalg.solve(whole, moment)
 
-    moments = np.asarray(times, float)
     h = float(moments[1] - moments[0]) / steps
     turn = np.array(frame, float)
     w = np.array(omega, float)
     found = [(w, turn)]
-    for _ in range(len(moments) - 1):
-        for _ in range(steps):
-            t1, w1 = slope(turn, w)
-            t2, w2 = slope(turn + h / 2 * t1, w + h / 2 * w1)
-            t3, w3 = slope(turn + h / 2 * t2, w + h / 2 * w2)
-            t4, w4 = slope(turn + h * t3, w + h * w3)
-            turn = turn + h / 6 * (t1 + 2 * t2 + 2 * t3 + t4)
-            w = w + h / 6 * (w1 + 2 * w2 + 2 * w3 + w4)
-        found.append((w, turn))
+    try:
+        with np.errstate(over="raise", invalid="raise"):
+            for _ in range(len(moments) - 1):
+                for _ in range(steps):
+                    t1, w1 = slope(turn, w)
+                    t2, w2 = slope(turn + h / 2 * t1, w + h / 2 * w1)
+                    t3, w3 = slope(turn + h / 2 * t2, w + h / 2 * w2)
+                    t4, w4 = slope(turn + h * t3, w + h * w3)
+                    turn = turn + h / 6 * (t1 + 2 * t2 + 2 * t3 + t4)
+                    w = w + h / 6 * (w1 + 2 * w2 + 2 * w3 + w4)
+                if abs(turn @ turn.T - np.eye(3)).max() > SHEAR:
+                    raise OverflowError
+                found.append((w, turn))
+    except (FloatingPointError, OverflowError):
+        raise ValueError(f"steps is {steps}; these are too few for so fast a motion") from None
     return np.array([w for w, _ in found]), np.array([turn for _, turn in found])
+
+
+def _check_tensor(inertia: Floats) -> None:
+    """Raise ValueError if an inertia tensor (3, 3) is of no body."""
+    principal_moments("inertia", np.linalg.eigvalsh(symmetric("inertia", inertia)))

@@ -16,9 +16,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from springgym.checks import TINY, array, number, shown
+from springgym.theory.checking import checked, filled, not_negative, numbers, positive, positives
 from springgym.theory.frames import Floats
 
+FIRMEST = 1e100
+"""Largest tension for which a catenary is sought [N]."""
 
+
+@checked(frequencies=numbers((None,), low=0.0), shapes=numbers((None, None)))
 class Modes(NamedTuple):
     """`frequencies`, shape (N,), rad/s, ascending; `shapes`, shape (N, N), one mode per column.
 
@@ -29,6 +35,7 @@ class Modes(NamedTuple):
     shapes: Floats
 
 
+@checked(points=numbers((None, 2)), tensions=numbers((None,), low=0.0))
 class Catenary(NamedTuple):
     """`points`, shape (N + 1, 2): x and z from the left support, m; `tensions`, shape (N,), N."""
 
@@ -36,6 +43,14 @@ class Catenary(NamedTuple):
     tensions: Floats
 
 
+def _stiffness(name: str, value: object) -> Floats:
+    """Return positive numbers, of which some may be infinite: springs that do not stretch."""
+    given = array(name, value, (), (None,), low=TINY, high=math.inf)
+    array(name, np.where(np.isinf(given), 1.0, given), (), (None,))
+    return given
+
+
+@checked(masses=filled(positives((None,))), gravity=not_negative)
 def tensions(masses: ArrayLike, gravity: float = 9.81) -> Floats:
     """Return the tension at rest, T_i = g (mass below spring i), N, shape (N,).
 
@@ -47,6 +62,12 @@ def tensions(masses: ArrayLike, gravity: float = 9.81) -> Floats:
     return gravity * np.cumsum(np.asarray(masses, float)[::-1])[::-1]
 
 
+@checked(
+    masses=filled(positives((None,))),
+    rest_length=numbers((), (None,), low=0.0),
+    stiffness=_stiffness,
+    gravity=not_negative,
+)
 def stretched_lengths(
     masses: ArrayLike, rest_length: ArrayLike, stiffness: ArrayLike, gravity: float = 9.81
 ) -> Floats:
@@ -59,10 +80,22 @@ def stretched_lengths(
     rest_length, stiffness : array_like, shape () or (N,)
         m and N/m.
     """
-    stretch = tensions(masses, gravity) / np.asarray(stiffness, float)
-    return np.asarray(np.asarray(rest_length, float) + stretch)
+    pull = tensions(masses, gravity)
+    stretch = pull / _of_each("stiffness", stiffness, len(pull))
+    return np.asarray(_of_each("rest_length", rest_length, len(pull)) + stretch)
 
 
+def _of_each(name: str, values: ArrayLike, count: int) -> Floats:
+    """Return numbers of each of some springs, (count,), from those or from one number."""
+    return np.broadcast_to(array(name, values, (), (count,), high=math.inf), (count,))
+
+
+@checked(
+    masses=filled(positives((None,))),
+    rest_length=numbers((), (None,), low=0.0),
+    stiffness=_stiffness,
+    gravity=not_negative,
+)
 def swing_modes(
     masses: ArrayLike, rest_length: ArrayLike, stiffness: ArrayLike, gravity: float = 9.81
 ) -> Modes:
@@ -76,6 +109,7 @@ def swing_modes(
     return _chain_modes(masses, pull / stretched_lengths(masses, rest_length, stiffness, gravity))
 
 
+@checked(masses=filled(positives((None,))), stiffness=positives((), (None,)))
 def bounce_modes(masses: ArrayLike, stiffness: ArrayLike) -> Modes:
     """Return vertical modes of the hanging rope, M z_ddot = -K z with K of the springs k_i.
 
@@ -90,7 +124,7 @@ def bounce_modes(masses: ArrayLike, stiffness: ArrayLike) -> Modes:
 
     Source: Goldstein chapter 6.
     """
-    return _chain_modes(masses, np.broadcast_to(np.asarray(stiffness, float), np.shape(masses)))
+    return _chain_modes(masses, _of_each("stiffness", stiffness, len(np.asarray(masses))))
 
 
 def _chain_modes(masses: ArrayLike, stiffness: Floats) -> Modes:
@@ -102,6 +136,14 @@ def _chain_modes(masses: ArrayLike, stiffness: Floats) -> Modes:
     return Modes(np.sqrt(squares), vectors / root[:, None])
 
 
+@checked(
+    span=positive,
+    rise=number,
+    masses=filled(numbers((None,), low=0.0)),
+    rest_length=numbers((), (None,), low=0.0),
+    stiffness=_stiffness,
+    gravity=positive,
+)
 def catenary(
     span: float,
     rise: float,
@@ -129,17 +171,15 @@ def catenary(
     Raises
     ------
     ValueError
-        If span or weight is not positive, an inextensible rope is too short, or a spring goes slack.
+        If the masses weigh nothing, an inextensible rope is too short, or a spring goes slack.
 
     Source: Routh chapter X.
     """
     load = gravity * np.append(0.0, np.cumsum(np.asarray(masses, float)))
-    rest = np.broadcast_to(np.asarray(rest_length, float), load.shape)
-    give = 1 / np.broadcast_to(np.asarray(stiffness, float), load.shape)
-    if not span > 0:
-        raise ValueError(f"span must be positive, got {span!r} m")
-    if not load[-1] > 0:
-        raise ValueError(f"the weight of the masses must be positive, got {load[-1]} N")
+    rest = _of_each("rest_length", rest_length, len(load))
+    give = 1 / _of_each("stiffness", stiffness, len(load))
+    if not load[-1] >= TINY:
+        raise ValueError(f"masses is {shown(masses)}; together they must weigh something")
     if not give.any() and rest.sum() <= math.hypot(span, rise):
         raise ValueError(f"an inextensible rope of {rest.sum()} m cannot reach {math.hypot(span, rise)} m")
 
@@ -154,6 +194,14 @@ def catenary(
         # to the rounding of `high`: a root near zero is added to numbers of this size
         return float(brentq(gap, low, high, xtol=1e-16 * high, rtol=1e-15, maxiter=1000))
 
+    def double(force: float) -> float:
+        if force > FIRMEST:
+            raise ValueError(
+                f"a rope of {rest.sum()} m between supports {math.hypot(span, rise)} m apart is so taut that "
+                f"its tension is more than {FIRMEST:g} N"
+            )
+        return 2 * force
+
     def lift(across: float) -> float:
         """Return V_0 that reaches the right height under a given H."""
 
@@ -162,7 +210,7 @@ def catenary(
 
         margin = across + load[-1]
         while gap(margin) < 0 or gap(-margin) > 0:
-            margin *= 2
+            margin = double(margin)
         return root(gap, -margin, margin)
 
     def gap(across: float) -> float:
@@ -174,12 +222,20 @@ def catenary(
         raise ValueError(f"spring {loose} goes slack: no catenary with all in tension")
     while gap(most) < 0:
         least = most
-        most = 2 * most
+        most = double(most)
     across = root(gap, least, most)
     edge, tension = edges(across, lift(across))
     return Catenary(np.vstack([np.zeros(2), np.cumsum(edge, axis=0)]), tension)
 
 
+@checked(
+    load=not_negative,
+    mass=not_negative,
+    young=positive,
+    section=positive,
+    length=positive,
+    gravity=not_negative,
+)
 def cable_stretch(
     load: float, mass: float, young: float, section: float, length: float, gravity: float = 9.81
 ) -> float:
@@ -197,6 +253,7 @@ def cable_stretch(
     return (load + mass / 2) * gravity * length / (young * section)
 
 
+@checked(load=not_negative, mass=positive, young=positive, section=positive, length=positive)
 def cable_bounce(load: float, mass: float, young: float, section: float, length: float) -> float:
     """Return the lowest frequency of a hanging cable with a load along itself, rad/s: x tan x = m / M.
 

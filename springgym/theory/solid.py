@@ -28,6 +28,20 @@ import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import ArrayLike, NDArray
 
+from springgym.checks import array, shown, whole_array
+from springgym.theory.checking import (
+    ROUNDING,
+    checked,
+    count,
+    inside,
+    instance_of,
+    numbers,
+    optional,
+    positive,
+    positives,
+    units,
+    whole_numbers,
+)
 from springgym.theory.frames import Floats
 
 DEGREE = 8
@@ -37,6 +51,13 @@ CHUNK = 20_000
 """Number of points whose polynomials are in memory at once."""
 
 
+MOST = 16
+"""Largest degree: 969 polynomials."""
+
+_degree = count(1, MOST)
+
+
+@checked(points=numbers((None, 3)), weights=numbers((None,)), degree=_degree)
 class Rule(NamedTuple):
     """Points, shape (Q, 3), m, and weights, shape (Q,), m^3, that integrate over a solid.
 
@@ -48,6 +69,14 @@ class Rule(NamedTuple):
     degree: int
 
 
+@checked(
+    mass=positive,
+    centre=numbers((3,)),
+    second=numbers((3, 3)),
+    frequencies=numbers((None,), low=0.0),
+    stretch=numbers((3,)),
+    moved=numbers((3, None, 3)),
+)
 class ElasticSolid(NamedTuple):
     """The mass, the moments, the vibrations and the growth under spin of an elastic solid.
 
@@ -73,6 +102,7 @@ class ElasticSolid(NamedTuple):
 # --- Elasticity -------------------------------------------------------------------------------------
 
 
+@checked(young=positive, poisson=inside(-1.0, 0.5))
 def isotropic(young: float, poisson: float) -> Floats:
     """Return the elasticity tensor C of stress = C strain, shape (3, 3, 3, 3), Pa.
 
@@ -94,6 +124,7 @@ PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 """Voigt's order of the components of stress and strain."""
 
 
+@checked(young=positives((3,)), poisson=numbers((3,)), shear=positives((3,)))
 def orthotropic(young: ArrayLike, poisson: ArrayLike, shear: ArrayLike) -> Floats:
     """Return the elasticity tensor of a material with three planes of symmetry, shape (3, 3, 3, 3), Pa.
 
@@ -133,6 +164,7 @@ def orthotropic(young: ArrayLike, poisson: ArrayLike, shear: ArrayLike) -> Float
 # --- Shapes -----------------------------------------------------------------------------------------
 
 
+@checked(sides=positives((3,)), degree=_degree)
 def box_rule(sides: ArrayLike, degree: int = DEGREE) -> Rule:
     """Return the rule of a box about the origin with these sides, shape (3,), m."""
     t, w = legendre.leggauss(degree + 1)
@@ -142,11 +174,13 @@ def box_rule(sides: ArrayLike, degree: int = DEGREE) -> Rule:
     return Rule(np.stack(grid, axis=-1).reshape(-1, 3), weights.ravel(), degree)
 
 
+@checked(radius=positive, height=positive, degree=_degree)
 def cone_rule(radius: float, height: float, degree: int = DEGREE) -> Rule:
     """Return the rule of a circular cone on its tip at the origin, opening along z, m."""
     return _revolved(lambda z: radius * z / height, height, degree)
 
 
+@checked(radius=positive, height=positive, degree=_degree)
 def cylinder_rule(radius: float, height: float, degree: int = DEGREE) -> Rule:
     """Return the rule of a cylinder about z between z = 0 and its height, m."""
     return _revolved(lambda z: np.full_like(z, radius), height, degree)
@@ -166,6 +200,7 @@ def _revolved(profile: Callable[[Floats], Floats], height: float, degree: int) -
     return Rule(points.reshape(-1, 3), weights.ravel(), degree)
 
 
+@checked(radius=positive, degree=_degree)
 def ball_rule(radius: float, degree: int = DEGREE) -> Rule:
     """Return the rule of a ball about the origin, m."""
     t, w = legendre.leggauss(degree + 2)
@@ -180,6 +215,7 @@ def ball_rule(radius: float, degree: int = DEGREE) -> Rule:
     return Rule(points.reshape(-1, 3), weights.ravel(), degree)
 
 
+@checked(points=numbers((None, 3)), triangles=whole_numbers((None, 3)), degree=_degree)
 def polyhedron_rule(points: ArrayLike, triangles: ArrayLike, degree: int = DEGREE) -> Rule:
     """Return a quadrature rule for the solid within a closed surface of triangles.
 
@@ -194,8 +230,11 @@ def polyhedron_rule(points: ArrayLike, triangles: ArrayLike, degree: int = DEGRE
         Corners, anticlockwise seen from outside.
     """
     corners = np.asarray(points, float)
+    faces = _closed(whole_array("triangles", triangles, (None, 3), high=len(corners) - 1))
     middle = corners.mean(axis=0)
-    edges = corners[np.asarray(triangles, int)] - middle
+    edges = corners[faces] - middle
+    if not np.linalg.det(edges).sum() > 0:
+        raise ValueError(f"triangles is {shown(triangles)}; seen from outside, they must be anticlockwise")
     t, w = legendre.leggauss(degree + 2)
     share = (t + 1) / 2
     weight = w / 2
@@ -207,9 +246,43 @@ def polyhedron_rule(points: ArrayLike, triangles: ArrayLike, degree: int = DEGRE
     return Rule(inside.reshape(-1, 3), weights.ravel(), degree)
 
 
+def _closed(faces: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return triangles (T, 3) of a closed surface: each edge occurs as often in one sense as in the other."""
+    there = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    back = there[:, ::-1]
+    if not len(faces) or (there[np.lexsort(there.T)] != back[np.lexsort(back.T)]).any():
+        raise ValueError(f"triangles is {shown(faces.tolist())}; they must form a closed surface")
+    return faces
+
+
 # --- Rayleigh and Ritz ------------------------------------------------------------------------------
 
 
+def _elasticity(name: str, value: object) -> Floats:
+    """Return an elasticity tensor (3, 3, 3, 3) whose strain energy is positive."""
+    given = array(name, value, (3, 3, 3, 3))
+    for order in ((1, 0, 2, 3), (2, 3, 0, 1)):
+        if abs(given - given.transpose(order)).max() > ROUNDING * abs(given).max():
+            raise ValueError(f"{name} is {shown(value)}; C_ijkl, C_jikl and C_klij must be equal")
+    weight = np.array([1.0, 1.0, 1.0, math.sqrt(2), math.sqrt(2), math.sqrt(2)])
+    matrix = np.array([[given[i, j, k, l] for k, l in PAIRS] for i, j in PAIRS])  # noqa: E741
+    if not np.linalg.eigvalsh(matrix * np.outer(weight, weight))[0] > 0:
+        raise ValueError(f"{name} is {shown(value)}; the strain energy must be positive")
+    return given
+
+
+def _axes(name: str, value: object) -> Floats:
+    """Return axes (3, 3), whose columns are unit vectors."""
+    return np.asarray(units((3, 3))(name, array(name, value, (3, 3)).T).T)
+
+
+@checked(
+    rule=instance_of(Rule),
+    density=positive,
+    elasticity=_elasticity,
+    axes=optional(_axes),
+    marks=numbers((None, 3), (3,), (0,)),
+)
 def elastic_solid(
     rule: Rule, density: float, elasticity: ArrayLike, axes: ArrayLike | None = None, marks: ArrayLike = ()
 ) -> ElasticSolid:
@@ -228,9 +301,14 @@ def elastic_solid(
         `isotropic` or `orthotropic`, Pa.
     axes : array_like, shape (3, 3), optional
         The axes of spin, columns; those of the coordinates if not given.
-    marks : array_like, shape (P, 3), optional
+    marks : array_like, shape (P, 3) or (3,), optional
         Points of the solid, m.
     """
+    if len(rule.points) != len(rule.weights) or not rule.weights.sum() > 0:
+        raise ValueError(
+            f"rule has {len(rule.points)} points and {len(rule.weights)} weights of the sum "
+            f"{rule.weights.sum():g}; it must have as many of both, of a positive sum"
+        )
     mass = density * float(rule.weights.sum())
     centre = density * rule.weights @ rule.points / mass
     arm = rule.points - centre

@@ -23,10 +23,25 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from springgym.checks import TINY, number
 from springgym.theory._elliptic import complete_k, incomplete_f, jacobi, third_kind
+from springgym.theory.checking import (
+    ANY,
+    FRAMES,
+    ROUNDING,
+    VECTORS,
+    between,
+    checked,
+    instance_of,
+    not_zero,
+    numbers,
+    positive,
+    rotations,
+)
 from springgym.theory.frames import Floats, euler_zxz
 
 
+@checked(i1=positive, i3=positive, mgl=positive)
 @dataclass(frozen=True)
 class HeavyTop:
     """A rigid symmetric top about its fixed point.
@@ -41,7 +56,7 @@ class HeavyTop:
     Raises
     ------
     ValueError
-        If a value is not a positive finite number.
+        If I3 is more than 2 I1, as of no body.
     """
 
     i1: float
@@ -49,12 +64,11 @@ class HeavyTop:
     mgl: float
 
     def __post_init__(self) -> None:
-        for name in ("i1", "i3", "mgl"):
-            value = getattr(self, name)
-            if not 0 < value < math.inf:
-                raise ValueError(f"HeavyTop.{name} must be positive and finite, got {value!r}")
+        if self.i3 > 2 * self.i1 * (1 + ROUNDING):
+            raise ValueError(f"i3 is {self.i3}; it must be at most twice i1, {self.i1}, as of any body")
 
 
+@checked(theta=between(0.0, math.pi), omega3=number, theta_dot=number, phi_dot=number, phi=number, psi=number)
 @dataclass(frozen=True)
 class TopState:
     """Initial motion of a top; the defaults are a spinning top released at rest (cusps).
@@ -69,11 +83,6 @@ class TopState:
         Rates of tilt and azimuth, rad/s.
     phi, psi : float
         Azimuth and spin angle, rad.
-
-    Raises
-    ------
-    ValueError
-        If theta lies outside [0, pi] or a value is not finite.
     """
 
     theta: float
@@ -83,15 +92,8 @@ class TopState:
     phi: float = 0.0
     psi: float = 0.0
 
-    def __post_init__(self) -> None:
-        if not 0 <= self.theta <= math.pi:
-            raise ValueError(f"TopState.theta must lie in [0, pi], got {self.theta!r}")
-        for name in ("omega3", "theta_dot", "phi_dot", "phi", "psi"):
-            value = getattr(self, name)
-            if not math.isfinite(value):
-                raise ValueError(f"TopState.{name} must be finite, got {value!r}")
 
-
+@checked(a=number, b=number, alpha=number, beta=positive)
 class Constants(NamedTuple):
     """Constants of f(u): a, b in 1/s, alpha, beta in 1/s^2."""
 
@@ -101,6 +103,15 @@ class Constants(NamedTuple):
     beta: float
 
 
+@checked(
+    theta=numbers(*ANY),
+    phi=numbers(*ANY),
+    psi=numbers(*ANY),
+    theta_dot=numbers(*ANY),
+    phi_dot=numbers(*ANY),
+    attitude=rotations(*FRAMES),
+    omega_world=numbers(*VECTORS),
+)
 class TopMotion(NamedTuple):
     """Motion at the requested times, of their shape S.
 
@@ -118,6 +129,7 @@ class TopMotion(NamedTuple):
     omega_world: Floats
 
 
+@checked(mass=positive, radius=positive, height=positive, gravity=positive)
 def cone_top_inertia(mass: float, radius: float, height: float, gravity: float = 9.81) -> HeavyTop:
     """Return the paper's top about its tip: I3 = M r^2/2, I1 = M (3 h^2/4 + r^2/4), Mgl = 3/4 Mgh.
 
@@ -135,6 +147,7 @@ def cone_top_inertia(mass: float, radius: float, height: float, gravity: float =
     )
 
 
+@checked(top=instance_of(HeavyTop), state=instance_of(TopState))
 def constants(top: HeavyTop, state: TopState) -> Constants:
     """Return constants a, b, alpha, beta of f(u) (Goldstein section 5.7)."""
     u = math.cos(state.theta)
@@ -149,12 +162,14 @@ def constants(top: HeavyTop, state: TopState) -> Constants:
     )
 
 
+@checked(u=numbers(*ANY), of=instance_of(Constants))
 def cubic(u: ArrayLike, of: Constants) -> Floats:
     """Return f(u) = (1 - u^2)(alpha - beta u) - (b - a u)^2 = u_dot^2, 1/s^2 (Goldstein section 5.7)."""
     u = np.asarray(u, float)
     return (1 - u**2) * (of.alpha - of.beta * u) - (of.b - of.a * u) ** 2
 
 
+@checked(theta=numbers(*ANY, low=TINY, high=math.pi), top=instance_of(HeavyTop), state=instance_of(TopState))
 def effective_potential(theta: ArrayLike, top: HeavyTop, state: TopState) -> Floats:
     """Return V(theta) = I1 (b - a cos theta)^2 / (2 sin^2 theta) + Mgl cos theta, J.
 
@@ -229,6 +244,7 @@ def _roots(top: HeavyTop, state: TopState) -> _Roots:
     return _Roots((below[0], below[1]), (lowest, above), third, fall, rise, poles)
 
 
+@checked(top=instance_of(HeavyTop), state=instance_of(TopState))
 def turning_points(top: HeavyTop, state: TopState) -> tuple[float, float, float]:
     """Return roots u1 <= u2 <= u3 of f(u): the axis swings between arccos(u1) and arccos(u2).
 
@@ -244,6 +260,7 @@ def turning_points(top: HeavyTop, state: TopState) -> tuple[float, float, float]
     return roots.above[0] - 1, 1 - roots.below[1], 1 + roots.third
 
 
+@checked(top=instance_of(HeavyTop), theta=between(0.0, math.pi), omega3=number)
 def steady_precession(top: HeavyTop, theta: float, omega3: float) -> tuple[float, float]:
     """Return both rates of steady precession: I1 cos(theta) W^2 - I3 omega3 W + Mgl = 0.
 
@@ -280,6 +297,7 @@ def steady_precession(top: HeavyTop, theta: float, omega3: float) -> tuple[float
     return 2 * top.mgl / sum_, fast
 
 
+@checked(top=instance_of(HeavyTop), theta=between(0.0, math.pi), precession=not_zero)
 def nutation_frequency(top: HeavyTop, theta: float, precession: float) -> float:
     """Return the angular frequency of small nutation about a steady precession W, rad/s.
 
@@ -298,6 +316,7 @@ def nutation_frequency(top: HeavyTop, theta: float, precession: float) -> float:
     return math.sqrt(push**2 - 2 * push * turn * math.cos(theta) + turn**2)
 
 
+@checked(top=instance_of(HeavyTop), state=instance_of(TopState))
 def nutation_period(top: HeavyTop, state: TopState) -> float:
     """Return the period of the tilt, T = 4 K(k) / sqrt(beta (u3 - u1)), k^2 = (u2 - u1)/(u3 - u1), s.
 
@@ -313,6 +332,7 @@ def nutation_period(top: HeavyTop, state: TopState) -> float:
     return 4 * complete_k(roots.m1) / math.sqrt(constants(top, state).beta * span)
 
 
+@checked(top=instance_of(HeavyTop))
 def sleeping_threshold(top: HeavyTop) -> float:
     """Return the spin above which the upright top is stable, omega3 = 2 sqrt(Mgl I1) / I3, rad/s.
 
@@ -322,6 +342,7 @@ def sleeping_threshold(top: HeavyTop) -> float:
     return 2 * math.sqrt(top.mgl * top.i1) / top.i3
 
 
+@checked(top=instance_of(HeavyTop), state=instance_of(TopState), t=numbers(*ANY))
 def motion(top: HeavyTop, state: TopState, t: ArrayLike) -> TopMotion:
     """Return the exact motion from `state` at time 0, in Jacobi functions and integrals of the third kind.
 

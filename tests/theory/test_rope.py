@@ -147,10 +147,22 @@ def test_fine_inextensible_catenary_is_a_cosh():
 
 
 def test_catenary_refuses_what_cannot_hang():
-    with pytest.raises(ValueError, match="span must be positive, got 0"):
+    with pytest.raises(ValueError, match=r"span is 0\.0; it must be a positive number"):
         rope.catenary(0.0, 1.0, [1.0], 1.0, 1e5)
     with pytest.raises(ValueError, match=r"inextensible rope of 2\.0 m cannot reach 2\.5 m"):
         rope.catenary(1.5, 2.0, [1.0], 1.0, math.inf)
     # the bead hangs below the right support, 1.8 m from the left one, on springs of 2.5 m
     with pytest.raises(ValueError, match="spring 0 goes slack"):
         rope.catenary(1.0, 1.0, [1.0], 2.5, 1e3)
+
+
+def test_the_search_for_a_rope_as_long_as_its_way_ends():
+    """By rounding it is longer than its way by 2e-16, and its tensions would rise beyond all numbers."""
+    with pytest.raises(ValueError, match=r"so taut that its tension is more than 1e\+100 N"):
+        rope.catenary(
+            0.4728980303731746,
+            0.0,
+            [3.4263835324600183] * 3,
+            [0.1182245075932937, *[0.11822450759329366] * 3],
+            math.inf,
+        )
