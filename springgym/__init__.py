@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from springgym.core.lazy import submodule
+from springgym.lazy import submodule
 from springgym.envs.registration import register
 from springgym.version import __version__ as __version__
 

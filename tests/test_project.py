@@ -72,7 +72,7 @@ def test_addresses_stand_where_the_release_writes_them_and_nowhere_else() -> Non
 def to_release(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A tree that can be released as v1.2.3, but for what a test does to it."""
     pages = ("CHANGELOG.md", "CITATION.cff", "README.md", "docs/citing.md", "docs/start.md", COLAB)
-    for path in ("pyproject.toml", "springgym/__init__.py", *pages):
+    for path in ("pyproject.toml", "springgym/version.py", *pages):
         (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / path).write_text(text(path), encoding="utf-8")
     (tmp_path / "springgym" / "version.py").write_text('__version__ = "1.2.3"\n')
@@ -129,7 +129,7 @@ def test_pages_say_that_springgym_is_on_pypi_once_it_is(page: str, to_release: P
     ("path", "old", "new", "says"),
     [
         ("pyproject.toml", "[project.urls]", "[tool.urls]", "pyproject.toml has no addresses"),
-        ("springgym/__init__.py", "1.2.3", "1.2.4", "v1.2.3, but springgym/__init__.py has version 1.2.4"),
+        ("springgym/version.py", "1.2.3", "1.2.4", "v1.2.3, but springgym/version.py has version 1.2.4"),
         ("CHANGELOG.md", "2031-02-03", "not released yet", "has no heading '## 1.2.3 (YYYY-MM-DD)'"),
         ("CHANGELOG.md", "## 1.2.3", "## Unreleased", "has no heading '## 1.2.3 (YYYY-MM-DD)'"),
         ("CHANGELOG.md", "### Added\n- A [top](docs/top.md).\n", "", "CHANGELOG.md has no entries for 1.2.3"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Unpack
 
-from springgym.core.lazy import submodule
+from springgym.lazy import submodule
 from springgym.envs.registration import PARALLEL
 
 if TYPE_CHECKING:

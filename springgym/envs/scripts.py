@@ -11,7 +11,7 @@ from pathlib import Path
 
 from springgym.core.extras import SOURCE
 
-COPY = Path(__file__).resolve().parent / "agents"
+COPY = Path(__file__).resolve().parents[1] / "agents"
 AGENTS = COPY if COPY.is_dir() else SOURCE / "agents"
 """Folder of the scripts and the published agents: a copy in an installed package, or that of a clone."""
 

@@ -17,17 +17,15 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from springgym.model.bodies import Body
+from springgym.model.scene import Scene
 from springgym.model.surfaces import Contact, scales
 from springgym.model.surfaces.contact import REACH, slowest_vibration, strength_of_impact
-
-if TYPE_CHECKING:
-    from springgym.model.scene import Scene
 
 WRONG = 0.04
 """Largest error of the energy that an impact loses, as a share of it: e is right to 0.03 at 0.5 and above, to
@@ -177,6 +175,16 @@ def max_impact_speeds(of: PossibleContacts, step: float) -> np.ndarray:
         low = np.where(strained & ~over, middle, low)
         high = np.where(strained & over, middle, high)
     return np.where(of.lossy, high, elastic)
+
+
+def max_impact_speed(scene: Scene) -> float:
+    """Return the highest impact speed [m/s] at which bodies of springs keep their restitution, in fine steps.
+
+    Faster impacts leave energy in vibrations, or get it back from them, so that the energy they lose is wrong
+    by more than `WRONG`. The softest body decides. It is infinite if contact strains no body. Steps limit the
+    speed, too, see `springgym.simulator.Simulator.max_impact_speed`.
+    """
+    return float(max_impact_speeds(possible_contacts(scene, True), 0.0).min(initial=math.inf))
 
 
 def remedy(of: PossibleContacts, pair: int, speed: float) -> tuple[float, float | None]:

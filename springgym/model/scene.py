@@ -32,7 +32,6 @@ from springgym.model.collisions.meeting import ALL, BodyRef
 from springgym.model.identity import digest
 from springgym.model.own_forces import checked_forces
 from springgym.model.records import ReadOnly, read_only
-from springgym.model.resolution import max_impact_speeds, possible_contacts
 from springgym.model.surfaces import Contact, PaperContact, Surface, check_heights, check_surfaces, scales
 from springgym.model.surfaces.contact import NEAREST, RESISTANCES, without_resistance
 
@@ -539,15 +538,6 @@ class Scene(ReadOnly):
         met = as_met(self.shapes, bodies, self.starts, positions)
         check_apart(self.shapes, names, self.starts, self.meetings, met, copies)
 
-    @cached_property
-    def max_impact_speed(self) -> float:
-        """Highest impact speed [m/s] at which bodies of springs keep their restitution, in fine steps.
-
-        Faster impacts leave energy in vibrations, or get it back from them, so that the energy they lose is
-        wrong by more than `springgym.model.resolution.WRONG`. The softest body decides. It is infinite if
-        contact strains no body. Steps limit the speed, too, see `Simulator.max_impact_speed`."""
-        return float(max_impact_speeds(possible_contacts(self, True), 0.0).min(initial=math.inf))
-
     def _of(self, placed: Placed) -> str:
         """Return the text after a particle's number in error messages: empty if there is only one body."""
         return "" if len(self.bodies) == 1 else f" of {placed.name!r}"
@@ -740,9 +730,6 @@ class Scene(ReadOnly):
             "surfaces": ", ".join(map(repr, self.surfaces)),
             "contact": repr(self.contact) if self.surfaces else "",
             "collisions": self._pairs(),
-            "rebounds": "",
         }
-        if self.max_impact_speed < math.inf:
-            parts["rebounds"] = f"as asked up to {self.max_impact_speed:.3g} m/s"
         rest = "".join(f"; {name} {value}" for name, value in parts.items() if value)
         return f"Scene({self._kinds()}{rest})"

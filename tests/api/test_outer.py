@@ -187,7 +187,7 @@ PICTURES = [
     Call(
         Renderer(LOOK, CAMERA, size=(32, 32)).follow,
         {"positions": POINTS},
-        {"positions": f"{LOST}; one row more"},
+        {"positions": f"{LOST}; one row more; one row fewer"},
     ),
 ]
 

@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from springgym.core import compiled, load
-from springgym.core.language import vec
+from springgym.core import compiled, load, vec
 from springgym.core.language.vectors import dot
 from springgym.model.scene import Scene
 from springgym.model.surfaces import (

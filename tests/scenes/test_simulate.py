@@ -195,7 +195,7 @@ def test_checks_that_do_not_fit_are_told_before_the_run(capsys, tmp_path, monkey
 
 def test_an_output_that_is_read_no_further_is_no_error():
     """As by ``springgym simulate --list | head -1``."""
-    command = [sys.executable, "-m", "springgym.cli", "simulate", "--list"]
+    command = [sys.executable, "-m", "springgym", "simulate", "--list"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         process.stdout.close()
         assert process.stderr.read() == b""
@@ -205,7 +205,7 @@ def test_an_output_that_is_read_no_further_is_no_error():
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no full device")
 def test_an_output_that_cannot_be_written_is_one_line():
     with open("/dev/full", "w") as full:
-        command = [sys.executable, "-m", "springgym.cli", "simulate", "--list"]
+        command = [sys.executable, "-m", "springgym", "simulate", "--list"]
         run = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
     assert run.returncode == 2
     assert run.stderr == "springgym: error: [Errno 28] No space left on device\n"
@@ -418,7 +418,7 @@ def test_table_shows_relative_and_absolute_differences():
     assert lines[3].split() == ["b", "1", "not", "seen", "100", "%", "FAILED"]
     assert all(line.split()[-3:] == ["1.5", "%", "ok"] for line in lines[4:])
     on_the_site = page_writer("media").rows(checks)
-    assert [row[6] for row in on_the_site[1:]] == ["2 %", "1e-05 m", "100 %", *["1.5 %"] * 3]
+    assert [row[6] for row in on_the_site[1:]] == ["2 %", "1e-05", "100 %", *["1.5 %"] * 3]
 
 
 # --- Plots and films --------------------------------------------------------------------------------
