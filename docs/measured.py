@@ -347,6 +347,7 @@ F32 = "native, float32"
 NUMBERS: dict[str, Number] = {
     "measured": lambda report: conditions_of(report["kernel"]),
     "commit": lambda report: report["kernel"]["measured"]["commit"],
+    "measured environments": lambda report: conditions_of(report["environments"]),
     "measured errors": lambda report: conditions_of(report["errors"]),
     "measured curves": lambda report: conditions_of(report["curves"]),
     "rounds": lambda report: str(report["kernel"]["rounds"]),
