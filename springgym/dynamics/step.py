@@ -68,11 +68,19 @@ class Bodies(NamedTuple):
     """the bodies as rigid ones, see `springgym.dynamics.rigid.solid.Twin`; None for bodies of springs"""
 
 
-class Kind(NamedTuple):
-    """What a step must know of a kind of bodies: compiled functions.
+class Alone(NamedTuple):
+    """What a step must know of bodies whose contacts do not depend on each other: compiled functions."""
 
-    The last four are None where contacts are not solved together.
-    """
+    expect_contact: Callable[..., None]
+    """(body, bodies): prepare the workspace of a body for a call of several steps"""
+    arrive: Callable[..., None]
+    """(body, bodies, span): move a body to the node, and find its motion after it without contact"""
+    leave: Callable[..., None]
+    """(body, bodies, span): apply contact, move to the end of the step, record losses"""
+
+
+class Kind(NamedTuple):
+    """What a step must know of a kind of bodies whose contacts are solved together: compiled functions."""
 
     expect_contact: Callable[..., None]
     """(body, bodies): prepare the workspace of a body for a call of several steps"""
@@ -80,14 +88,14 @@ class Kind(NamedTuple):
     """(body, bodies, span): move a body to the node, and find its motion after it without contact"""
     leave: Callable[..., None]
     """(body, bodies, span): apply what contact changed, move to the end of the step, record losses"""
-    at_node: Callable[..., tuple[Rows, Rows]] | None = None
+    at_node: Callable[..., tuple[Rows, Rows]]
     """(bodies, placed): return positions and velocities of all particles where the search looks for contacts:
     at the node, or where copies were ``placed``"""
-    find_at_surfaces: Callable[..., None] | None = None
+    find_at_surfaces: Callable[..., None]
     """(body, bodies, span): add the contacts of a body with surfaces"""
-    join: Callable[..., None] | None = None
+    join: Callable[..., None]
     """(bodies, span, problem, between): bring the bodies that have contacts into the form of contacts"""
-    find_impulses: Callable[..., None] | None = None
+    find_impulses: Callable[..., None]
     """(bodies, span, problem, between): find all impulses"""
 
 
@@ -150,7 +158,7 @@ def act_by_contact(kind: Kind, bodies: Bodies, span: Times, placed: bool) -> Non
 
 
 @compiled
-def advance_alone(kind: Kind, bodies: Bodies, h: Number, steps: int) -> None:
+def advance_alone(kind: Alone, bodies: Bodies, h: Number, steps: int) -> None:
     """Advance one body whose contacts do not depend on each other by ``steps`` steps of h [s]."""
     span = span_of(h, bodies.x)
     kind.expect_contact(0, bodies)

@@ -308,3 +308,10 @@ def test_tops_stand_on_their_tips_as_the_equations_say() -> None:
         turning = np.cross(spin * turn[:, 2], arms)
         assert np.abs(velocities[k] - turning).max() < 32 * np.finfo(float).eps * abs(spin) * size
     assert not positions[:, tip].any()
+
+
+@pytest.mark.parametrize(("env_id", "scale"), [("SpringStack-v0", 0.3), ("SpringDuel-v0", 2.0)])
+def test_sizes_that_do_not_fit_are_refused(env_id: str, scale: float) -> None:
+    env = make(env_id, randomize={"scale": (scale, scale)})
+    with pytest.raises(ValueError, match=f"randomize allows .* of scale {scale:g}; it must be"):
+        env.reset(seed=0)

@@ -43,7 +43,7 @@ from springgym.dynamics.forces.cycle import count_step, damps_somewhere, relax_i
 from springgym.dynamics.forces.ledger import CONTACT, DAMPING, FRICTION, WORK, record
 from springgym.dynamics.forces.springs import damp
 from springgym.dynamics.records import MANY, ROWS, ContactRows, Problem, RowSpace, Surfaces, Times, Turning
-from springgym.dynamics.step import Bodies, Kind
+from springgym.dynamics.step import Alone, Bodies, Kind
 from springgym.dynamics.terms import Cycle, Dampers, LastNode, Terms
 
 SWEEPS = 2
@@ -448,5 +448,5 @@ def record_losses(body: int, ledger: Ledger, contacts: ContactRows) -> None:
 SPRINGS = Kind(expect_contact, arrive_together, leave, at_node, find_at_surfaces, join, find_impulses)
 """Bodies of springs that collide or roll."""
 
-PARTICLES = Kind(expect_contact, arrive, leave_surfaces)
+PARTICLES = Alone(expect_contact, arrive, leave_surfaces)
 """Bodies of springs whose particles touch surfaces one by one."""
