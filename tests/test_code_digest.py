@@ -20,7 +20,7 @@ from numba.extending import intrinsic
 
 from springgym.core.compiler import code_digest
 from springgym.core.compiler.code_digest import NotHashable, digest
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 
 BASE = {
     "constants": "K = 1.0\n",
@@ -28,7 +28,7 @@ BASE = {
     "main": (
         "import numpy as np\n"
         "import constants\n"
-        "from springgym.core.compiler.compiling import compiled\n"
+        "from springgym.core.compiler.decorators import compiled\n"
         "from deep import deep\n"
         "from typing import NamedTuple\n"
         "class Pair(NamedTuple):\n"
@@ -85,7 +85,7 @@ EDITS = {
         ("main", "+ 0.5", "+ 0.25"),
         ("main", "+ 0.5", "- 0.5"),
         ("main", "k * a\n", "k * a + 0 * k\n"),
-        ("main", "    @compiled", "    from springgym.core.compiler.compiling import kernel\n    @kernel"),
+        ("main", "    @compiled", "    from springgym.core.compiler.decorators import kernel\n    @kernel"),
     ],
     False: [
         ("main", "UNUSED = 1", "UNUSED = 2\nMORE = object()"),

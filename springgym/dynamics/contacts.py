@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from springgym.core.compiler.compiling import kernel
+from springgym.core.compiler.decorators import kernel
 from springgym.core.language.blocks import numbers
 from springgym.core.language.kinds import Ragged
 from springgym.dynamics.records import COARSE, ENTRIES, FAR, GAP, IMPULSE, MISSES, ROWS, TOUCHING, Collisions

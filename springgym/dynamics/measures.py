@@ -8,9 +8,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
+from springgym.core.language.bodies import bodies_of, of_body
 from springgym.core.language.kinds import Ledger, Nested, Number, Numbers, Rows, Vector
-from springgym.core.language.lanes import bodies_of, lane_of, load, maximum, of_body, sqrt, store
+from springgym.core.language.lanes import lane_of, maximum, sqrt
+from springgym.core.language.memory import load, store
 from springgym.core.language.vectors import (
     ROUND_OFF,
     angular_momentum,

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, DTypeLike
 from springgym.checks import HUGE, TINY
 from springgym.core.language.blocks import aligned_zeros, get_copies, numbers, set_copies
 from springgym.core.language.kinds import Ragged
-from springgym.core.language.lanes import block_dtype
+from springgym.core.language.memory import block_dtype
 from springgym.core.language.ragged import share, stacked
 from springgym.dynamics import rigid
 from springgym.dynamics.contact.cone import resistance_of

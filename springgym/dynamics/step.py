@@ -27,9 +27,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
+from springgym.core.language.bodies import all_rows, bodies_of, first_row, of_body
 from springgym.core.language.kinds import Ledger, Nested, Number, Rows
-from springgym.core.language.lanes import all_rows, bodies_of, first_row, load, of_body, store
+from springgym.core.language.memory import load, store
 from springgym.core.language.vectors import mass_centre, row, set_row
 from springgym.dynamics.contact.ground import shift_arms
 from springgym.dynamics.contact.rows import describe
@@ -53,7 +54,7 @@ from springgym.dynamics.terms import Terms
 
 
 class Bodies(NamedTuple):
-    """The bodies of a block, or one of them: `springgym.core.language.lanes.of_body` selects it in all
+    """The bodies of a block, or one of them: `springgym.core.language.bodies.of_body` selects it in all
     fields."""
 
     x: Rows

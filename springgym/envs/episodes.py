@@ -16,7 +16,7 @@ from numpy.random import Generator
 
 from springgym import checks
 from springgym.checks import HUGE, TINY, chosen, instance, suggestion, sum_of_squares
-from springgym.core.compiler.compiling import SameTypes, kernel
+from springgym.core.compiler.decorators import SameTypes, kernel
 from springgym.dynamics import measures, stability
 from springgym.dynamics.measures import Measures
 from springgym.dynamics.stability import steps_in

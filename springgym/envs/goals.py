@@ -14,7 +14,7 @@ import numpy as np
 from gymnasium import spaces
 
 from springgym.checks import TINY, array, instance, number, shown, whole
-from springgym.core.compiler.compiling import kernel
+from springgym.core.compiler.decorators import kernel
 
 BOUND = 100.0
 """Bound to which goals are clipped, in SI units. An achieved goal at or beyond it reaches no goal."""

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.random import Generator
 
 from springgym.checks import HUGE, TINY, array, instance, number, whole
-from springgym.core.compiler.compiling import compiled, kernel
+from springgym.core.compiler.decorators import compiled, kernel
 from springgym.core.language.lanes import multiply_add
 from springgym.model.bodies import Body
 from springgym.model.bodies.equilibrium import StretchedShapes

@@ -33,9 +33,10 @@ from numba import NumbaError, types
 from numba.extending import overload
 
 from springgym.checks import MANY, array, number, shown, whole, whole_array
-from springgym.core.compiler.compiling import OPTIONS, is_inner
+from springgym.core.compiler.decorators import OPTIONS, is_inner
 from springgym.core.language.kinds import Number, Rows
-from springgym.core.language.lanes import Lanes, load
+from springgym.core.language.lanes import Lanes
+from springgym.core.language.memory import load
 from springgym.core.language.vec import Vec
 from springgym.model.records import read_only
 

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, DTypeLike
 
 from springgym import checks
 from springgym.checks import FLOAT, HUGE, INDEX, MANY, TINY, refusing_unknown
-from springgym.core.compiler.compiling import SameTypes
+from springgym.core.compiler.decorators import SameTypes
 from springgym.core.guard import Guard, guarded
 from springgym.core.language.blocks import (
     WIDTH,

@@ -5,10 +5,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Block, Mask, Number, Numbers, Rows, Tensor, Vector
 from springgym.core.language.lanes import epsilon as epsilon
-from springgym.core.language.lanes import load, load_each, multiply_add, select, sqrt, store, store_each
+from springgym.core.language.lanes import multiply_add, select, sqrt
+from springgym.core.language.memory import load, load_each, store, store_each
 from springgym.core.language.vec import vec as vec
 
 TINY = 1e-30  # added to a squared length: keeps 1/length finite at zero, and changes no other length

@@ -13,9 +13,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Number, Vector
-from springgym.core.language.lanes import load, minimum, sqrt
+from springgym.core.language.lanes import minimum, sqrt
+from springgym.core.language.memory import load
 from springgym.core.language.vectors import TINY, dot
 from springgym.dynamics.records import Resistance
 

@@ -20,21 +20,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Mask, Number, Numbers, Rows, Vector
-from springgym.core.language.lanes import (
-    any_lane,
-    epsilon,
-    filled,
-    load,
-    load_each,
-    maximum,
-    minimum,
-    select,
-    sqrt,
-    store,
-    store_each,
-)
+from springgym.core.language.lanes import any_lane, epsilon, filled, maximum, minimum, select, sqrt
+from springgym.core.language.memory import load, load_each, store, store_each
 from springgym.core.language.vectors import (
     TINY,
     choose,

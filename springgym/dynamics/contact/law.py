@@ -25,7 +25,7 @@ energy of the step changes by −J V (1 − L), with J = τ F̄ and the mean rat
 
 from __future__ import annotations
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Mask, Number
 from springgym.core.language.lanes import any_lane, epsilon, maximum, minimum, select, sqrt
 from springgym.dynamics.records import Times

@@ -19,10 +19,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import DTypeLike
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.blocks import aligned_zeros
 from springgym.core.language.kinds import Number, Numbers, Rows, Vector
-from springgym.core.language.lanes import load, select, store
+from springgym.core.language.lanes import select
+from springgym.core.language.memory import load, store
 from springgym.core.language.vectors import (
     angular_momentum,
     cross,

@@ -12,9 +12,10 @@ iterations."""
 
 from __future__ import annotations
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Mask, Number, Numbers, Vector
-from springgym.core.language.lanes import any_lane, epsilon, load, maximum, minimum, select, sqrt
+from springgym.core.language.lanes import any_lane, epsilon, maximum, minimum, select, sqrt
+from springgym.core.language.memory import load
 from springgym.core.language.vectors import choose, dot, plus_scaled, row, set_row, unit
 from springgym.dynamics.contact.cone import within_cone
 from springgym.dynamics.contact.law import solve_gap

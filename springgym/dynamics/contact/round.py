@@ -19,9 +19,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Number, Rows, Vector
-from springgym.core.language.lanes import load, sqrt
+from springgym.core.language.lanes import sqrt
+from springgym.core.language.memory import load
 from springgym.core.language.vectors import TINY, apply, block, dot, plus_scaled, row
 from springgym.dynamics.contact.law import barrier_energy
 from springgym.dynamics.contact.surfaces import count, normal_at

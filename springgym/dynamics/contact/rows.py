@@ -11,10 +11,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import DTypeLike
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.blocks import aligned_zeros
 from springgym.core.language.kinds import Vector
-from springgym.core.language.lanes import load, maximum, select, store
+from springgym.core.language.lanes import maximum, select
+from springgym.core.language.memory import load, store
 from springgym.core.language.vectors import choose, dot, plus_scaled, row, row_each, set_row
 from springgym.dynamics.contact.friction import crosses
 from springgym.dynamics.contact.movers import turns_as_one

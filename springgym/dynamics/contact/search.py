@@ -26,19 +26,10 @@ from typing import TypeAlias
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Number, Numbers, Rows, Vector
-from springgym.core.language.lanes import (
-    any_lane,
-    filled,
-    load,
-    load_each,
-    maximum,
-    minimum,
-    select,
-    sqrt,
-    store,
-)
+from springgym.core.language.lanes import any_lane, filled, maximum, minimum, select, sqrt
+from springgym.core.language.memory import load, load_each, store
 from springgym.core.language.vectors import TINY, choose, cross, dot, row, row_each, set_row, unit, vec
 from springgym.dynamics.contact.features import (
     ball_ball,

@@ -24,9 +24,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Mask, Number, Numbers, Rows, Vector
-from springgym.core.language.lanes import any_lane, load, load_each, maximum, minimum, select, sqrt, store
+from springgym.core.language.lanes import any_lane, maximum, minimum, select, sqrt
+from springgym.core.language.memory import load, load_each, store
 from springgym.core.language.vectors import (
     TINY,
     choose,

@@ -10,9 +10,10 @@ from typing import Any, TypeAlias
 
 from numba.extending import overload
 
-from springgym.core.compiler.compiling import OPTIONS, compiled
+from springgym.core.compiler.decorators import OPTIONS, compiled
 from springgym.core.language.kinds import Number, Numbers, Vector
-from springgym.core.language.lanes import epsilon, load, minimum, sqrt
+from springgym.core.language.lanes import epsilon, minimum, sqrt
+from springgym.core.language.memory import load
 from springgym.core.language.vectors import TINY, dot, plus_scaled, row
 from springgym.dynamics.contact.law import barrier_energy
 from springgym.dynamics.records import Facing, Kinds, Surfaces

@@ -6,10 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled, kernel
+from springgym.core.compiler.decorators import compiled, kernel
 from springgym.core.language.blocks import numbers, set_copies, to_copies
 from springgym.core.language.kinds import Mask, Number, Numbers
-from springgym.core.language.lanes import any_lane, load, maximum, minimum, select, store
+from springgym.core.language.lanes import any_lane, maximum, minimum, select
+from springgym.core.language.memory import load, store
 from springgym.dynamics.records import (
     COARSE,
     ENERGY,

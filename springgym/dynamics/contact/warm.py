@@ -17,9 +17,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Mask, Number, Rows, Vector
-from springgym.core.language.lanes import any_lane, load, load_each, maximum, rounded, select, store
+from springgym.core.language.lanes import any_lane, maximum, rounded, select
+from springgym.core.language.memory import load, load_each, store
 from springgym.core.language.vectors import choose, dot, row, row_each, set_row, set_row_each
 from springgym.dynamics.contact.features import put_where
 from springgym.dynamics.contact.friction import crosses, push_across

@@ -7,9 +7,10 @@ ones are in the `triad` of three particles.
 
 from __future__ import annotations
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Ledger, Number, Numbers, Rows, Vector
-from springgym.core.language.lanes import load, maximum, minimum, select, store
+from springgym.core.language.lanes import maximum, minimum, select
+from springgym.core.language.memory import load, store
 from springgym.core.language.vectors import (
     add_row,
     cross,

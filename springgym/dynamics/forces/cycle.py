@@ -16,9 +16,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Ledger, Mask, Number, Rows
-from springgym.core.language.lanes import any_lane, load, select, store
+from springgym.core.language.lanes import any_lane, select
+from springgym.core.language.memory import load, store
 from springgym.dynamics.forces.actuators import push, set_actuation
 from springgym.dynamics.forces.springs import damp
 from springgym.dynamics.terms import Cycle, Terms

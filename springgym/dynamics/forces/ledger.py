@@ -6,9 +6,9 @@ A ledger of None records nothing and costs nothing.
 
 from __future__ import annotations
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Ledger, Number
-from springgym.core.language.lanes import load, store
+from springgym.core.language.memory import load, store
 
 WORK, DAMPING, CONTACT, FRICTION = range(4)
 ENTRIES = 4

@@ -12,9 +12,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Ledger, Number, Numbers, Rows
-from springgym.core.language.lanes import load, maximum, minimum, select, sqrt
+from springgym.core.language.lanes import maximum, minimum, select, sqrt
+from springgym.core.language.memory import load
 from springgym.core.language.vectors import TINY, add_row, dot, row, set_row
 from springgym.dynamics.contact.surfaces import count, normal_at
 from springgym.dynamics.forces.ledger import CONTACT, FRICTION, record

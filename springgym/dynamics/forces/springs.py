@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Ledger, Mask, Number, Numbers, Rows, Vector
-from springgym.core.language.lanes import inverse_sqrt, load, maximum, select, sqrt
+from springgym.core.language.lanes import inverse_sqrt, maximum, select, sqrt
+from springgym.core.language.memory import load
 from springgym.core.language.vectors import TINY, add_scaled, dot, row, set_row, vec
 from springgym.dynamics.forces.ledger import DAMPING, WORK, record
 from springgym.dynamics.terms import Dampers, Decay, Drive, Springs

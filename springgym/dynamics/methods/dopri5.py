@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Ledger, Mask, Number, Numbers, Rows
-from springgym.core.language.lanes import any_lane, load, select, sqrt, store
+from springgym.core.language.lanes import any_lane, select, sqrt
+from springgym.core.language.memory import load, store
 from springgym.core.language.vectors import choose, dot, row, set_row
 from springgym.dynamics.forces import derivative
 from springgym.dynamics.forces.ledger import ENTRIES

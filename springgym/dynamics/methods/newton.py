@@ -6,9 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Ledger, Number, Rows
-from springgym.core.language.lanes import any_lane, load, select, store
+from springgym.core.language.lanes import any_lane, select
+from springgym.core.language.memory import load, store
 from springgym.core.language.vectors import block, choose, dot, row, set_row, vec
 from springgym.dynamics.forces import accelerate_and_damp, act, actuate
 from springgym.dynamics.forces.springs import longest_spring, pull_jacobian

@@ -18,18 +18,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
+from springgym.core.language.bodies import all_rows, bodies_of, first_row, of_body
 from springgym.core.language.kinds import Ledger, Number, Rows, Vector
-from springgym.core.language.lanes import (
-    all_rows,
-    any_lane,
-    bodies_of,
-    first_row,
-    load,
-    of_body,
-    select,
-    store,
-)
+from springgym.core.language.lanes import any_lane, select
+from springgym.core.language.memory import load, store
 from springgym.core.language.vectors import cross, dot, plus_scaled, row, set_row, vec
 from springgym.dynamics.contact.ground import Grounded, find_ground
 from springgym.dynamics.contact.movers import find_inertia, gather, turned

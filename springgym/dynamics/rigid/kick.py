@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Ledger, Number, Numbers, Vector
 from springgym.core.language.vectors import apply, block, cross, dot, row, vector
 from springgym.dynamics.forces.ledger import WORK, record

@@ -18,20 +18,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
+from springgym.core.language.bodies import all_rows, bodies_of, first_row, of_body
 from springgym.core.language.kinds import Block, Mask, Number, Rows, Vector
-from springgym.core.language.lanes import (
-    all_rows,
-    any_lane,
-    bodies_of,
-    epsilon,
-    first_row,
-    load,
-    maximum,
-    of_body,
-    select,
-    store,
-)
+from springgym.core.language.lanes import any_lane, epsilon, maximum, select
+from springgym.core.language.memory import load, store
 from springgym.core.language.vectors import apply, choose, cross, dot, plus_scaled, row, set_row, vec
 from springgym.dynamics.contact.ground import Grounded, ahead_of, find_ground
 from springgym.dynamics.contact.movers import spin, velocity_between

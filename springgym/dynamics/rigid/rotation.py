@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Number, Vector
 from springgym.core.language.lanes import rounded, sqrt
 from springgym.core.language.vectors import TINY, cross, dot, vec

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal, Unpack
 import gymnasium as gym
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled, kernel
+from springgym.core.compiler.decorators import compiled, kernel
 from springgym.dynamics.measures import Measures
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, Situation

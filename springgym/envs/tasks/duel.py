@@ -11,7 +11,7 @@ import gymnasium as gym
 import numpy as np
 
 from springgym.checks import apart, chosen, hides, shown
-from springgym.core.compiler.compiling import compiled, kernel
+from springgym.core.compiler.decorators import compiled, kernel
 from springgym.dynamics.measures import Measures
 from springgym.envs import observation as observing
 from springgym.envs.base import SpringEnv, SpringVectorEnv

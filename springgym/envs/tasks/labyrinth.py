@@ -12,7 +12,7 @@ import gymnasium as gym
 import numpy as np
 
 from springgym.checks import flag
-from springgym.core.compiler.compiling import compiled, kernel
+from springgym.core.compiler.decorators import compiled, kernel
 from springgym.dynamics.measures import Measures
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation

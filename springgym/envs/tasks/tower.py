@@ -10,7 +10,7 @@ import gymnasium as gym
 import numpy as np
 
 from springgym.checks import whole
-from springgym.core.compiler.compiling import compiled, kernel
+from springgym.core.compiler.decorators import compiled, kernel
 from springgym.dynamics.measures import Measures
 from springgym.envs.arrows import torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from springgym.checks import array, instance, refusing_unknown
 from springgym.core.language.blocks import block_array, numbers, set_copies, to_copies
-from springgym.core.language.lanes import store
+from springgym.core.language.memory import store
 from springgym.core.language.vectors import row, set_row
 from springgym.model.own_forces import reason_of
 from springgym.model.surfaces.surface import Surface, packed_kind
