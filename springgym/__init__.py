@@ -5,8 +5,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from springgym.core.lazy import submodule
 from springgym.envs.registration import register
+from springgym.lazy import submodule
 from springgym.version import __version__ as __version__
 
 if TYPE_CHECKING:

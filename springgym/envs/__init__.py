@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Unpack
 
-from springgym.core.lazy import submodule
 from springgym.envs.registration import PARALLEL
+from springgym.lazy import submodule
 
 if TYPE_CHECKING:
     from springgym.envs.players import ParallelDuel, ParallelOptions

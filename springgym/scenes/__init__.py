@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from springgym.core.lazy import submodule
+from springgym.lazy import submodule
 
 if TYPE_CHECKING:
     from springgym.scenes.plan import Plan

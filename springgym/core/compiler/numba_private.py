@@ -8,7 +8,8 @@ for all of them, so that another version of Numba gives one message. Without a p
 - **the pipelines**, Numba's own compile kernels, which takes longer: a warning.
 
 Compiled code gives the same results in all cases. If you use another part, add it to the list; a test
-compares the list with the code. There is no public replacement, hence the upper bound on Numba in ``pyproject.toml``.
+compares the list with the code. There is no public replacement, hence the upper bound on Numba in
+``pyproject.toml``.
 """
 
 from __future__ import annotations
@@ -133,7 +134,8 @@ NEEDS = {
         "core.codegen.CodeLibrary._finalized",
         "core.codegen.CodeLibrary.enable_object_caching()",
         "core.codegen.JITCodeLibrary",
-        "core.compiler.Compiler.define_pipelines()",
+        "core.compiler.Compiler",
+        "core.compiler.CompilerBase.define_pipelines()",
         "core.compiler.Flags.no_compile",
         "core.compiler_machinery.PassManager._finalized",
         "core.compiler_machinery.PassManager.finalize()",
@@ -141,13 +143,15 @@ NEEDS = {
         "core.compiler_machinery.register_pass(mutates_CFG, analysis_only)",
         "core.funcdesc.FunctionDescriptor.lookup_module()",
         "core.ir.Assign",
+        "core.lowering.Lower",
         "core.lowering.Lower._find_singly_assigned_variable()",
         "core.lowering.Lower._singly_assigned_vars",
         "core.lowering.Lower.delvar(name)",
         "core.lowering.Lower.func_ir",
-        "core.typed_passes.NativeLowering._name",
-        "core.typed_passes.NativeLowering.lowering_class",
+        "core.typed_passes.BaseNativeLowering._name",
+        "core.typed_passes.BaseNativeLowering.lowering_class",
         "core.typed_passes.BaseNativeLowering.run_pass(state)",
+        "core.typed_passes.NativeLowering",
     ),
 }
 """Paths in `numba`, for each thing that is built on them; in brackets the parameters that are passed, and

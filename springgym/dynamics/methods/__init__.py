@@ -16,12 +16,12 @@ from springgym.core.compiler.decorators import compiled, is_inner, kernel
 from springgym.core.language.bodies import bodies_of, of_body
 from springgym.core.language.kinds import Nested, Number
 from springgym.core.language.memory import at
-from springgym.core.lazy import submodule
 from springgym.dynamics.methods.clock import Clock, tick
 from springgym.dynamics.methods.node import SPRINGS, Space
 from springgym.dynamics.methods.record import Control, Integrator, Phase
 from springgym.dynamics.step import Bodies, advance_together
 from springgym.dynamics.terms import Terms
+from springgym.lazy import submodule
 
 METHODS = (
     "verlet",
