@@ -237,7 +237,7 @@ def _tuple_model(manager: DataModelManager, kind: numba.types.NamedTuple) -> mod
     return WholeTuple(manager, kind) if own else models.TupleModel(manager, kind)
 
 
-class Inner(CPUDispatcher):  # type: ignore[misc]
+class Inner(CPUDispatcher):
     """A function that is compiled only for other compiled functions: Python cannot call it.
 
     See `pipelines`.
@@ -262,7 +262,7 @@ COLLECTED = 20_000
 """Number of new objects after which Python searches for reference cycles while a kernel is compiled."""
 
 
-class CachedDispatcher(CPUDispatcher):  # type: ignore[misc]
+class CachedDispatcher(CPUDispatcher):
     """A compiled function that Python calls, whose code is cached."""
 
     def compile(self, sig: Asked) -> Callable[..., Any]:
