@@ -19,6 +19,7 @@ from numba import typeof
 from numba.extending import intrinsic
 
 from springgym.core.compiler import code_digest
+from springgym.core.compiler.cache import SOURCES
 from springgym.core.compiler.code_digest import NotHashable, digest
 from springgym.core.compiler.decorators import compiled
 
@@ -105,6 +106,13 @@ def test_the_digest_is_another_if_what_is_compiled_is(
 ) -> None:
     before = digest(load().function)
     assert (digest(load(module, old, new).function) != before) == anew
+
+
+def test_modules_of_the_compiler_enter_whether_they_are_named_or_not() -> None:
+    """They make the code of a kernel without lanes, too."""
+    several = [(), SOURCES[:1], SOURCES[:2], SOURCES]
+    assert len({digest(bound(1), (), sources) for sources in several}) == 4
+    assert digest(bound(1), (), SOURCES) == digest(bound(1), (), SOURCES[::-1])
 
 
 class Colour(enum.Enum):
