@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from springgym.core import compiled, load
-from springgym.core.language import vec
+from springgym.core.language.vec import vec
 from springgym.core.language.vectors import dot
 from springgym.model.scene import Scene
 from springgym.model.surfaces import (
