@@ -10,7 +10,7 @@ import numpy as np
 from springgym.core.compiler.compiling import kernel
 from springgym.core.language.blocks import numbers
 from springgym.core.language.kinds import Ragged
-from springgym.dynamics.records import COARSE, ENTRIES, FAR, GAP, IMPULSE, MISSES, ROWS, TOUCHING, Collisions
+from springgym.dynamics.records import FAR, PAIR_TOTALS, Collisions, ContactCount, PairTotal
 from springgym.dynamics.terms import Terms
 from springgym.model.scene import Scene
 from springgym.model.surfaces import by_kind, gradients, scales
@@ -98,14 +98,14 @@ def sum_pairs(totals: np.ndarray, reach: np.ndarray, among: int, sums: np.ndarra
         coarse = 0.0
         least = math.inf
         for pair in range(reach.size):
-            first = pair * ENTRIES
-            coarse += totals[block, first + COARSE, lane]
+            first = pair * PAIR_TOTALS
+            coarse += totals[block, first + PairTotal.COARSE, lane]
             if pair >= among:
                 continue
-            touching += 1.0 if totals[block, first + TOUCHING, lane] > 0.0 else 0.0
-            impulse += totals[block, first + IMPULSE, lane]
-            misses += totals[block, first + MISSES, lane]
-            gap = totals[block, first + GAP, lane]
+            touching += 1.0 if totals[block, first + PairTotal.TOUCHING, lane] > 0.0 else 0.0
+            impulse += totals[block, first + PairTotal.IMPULSE, lane]
+            misses += totals[block, first + PairTotal.MISSES, lane]
+            gap = totals[block, first + PairTotal.GAP, lane]
             gap = reach[pair] if gap > reach[pair] else gap
             if not math.isnan(least) and not gap >= least:  # a NaN is reported
                 least = gap
@@ -175,7 +175,7 @@ def _of_rows(scene: Scene, here: SteppedBlock) -> Contacts:
     """Return the contacts that were solved together, from the rows of a thread."""
     contacts = here.workspace.rows.contacts
     pairs = here.terms.collisions.pairs
-    rows = int(contacts.length[ROWS])
+    rows = int(contacts.length[ContactCount.ROWS])
     width = here.begin[0].shape[-1]
     pair, surface, feature = (of[:rows] for of in (contacts.pair, contacts.surface, contacts.feature))
     gap, push = (numbers(of)[:rows].astype(float) for of in (contacts.gap, contacts.impulse))

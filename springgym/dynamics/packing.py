@@ -28,8 +28,8 @@ from springgym.dynamics.forces.cycle import cycle
 from springgym.dynamics.forces.springs import decay, interleaved
 from springgym.dynamics.methods.node import Space
 from springgym.dynamics.methods.record import Integrator, workspace
-from springgym.dynamics.records import ENTRIES, Collisions, Pairs, RowSpace, Surfaces
-from springgym.dynamics.rigid.node import ROWS, Workspace
+from springgym.dynamics.records import PAIR_TOTALS, Collisions, Pairs, RowSpace, Surfaces
+from springgym.dynamics.rigid.node import BODY_ROWS, Workspace
 from springgym.dynamics.terms import (
     Dampers,
     Decay,
@@ -206,7 +206,7 @@ def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Optio
             reach=reach,
             coarse_from=coarse_from(part, twin, options.step)[-1].item() if nodes else math.inf,
             radius=float(body.radius) if round_bodies else None,
-            totals=options.blocks(ENTRIES) if nodes and shared.collisions is None else None,
+            totals=options.blocks(PAIR_TOTALS) if nodes and shared.collisions is None else None,
         )
     actuators = _actuators(part, scene, options.blocks)
     last = None
@@ -251,7 +251,7 @@ def _collisions(scene: Scene, twin: bool, options: Options) -> Collisions | None
         return None
     pairs = pack_pairs(scene, twin, options)
     count = len(pairs.reach)
-    totals, stored, fresh = map(options.blocks, (count * ENTRIES, len(scene.bodies), 1))
+    totals, stored, fresh = map(options.blocks, (count * PAIR_TOTALS, len(scene.bodies), 1))
     changing = aligned_zeros((len(totals), 1 + count), block_dtype(np.int64, 1))
     warm = new_warm_start(pairs, len(scene.bodies), options.blocks)
     collisions = Collisions(pairs, totals, stored, fresh, changing, warm)
@@ -397,7 +397,7 @@ def rigid_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> Workspace:
         return aligned_zeros(shape, dtype)
 
     return Workspace(
-        bodies=lanes(count, ROWS, 3),
+        bodies=lanes(count, BODY_ROWS, 3),
         loads=lanes(count, 2, 3),
         begin=lanes(particles, 3),
         here=lanes(particles, 3),

@@ -5,6 +5,7 @@ Each element of an array holds one number per copy of a block, unless all copies
 
 from __future__ import annotations
 
+from enum import IntEnum
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -45,8 +46,8 @@ class Surfaces(NamedTuple):
     coupled: bool | None
     """True if `springgym.model.surfaces.coupled`; else None, so that no iteration is compiled"""
     totals: Numbers | None = None
-    """(`ENTRIES`,) totals of the body, of which only `COARSE` and `FASTEST` are set; None where contacts are
-    rows"""
+    """(`PAIR_TOTALS`,) totals of the body, of which only `PairTotal.COARSE` and `PairTotal.FASTEST` are set;
+    None where contacts are rows"""
 
 
 class Resistance(NamedTuple):
@@ -161,8 +162,13 @@ NONE = -1.0
 """Entry of a list in a copy that has fewer entries than others."""
 
 
-WATCHED, CLOSE = range(2)
-"""Indices of the lists of pairs in `Neighbours.length`."""
+class PairList(IntEnum):
+    """The lists of pairs, by their indices in `Neighbours.length`."""
+
+    WATCHED = 0
+    """`Neighbours.watched`"""
+    CLOSE = 1
+    """`Neighbours.close`"""
 
 
 class Neighbours(NamedTuple):
@@ -210,7 +216,7 @@ class Neighbours(NamedTuple):
     close: np.ndarray
     """(pairs,) list of the watched pairs that may touch at this node"""
     length: np.ndarray
-    """(2,) the lengths of the lists `watched` and `close`, at the indices `WATCHED` and `CLOSE`"""
+    """(2,) the lengths of the lists of a `PairList`"""
     kept: np.ndarray
     """(1,) whether the lists of all pairs are stored"""
     used: np.ndarray
@@ -300,8 +306,13 @@ FAR = 1e9
 """Gap [m] of a row in the copies that have no contact there."""
 
 
-MET, ROWS = range(2)
-"""Indices in `ContactRows.length` of the number of pairs that have contacts, and of rows of contacts."""
+class ContactCount(IntEnum):
+    """What `ContactRows.length` counts."""
+
+    PAIRS = 0
+    """the pairs that have contacts, `ContactRows.touching_pairs`"""
+    ROWS = 1
+    """the rows of contacts"""
 
 
 Ends: TypeAlias = tuple[Vector, Vector, Vector, Vector]
@@ -332,7 +343,7 @@ class ContactRows(NamedTuple):
     """The contacts of a node, one row each, with their impulses."""
 
     length: np.ndarray
-    """(2,) the number of pairs that have contacts, `MET`, and of rows of contacts, `ROWS`"""
+    """(2,) the numbers of a `ContactCount`"""
     touching_pairs: np.ndarray
     """(pairs,) list of the pairs of bodies that have contacts, in ascending order"""
     left_out: np.ndarray
@@ -489,14 +500,33 @@ class WarmStart(NamedTuple):
     """(1,) 1 if any row of the table is filled, else 0"""
 
 
-TOUCHING, IMPULSE, GAP, ENERGY, CONTACT, FRICTION, MISSES, COARSE, OVERFLOW, FASTEST = range(10)
-"""The totals of a pair: whether it touches; the sum of J [N·s]; the least gap [m]; the energy in the barriers
-[J]; the losses to restitution and to friction [J]; how often a contact was found too late, was too fast to
-keep its restitution, or had no space; and the largest approach speed along the normal of any contact with an
-impulse [m/s]."""
+class PairTotal(IntEnum):
+    """The totals of a pair of bodies, or of a body and the surfaces, in the order of
+    `springgym.dynamics.contact.totals.PairReadings`."""
+
+    TOUCHING = 0
+    """whether it touches"""
+    IMPULSE = 1
+    """the sum of J [N·s]"""
+    GAP = 2
+    """the least gap [m]"""
+    ENERGY = 3
+    """the energy in the barriers [J]"""
+    CONTACT = 4
+    """the loss to restitution [J]"""
+    FRICTION = 5
+    """the loss to friction [J]"""
+    MISSES = 6
+    """how often a contact was found too late"""
+    COARSE = 7
+    """how often a contact was too fast to keep its restitution"""
+    OVERFLOW = 8
+    """how often a contact had no space"""
+    FASTEST = 9
+    """the largest approach speed along the normal of any contact with an impulse [m/s]"""
 
 
-ENTRIES = 10
+PAIR_TOTALS = len(PairTotal)
 
 
 class Collisions(NamedTuple):
@@ -504,7 +534,7 @@ class Collisions(NamedTuple):
 
     pairs: Pairs
     totals: np.ndarray
-    """(pairs × `ENTRIES`,)"""
+    """(pairs × `PAIR_TOTALS`,)"""
     stored: np.ndarray
     """(bodies,) half of the energy in the barriers of each body's pairs [J]"""
     fresh: np.ndarray

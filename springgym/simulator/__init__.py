@@ -44,10 +44,10 @@ from springgym.dynamics.contact.law import SLOW
 from springgym.dynamics.contact.overlap import find_overlaps, outlines
 from springgym.dynamics.contact.totals import RESOLVED, PairReadings
 from springgym.dynamics.contacts import Contacts, PairSums
-from springgym.dynamics.forces.ledger import ENTRIES
+from springgym.dynamics.forces.ledger import LEDGER_ENTRIES
 from springgym.dynamics.measures import Markers, Measures, Reading, Readout
 from springgym.dynamics.methods.clock import Clock
-from springgym.dynamics.methods.record import COUNTS, Control, Phase
+from springgym.dynamics.methods.record import STEP_COUNTS, Control, Phase
 from springgym.dynamics.packing import PARAMETERS, Options, Packed, pack
 from springgym.dynamics.stepping import DYNAMICS, StepSettings
 from springgym.model.identity import check_same, check_sealed, sealed
@@ -232,7 +232,7 @@ class Simulator:
         self._x = self._blocks(particles, 3)
         self._v = self._blocks(particles, 3)
         bodies = len(scene.bodies)
-        self._ledger = self._blocks(bodies * ENTRIES) if ledger else None
+        self._ledger = self._blocks(bodies * LEDGER_ENTRIES) if ledger else None
         shares = range(min(self.threads, self._x.shape[0]))
         self._control = self._controlled(tolerance)
         self.unresolved = np.zeros(self.copies, bool)
@@ -344,7 +344,7 @@ class Simulator:
         )
         if not relative + absolute >= TINY:
             raise ValueError(f"tolerance is {tolerance}; one of the two must be more than 0")
-        return Control(self.step, float(relative), float(absolute), self._blocks(COUNTS))
+        return Control(self.step, float(relative), float(absolute), self._blocks(STEP_COUNTS))
 
     @cached_property
     def max_impact_speed(self) -> float:
@@ -367,7 +367,7 @@ class Simulator:
         if len(slices) == 1:
             return Phase(self._x, self._v, self._ledger)
         particles = np.array([0, *(own.stop for own in slices)])
-        entries = np.arange(len(slices) + 1) * ENTRIES
+        entries = np.arange(len(slices) + 1) * LEDGER_ENTRIES
         ledger = None if self._ledger is None else Ragged(self._ledger, entries)
         return Phase(Ragged(self._x, particles), Ragged(self._v, particles), ledger)
 

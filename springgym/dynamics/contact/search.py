@@ -51,14 +51,13 @@ from springgym.dynamics.contact.features import (
     vertex_rods,
 )
 from springgym.dynamics.records import (
-    CLOSE,
     FAR,
-    MET,
     NONE,
-    WATCHED,
+    ContactCount,
     ContactRows,
     Near,
     Neighbours,
+    PairList,
     Pairs,
     Search,
     Shapes,
@@ -141,8 +140,8 @@ def find(x: Rows, w: Rows, span: Times, pairs: Pairs, lists: Neighbours, contact
         begin_lists(x, fresh, pairs, lists)
     store(contacts.counts, 0, 0.0)
     count = 0
-    contacts.length[MET] = 0
-    for n in range(lists.length[CLOSE]):
+    contacts.length[ContactCount.PAIRS] = 0
+    for n in range(lists.length[PairList.CLOSE]):
         p = lists.close[n]
         a = pairs.first[p]
         b = pairs.second[p]
@@ -157,8 +156,8 @@ def find(x: Rows, w: Rows, span: Times, pairs: Pairs, lists: Neighbours, contact
                 list_candidates(p, brief, seen, shapes.triangles, shapes.edges)
             count = compare(count, near, seen, shapes.triangles, shapes.edges)
         if count > before or any_lane(load(contacts.left_out, p) > 0.0):
-            contacts.touching_pairs[contacts.length[MET]] = p
-            contacts.length[MET] += 1
+            contacts.touching_pairs[contacts.length[ContactCount.PAIRS]] = p
+            contacts.length[ContactCount.PAIRS] += 1
     return count
 
 
@@ -207,7 +206,7 @@ def watch(x: Rows, w: Rows, span: Times, pairs: Pairs, lists: Neighbours) -> Non
             store(lists.listed, p, (gap - ahead) + (load(lists.moved, a) + load(lists.moved, b)))
             lists.watched[count] = p
             count += 1
-    lists.length[WATCHED] = count
+    lists.length[PairList.WATCHED] = count
 
 
 @compiled
@@ -264,7 +263,7 @@ def lists_hold(w: Rows, span: Times, pairs: Pairs, lists: Neighbours) -> bool:
     averaged = False
     shifted = False
     close = 0
-    for n in range(lists.length[WATCHED]):
+    for n in range(lists.length[PairList.WATCHED]):
         p = lists.watched[n]
         a = pairs.first[p]
         b = pairs.second[p]
@@ -288,7 +287,7 @@ def lists_hold(w: Rows, span: Times, pairs: Pairs, lists: Neighbours) -> bool:
                 moved = approach(a, b, lists.mean_shift, lists.bend)
                 hold = hold and not any_lane(listed - moved <= ROUNDING * far)
             store(lists.nearest, p, load(lists.gap, p) - moved)
-    lists.length[CLOSE] = close
+    lists.length[PairList.CLOSE] = close
     return hold
 
 
@@ -331,7 +330,7 @@ def begin_lists(x: Rows, fresh: bool, pairs: Pairs, lists: Neighbours) -> None:
     shapes = pairs.shapes
     lists.kept[0] = True
     empty(lists)
-    for n in range(lists.length[WATCHED]):
+    for n in range(lists.length[PairList.WATCHED]):
         p = lists.watched[n]
         for kind in range(3):
             for side in range(3):

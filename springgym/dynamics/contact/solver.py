@@ -57,20 +57,13 @@ from springgym.dynamics.contact.movers import (
 )
 from springgym.dynamics.contact.totals import add_to, clear_current, set_fastest, set_least_gap, set_touching
 from springgym.dynamics.records import (
-    COARSE,
-    CONTACT,
-    ENERGY,
     FAR,
-    FRICTION,
-    IMPULSE,
     LEAST,
-    MET,
-    MISSES,
-    OVERFLOW,
     PASSES,
-    ROWS,
+    ContactCount,
     ContactRows,
     Ends,
+    PairTotal,
     Problem,
     Resistance,
     Shapes,
@@ -115,7 +108,7 @@ def prepare(k: int, free: Rows, problem: Problem) -> None:
     else:
         before = d - span.lead * u0
     missed = before < low
-    add_to(problem.totals, contacts.pair[k], MISSES, select(missed, 1.0 + 0.0 * u0, 0.0))
+    add_to(problem.totals, contacts.pair[k], PairTotal.MISSES, select(missed, 1.0 + 0.0 * u0, 0.0))
     if contacts.late[k] == 1:
         taken = select(before < ROLLED * reach_of(k, problem), TAKEN * reach_of(k, problem), before)
     else:
@@ -165,8 +158,8 @@ def solve(v: Rows, sweeps: int, enough: float, tapers: bool, problem: Problem) -
     contacts = problem.contacts
     for turn in range(sweeps):
         store(contacts.change, 0, 0.0)
-        for m in range(contacts.length[ROWS]):
-            k = contacts.length[ROWS] - 1 - m if turn % 2 == 1 else m
+        for m in range(contacts.length[ContactCount.ROWS]):
+            k = contacts.length[ContactCount.ROWS] - 1 - m if turn % 2 == 1 else m
             solve_row(v, k, problem)
         if turn == 0 and tapers:
             taper(v, problem, problem.pairs.shapes)
@@ -362,7 +355,7 @@ def taper(v: Rows, problem: Problem, shapes: Shapes | None) -> None:
     """Apply the force of the gradient of Φ, where edges touch."""
     if shapes is not None:
         contacts = problem.contacts
-        for k in range(problem.contacts.length[ROWS]):
+        for k in range(problem.contacts.length[ContactCount.ROWS]):
             share = load(contacts.share, k)
             partly = select(share < 1.0, share, 0.0) > 0.0
             if contacts.members[k] == 4 and any_lane(partly):
@@ -512,10 +505,10 @@ def add_totals(v: Rows, problem: Problem, changing: np.ndarray) -> None:
     contacts = problem.contacts
     totals = problem.totals
     clear_current(True, totals, changing)
-    for n in range(contacts.length[MET]):
+    for n in range(contacts.length[ContactCount.PAIRS]):
         p = contacts.touching_pairs[n]
-        add_to(totals, p, OVERFLOW, load(contacts.left_out, p))
-    for k in range(problem.contacts.length[ROWS]):
+        add_to(totals, p, PairTotal.OVERFLOW, load(contacts.left_out, p))
+    for k in range(problem.contacts.length[ContactCount.ROWS]):
         p = contacts.pair[k]
         impulse = load(contacts.impulse, k)
         n = row(contacts.normal, k)
@@ -528,20 +521,19 @@ def add_totals(v: Rows, problem: Problem, changing: np.ndarray) -> None:
         touches = impulse > 0.0
         before = barrier_energy(first, c, reach)
         after = barrier_energy(last, c, reach)
-        add_to(totals, p, IMPULSE, impulse)
+        add_to(totals, p, PairTotal.IMPULSE, impulse)
         set_least_gap(select(there, last, FAR), p, totals)
         if contacts.surface[k] < 0:
             set_touching(touches, p, totals)
-            add_to(totals, p, ENERGY, select(there, after, 0.0))
+            add_to(totals, p, PairTotal.ENERGY, select(there, after, 0.0))
         # without loss they differ by the residual of the sweeps, an error that is not entered
         lossy = select(there, beta_of(k, impulse, problem, problem.pairs.loss), 0.0) > 0.0
         lost = select(lossy, before - after - 0.5 * impulse * (u0 + u1), 0.0)
         rubbed = lost_to_friction(v, k, problem, problem.pairs.friction)
-        add_loss(k, CONTACT, lost, problem)
-        add_loss(k, FRICTION, rubbed, problem)
+        add_losses(k, lost, rubbed, problem)
         fast = select(touches, maximum(u0, -u0), 0.0)
         set_fastest(fast, p, totals)
-        add_to(totals, p, COARSE, select(fast > problem.pairs.coarse_from[p], 1.0 + 0.0 * impulse, 0.0))
+        add_to(totals, p, PairTotal.COARSE, select(fast > problem.pairs.coarse_from[p], 1.0 + 0.0 * impulse, 0.0))
 
 
 @compiled
@@ -569,14 +561,20 @@ def lost_to_couple(v: Rows, k: int, problem: Problem, resistance: Resistance | N
 
 
 @compiled
-def add_loss(k: int, entry: int, energy: Number, problem: Problem) -> None:
-    """Add a loss [J] to a contact's pair, and half of it to each body (at a surface, all to the body)."""
+def add_losses(k: int, lost: Number, rubbed: Number, problem: Problem) -> None:
+    """Add the losses of contact k to restitution and to friction [J] to its pair and to its bodies.
+
+    Each of two bodies takes half; at a surface the body takes all.
+    """
     contacts = problem.contacts
-    add_to(problem.totals, contacts.pair[k], entry, energy)
+    add_to(problem.totals, contacts.pair[k], PairTotal.CONTACT, lost)
+    add_to(problem.totals, contacts.pair[k], PairTotal.FRICTION, rubbed)
     among = contacts.surface[k] < 0
+    share = 0.5 if among else 1.0
     for side in range(2 if among else 1):
-        at = (contacts.body[2 * k + side], entry - CONTACT)
-        store(contacts.losses, at, load(contacts.losses, at) + (0.5 if among else 1.0) * energy)
+        body = contacts.body[2 * k + side]
+        store(contacts.losses, (body, 0), load(contacts.losses, (body, 0)) + share * lost)
+        store(contacts.losses, (body, 1), load(contacts.losses, (body, 1)) + share * rubbed)
 
 
 @compiled
@@ -585,7 +583,7 @@ def start_totals(fresh: Mask, problem: Problem, changing: np.ndarray) -> None:
     contacts = problem.contacts
     totals = problem.totals
     clear_current(fresh, totals, changing)
-    for k in range(problem.contacts.length[ROWS]):
+    for k in range(problem.contacts.length[ContactCount.ROWS]):
         p = contacts.pair[k]
         d = load(contacts.gap, k)
         reach = reach_of(k, problem)
@@ -594,4 +592,4 @@ def start_totals(fresh: Mask, problem: Problem, changing: np.ndarray) -> None:
         energy = select(there, barrier_energy(gap, strength_of(k, problem), reach), 0.0)
         set_touching(energy > 0.0, p, totals)
         set_least_gap(select(there, gap, FAR), p, totals)
-        add_to(totals, p, ENERGY, energy)
+        add_to(totals, p, PairTotal.ENERGY, energy)

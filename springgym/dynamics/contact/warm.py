@@ -24,7 +24,7 @@ from springgym.core.language.vectors import choose, dot, row, row_each, set_row,
 from springgym.dynamics.contact.features import put_where
 from springgym.dynamics.contact.friction import crosses, push_across
 from springgym.dynamics.contact.movers import push, push_turning
-from springgym.dynamics.records import FAR, ROWS, Pairs, Problem, WarmStart
+from springgym.dynamics.records import FAR, ContactCount, Pairs, Problem, WarmStart
 
 ROWS_OF_A_BODY = 32
 """Least number of rows of the table per body: three times the contacts of a cube among others."""
@@ -109,7 +109,7 @@ def start_warm(v: Rows, problem: Problem, table: WarmStart | None) -> None:
     """Start each contact with its impulse of the last node, and change the velocities ``v`` (N, 3) by it."""
     if table is not None and any_lane(load(table.in_use, 0) > 0.5):
         contacts = problem.contacts
-        for k in range(problem.contacts.length[ROWS]):
+        for k in range(problem.contacts.length[ContactCount.ROWS]):
             key = key_of(k, problem, table.pair.size)
             place = key.place
             none = 0.0 * key.place
@@ -173,7 +173,7 @@ def keep_impulses(problem: Problem, table: WarmStart | None) -> None:
             for place in range(rows):
                 store(table.pair, place, 0.0)
         in_use = 0.0 * in_use
-        for k in range(problem.contacts.length[ROWS]):
+        for k in range(problem.contacts.length[ContactCount.ROWS]):
             key = key_of(k, problem, rows)
             impulse = load(contacts.impulse, k)
             place = key.place

@@ -14,7 +14,7 @@ from springgym.core.compiler.compiling import compiled
 from springgym.core.language.kinds import Ledger, Mask, Number, Numbers, Rows, Vector
 from springgym.core.language.lanes import inverse_sqrt, load, maximum, select, sqrt
 from springgym.core.language.vectors import TINY, add_scaled, dot, row, set_row, vec
-from springgym.dynamics.forces.ledger import DAMPING, WORK, record
+from springgym.dynamics.forces.ledger import LedgerEntry, record
 from springgym.dynamics.terms import Dampers, Decay, Drive, Springs
 
 
@@ -93,7 +93,7 @@ def add_spring_forces(
             if direction is not None and dampers is not None and directs:
                 set_row(direction, s, inverse_length * apart)
         if v is not None and dampers is not None:
-            record(ledger, DAMPING, weight * power)
+            record(ledger, LedgerEntry.DAMPING, weight * power)
 
 
 @compiled
@@ -231,10 +231,10 @@ def damp(
             if drive is not None:
                 impulse = load(decay.impulse, s) * speed
                 if i == drive.particle:
-                    record(ledger, WORK, -1.0 * impulse * dot(along, row(v, i)))
+                    record(ledger, LedgerEntry.WORK, -1.0 * impulse * dot(along, row(v, i)))
                 if j == drive.particle:
-                    record(ledger, WORK, impulse * dot(along, row(v, j)))
+                    record(ledger, LedgerEntry.WORK, impulse * dot(along, row(v, j)))
             # operations on the speed come last: each spring waits for the velocities of the one before
             add_scaled(v, i, speed, load(decay.first, s) * along)
             add_scaled(v, j, -speed, load(decay.second, s) * along)
-        record(ledger, DAMPING, energy)
+        record(ledger, LedgerEntry.DAMPING, energy)

@@ -40,9 +40,18 @@ from springgym.dynamics.contact.surfaces import coefficient
 from springgym.dynamics.forces import actuate, divide_and_kick, divide_by_mass, drift, set_forces
 from springgym.dynamics.forces.actuators import move_drive, push
 from springgym.dynamics.forces.cycle import count_step, damps_somewhere, relax_in_turn
-from springgym.dynamics.forces.ledger import CONTACT, DAMPING, FRICTION, WORK, record
+from springgym.dynamics.forces.ledger import LedgerEntry, record
 from springgym.dynamics.forces.springs import damp
-from springgym.dynamics.records import MANY, ROWS, ContactRows, Problem, RowSpace, Surfaces, Times, Turning
+from springgym.dynamics.records import (
+    MANY,
+    ContactCount,
+    ContactRows,
+    Problem,
+    RowSpace,
+    Surfaces,
+    Times,
+    Turning,
+)
 from springgym.dynamics.step import Bodies, Kind
 from springgym.dynamics.terms import Cycle, Dampers, LastNode, Terms
 
@@ -217,9 +226,9 @@ def store_predicted(i: int, half: Vector, last: LastNode | None) -> None:
 def record_cross_work(ledger: Ledger, work: Number, dampers: Dampers | None) -> None:
     """Record the work of actuators and dampers that contact adds, by changing the mean velocity."""
     if dampers is None:
-        record(ledger, WORK, work)
+        record(ledger, LedgerEntry.WORK, work)
     else:
-        record(ledger, DAMPING, -1.0 * work)
+        record(ledger, LedgerEntry.DAMPING, -1.0 * work)
 
 
 # --- Particles that touch surfaces one by one ---------------------------------------------------------------
@@ -276,8 +285,8 @@ def kick_by_surfaces(i: int, free: Vector, span: Times, own: Bodies) -> Vector:
     mean = plus_scaled(kicked, 0.5, others + change)
     gone = plus_scaled(span.lead * start, span.out, after)
     lost = dot(given.force, gone) / span.whole - dot(given.change, mean)
-    record(ledger, CONTACT, select(coefficient(terms.loss, 0.0 * lost) > 0.0, mass * lost, 0.0))
-    record(ledger, FRICTION, -1.0 * mass * dot(given.rub, mean))
+    record(ledger, LedgerEntry.CONTACT, select(coefficient(terms.loss, 0.0 * lost) > 0.0, mass * lost, 0.0))
+    record(ledger, LedgerEntry.FRICTION, -1.0 * mass * dot(given.rub, mean))
     store_predicted(i, 0.5 * change, terms.last)
     return after
 
@@ -325,7 +334,7 @@ def list_ground(
         end = Way(own.x, free, span.out)
         pair = terms.collisions.pairs.among + body
         ground = Grounded(pair, body, first, own.x, begin, end, terms.particles.free, surfaces, contacts)
-        contacts.length[ROWS] = find_ground(contacts.length[ROWS], ground, terms.rounds)
+        contacts.length[ContactCount.ROWS] = find_ground(contacts.length[ContactCount.ROWS], ground, terms.rounds)
 
 
 @compiled
@@ -333,7 +342,7 @@ def join(bodies: Bodies, span: Times, problem: Problem, between: int) -> None:
     """Set the velocities before the node of all bodies that have contacts, in the form of contacts."""
     space = bodies.space.rows
     contacts = space.contacts
-    for k in range(contacts.length[ROWS]):
+    for k in range(contacts.length[ContactCount.ROWS]):
         first = problem.pairs.first[contacts.pair[k]]
         space.active[first] = True
         if k < between:
@@ -439,8 +448,8 @@ def motion_by_contact(
 @compiled
 def record_losses(body: int, ledger: Ledger, contacts: ContactRows) -> None:
     """Record the losses of a body to restitution and friction."""
-    record(ledger, CONTACT, load(contacts.losses, (body, 0)))
-    record(ledger, FRICTION, load(contacts.losses, (body, 1)))
+    record(ledger, LedgerEntry.CONTACT, load(contacts.losses, (body, 0)))
+    record(ledger, LedgerEntry.FRICTION, load(contacts.losses, (body, 1)))
     for entry in range(2):
         store(contacts.losses, (body, entry), 0.0)
 
