@@ -70,7 +70,7 @@ class SurfaceImpulse(NamedTuple):
     """Σ J n without loss [m/s]: its product with the displacement, over the time, is the barriers' work"""
 
 
-MANY = 10
+MOST_ITERATED = 10
 """Largest number of bodies in a scene whose sweeps are iterated until impulses agree. With more bodies, a
 node takes a few sweeps, and the next node continues from its impulses."""
 
@@ -158,7 +158,7 @@ class Pairs(NamedTuple):
     """how many contacts of bodies a copy can have"""
 
 
-NONE = -1.0
+NO_ENTRY = -1.0
 """Entry of a list in a copy that has fewer entries than others."""
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
 from springgym import checks
-from springgym.checks import FLOAT, HUGE, INDEX, MANY, TINY, refusing_unknown
+from springgym.checks import FLOAT, HUGE, INDEX, LARGEST_WHOLE, TINY, refusing_unknown
 from springgym.core.compiler.compiling import SameTypes
 from springgym.core.guard import Guard, guarded
 from springgym.core.language.blocks import (
@@ -98,8 +98,11 @@ PAPER_STEP = 5e-4
 PAPER_SETTINGS: dict[str, Any] = {"integrator": "rk4", "step": PAPER_STEP}
 """The paper's method for scenes without surfaces; `PaperContact` is its contact with surfaces."""
 
-MOST_PARTICLES, MOST_THREADS = 10**8, 1024
-"""Largest numbers of particles in all copies together (some 10 GB of memory), and of threads."""
+MOST_PARTICLES = 10**8
+"""Largest number of particles in all copies together: some 10 GB of memory."""
+
+MOST_THREADS = 1024
+"""Largest number of threads."""
 
 
 class SimulationDivergedError(ArithmeticError):
@@ -812,7 +815,7 @@ class Simulator:
             resolve since it was placed or `pairs` was called with ``forget``.
         """
         # Compiled code must get an int and a bool, and no other type: see `SameTypes`.
-        if steps.__class__ is not int or not 0 <= steps <= MANY:
+        if steps.__class__ is not int or not 0 <= steps <= LARGEST_WHOLE:
             steps = checks.whole("steps", steps)
         if steps % self.damping_every:
             raise ValueError(

@@ -11,9 +11,11 @@ from springgym.core.language.lanes import epsilon as epsilon
 from springgym.core.language.lanes import load, load_each, multiply_add, select, sqrt, store, store_each
 from springgym.core.language.vec import vec as vec
 
-TINY = 1e-30  # added to a squared length: keeps 1/length finite at zero, and changes no other length
+GUARD = 1e-30
+"""Added to a divisor, or to a squared length, that may be 0: keeps the quotient finite, and changes no other."""
 
-ROUND_OFF = 1e-13 / 2.0**-52  # bound of a relative rounding error, in units of `epsilon`
+ROUND_OFF = 1e-13 / 2.0**-52
+"""Bound of a relative rounding error, in units of `epsilon`."""
 
 
 @compiled

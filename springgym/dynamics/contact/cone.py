@@ -16,7 +16,7 @@ import numpy as np
 from springgym.core.compiler.compiling import compiled
 from springgym.core.language.kinds import Number, Vector
 from springgym.core.language.lanes import load, minimum, sqrt
-from springgym.core.language.vectors import TINY, dot
+from springgym.core.language.vectors import GUARD, dot
 from springgym.dynamics.records import Resistance
 
 
@@ -25,8 +25,11 @@ def resistance_of(rolling: np.ndarray, torsional: np.ndarray) -> Resistance | No
     return Resistance(rolling, torsional) if rolling.any() or torsional.any() else None
 
 
-ROLLING, SPINNING = range(2)
-"""The two parts of an angular velocity: about tangents of the contact, and about its normal."""
+ROLLING = 0
+"""The part of an angular velocity about tangents of the contact."""
+
+SPINNING = 1
+"""The part of an angular velocity about the normal of the contact."""
 
 
 @compiled
@@ -35,7 +38,7 @@ def within_cone(wanted: Vector, limit: Number) -> Vector:
 
     Impulse and ``limit`` are in N·s, or both per mass.
     """
-    return minimum(limit / sqrt(dot(wanted, wanted) + TINY), 1.0) * wanted
+    return minimum(limit / sqrt(dot(wanted, wanted) + GUARD), 1.0) * wanted
 
 
 @compiled

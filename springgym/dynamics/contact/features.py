@@ -36,7 +36,7 @@ from springgym.core.language.lanes import (
     store_each,
 )
 from springgym.core.language.vectors import (
-    TINY,
+    GUARD,
     choose,
     cross,
     dot,
@@ -47,10 +47,13 @@ from springgym.core.language.vectors import (
     unit,
     vec,
 )
-from springgym.dynamics.records import FAR, NONE, Closest, ContactRows, Near, Neighbours, Pairs, Quad, Search
+from springgym.dynamics.records import FAR, NO_ENTRY, Closest, ContactRows, Near, Neighbours, Pairs, Quad, Search
 
-TIE, ROUGH = 1e-6, 8192.0
-"""Factor of h² in the key of a triangle, and its increase per `epsilon`: 1e-3 in single precision."""
+TIE = 1e-6
+"""Factor of h² in the key of a triangle."""
+
+ROUGH = 8192.0
+"""Increase of `TIE` per `epsilon`: 1e-3 in single precision."""
 
 TAPER = 0.5
 """Length over which Φ of an edge rises from its ends, as a share of Δ."""
@@ -147,7 +150,7 @@ def add_contact(count: int, first: int, members: int, touch: Closest, near: Near
         none = 0.0 * whole
         i, j, m, n = touch.particles
         particles = (i + none, j + none, m + none, n + none)
-        opens = select(fits, own, NONE) > count - first - 0.5
+        opens = select(fits, own, NO_ENTRY) > count - first - 0.5
         if any_lane(opens):
             clear(count, near.pair, members, particles, opens, contacts)
             count += 1
@@ -247,7 +250,7 @@ def vertex_faces(count: int, first: int, m: int, near: Near, seen: Search) -> in
     won = best < 5.0 * limit
     if any_lane(won):
         face = filled(won, face)
-        d = sqrt(dot(away, away) + TINY)
+        d = sqrt(dot(away, away) + GUARD)
         n = 1.0 / select(side_of < 0.0, -d, d) * away
         touching = d < 1e-9 * near.reach
         if any_lane(touching):
@@ -299,7 +302,7 @@ def vertex_rods(
         for n in range(lists.ends[near.pair, 2, other], lists.ends[near.pair, 2, other + 1]):
             way = row(lists.way, n)
             r = point - row(lists.start, n)
-            share = within(dot(r, way) / (dot(way, way) + TINY))
+            share = within(dot(r, way) / (dot(way, way) + GUARD))
             apart = r - share * way
             key = dot(apart, apart)
             better = key < best
@@ -310,7 +313,7 @@ def vertex_rods(
         won = best < near.reach * near.reach
         if any_lane(won):
             a, b = tips(filled(won, rod), lists)
-            d = sqrt(dot(away, away) + TINY)
+            d = sqrt(dot(away, away) + GUARD)
             n = 1.0 / d * away
             along = (1.0 - t) * row_each(w, a) + t * row_each(w, b)
             through = d - near.lead * dot(n, row_each(w, i) - along) < 0.0
@@ -336,7 +339,7 @@ def ball_ball(
     """List the contact of two balls."""
     if balls is not None:
         apart = row(seen.x, i) - row(seen.x, j)
-        d = sqrt(dot(apart, apart) + TINY)
+        d = sqrt(dot(apart, apart) + GUARD)
         meets = d < near.reach
         if any_lane(meets):
             one = 1.0 + 0.0 * d
@@ -404,7 +407,7 @@ def edge_edge(count: int, first: int, k: int, have: Number, near: Near, seen: Se
     bb = dot(b, b)
     ar = dot(a, r)
     br = dot(b, r)
-    inverse = 1.0 / (square + TINY)
+    inverse = 1.0 / (square + GUARD)
     s = (ab * br - bb * ar) * inverse
     t = (aa * br - ab * ar) * inverse
     share = edge_share(s, t, aa, bb, square, near.pair, seen.pairs)
@@ -434,4 +437,4 @@ def edge_share(s: Number, t: Number, aa: Number, bb: Number, square: Number, p: 
     la = sqrt(aa) * taper
     lb = sqrt(bb) * taper
     share = smooth(s * la) * smooth((1.0 - s) * la) * smooth(t * lb) * smooth((1.0 - t) * lb)
-    return share * smooth(square / (aa * bb + TINY) * (1.0 / pairs.parallel[p]))
+    return share * smooth(square / (aa * bb + GUARD) * (1.0 / pairs.parallel[p]))

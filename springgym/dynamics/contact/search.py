@@ -39,7 +39,7 @@ from springgym.core.language.lanes import (
     sqrt,
     store,
 )
-from springgym.core.language.vectors import TINY, choose, cross, dot, row, row_each, set_row, unit, vec
+from springgym.core.language.vectors import GUARD, choose, cross, dot, row, row_each, set_row, unit, vec
 from springgym.dynamics.contact.features import (
     ball_ball,
     begin,
@@ -52,7 +52,7 @@ from springgym.dynamics.contact.features import (
 )
 from springgym.dynamics.records import (
     FAR,
-    NONE,
+    NO_ENTRY,
     ContactCount,
     ContactRows,
     Near,
@@ -63,6 +63,7 @@ from springgym.dynamics.records import (
     Shapes,
     Times,
 )
+from springgym.model.collisions.overlap import BEYOND_ROUNDING
 
 Indices: TypeAlias = "np.ndarray | None"
 """The features of a kind, by the indices of their particles; None if no body has any."""
@@ -78,26 +79,33 @@ WIDEST = 1e3
 """Largest search distance of contacts [m], less than `FAR`. If a pair moves farther in half a step, one
 contact is counted as left out."""
 
-ROUNDING = 1.001
-"""Features are listed up to this many search distances, so that rounding has no effect."""
-
 MARGIN = 1.0
-"""Margin of lists that are reused, in Δ, if it is expected to last for"""
+"""Margin of lists that are reused, in Δ."""
 
 LASTING = 3.0
-"""this many steps."""
+"""Least number of steps for which a margin must be expected to last; else lists have none."""
 
 ROOMY = 0.25
-"""The margin of watched pairs is, for each body, this fraction of its box's longest side,"""
+"""Least margin of a body in watched pairs, as a fraction of its box's longest side: until a body has moved by
+its margin, no other pairs are checked."""
 
 PATIENT = 20.0
-"""or, if larger, its motion in this many steps: until a body has moved by it, no other pairs are checked."""
+"""Least number of steps in which a body moves by its margin in watched pairs."""
 
 SKEW = 1e-3
 """Least sin² of the angle between two edges for which the distance of their lines is used."""
 
-VERTICES, TRIANGLES, EDGES, CANDIDATES = range(4)
-"""Kinds of lists."""
+VERTICES = 0
+"""Index of the list of vertices."""
+
+TRIANGLES = 1
+"""Index of the list of triangles."""
+
+EDGES = 2
+"""Index of the list of edges."""
+
+CANDIDATES = 3
+"""Index of the list of candidates, in `Neighbours.used`."""
 
 
 @compiled
@@ -149,7 +157,7 @@ def find(x: Rows, w: Rows, span: Times, pairs: Pairs, lists: Neighbours, contact
         before = count
         store(contacts.left_out, p, select(near.reach > WIDEST, 1.0 + 0.0 * near.reach, 0.0))
         brief = relist and list_features(near, span, seen, shapes.triangles, shapes.edges)
-        needed = relist or any_lane(load(lists.nearest, p) < ROUNDING * near.reach)
+        needed = relist or any_lane(load(lists.nearest, p) < BEYOND_ROUNDING * near.reach)
         if needed and (is_listed(VERTICES, p, lists) or is_listed(EDGES, p, lists)):
             locate(p, seen, shapes.triangles, shapes.edges)
             if relist:
@@ -213,7 +221,7 @@ def watch(x: Rows, w: Rows, span: Times, pairs: Pairs, lists: Neighbours) -> Non
 def near_enough(p: int, a: int, b: int, pairs: Pairs) -> Number:
     """Return the distance [m] below which two bodies are checked."""
     radius = pairs.shapes.radius[a] + pairs.shapes.radius[b]
-    return ROUNDING * ((SPARE + FARTHEST) * pairs.reach[p] + radius)
+    return BEYOND_ROUNDING * ((SPARE + FARTHEST) * pairs.reach[p] + radius)
 
 
 @compiled
@@ -280,12 +288,12 @@ def lists_hold(w: Rows, span: Times, pairs: Pairs, lists: Neighbours) -> bool:
             way = minimum(span.out * approach(a, b, lists.mean, lists.turning), WIDEST)
             far = SPARE * reach + way + radius
             store(lists.reach, p, far)
-            if any_lane(listed - moved <= ROUNDING * far):  # unless both moved together
+            if any_lane(listed - moved <= BEYOND_ROUNDING * far):  # unless both moved together
                 if not shifted:
                     average(lists.shift, shapes, lists.mean_shift, lists.bend)
                     shifted = True
                 moved = approach(a, b, lists.mean_shift, lists.bend)
-                hold = hold and not any_lane(listed - moved <= ROUNDING * far)
+                hold = hold and not any_lane(listed - moved <= BEYOND_ROUNDING * far)
             store(lists.nearest, p, load(lists.gap, p) - moved)
     lists.length[PairList.CLOSE] = close
     return hold
@@ -370,7 +378,7 @@ def list_features(near: Near, span: Times, seen: Search, triangles: Indices, edg
     p = near.pair
     a, b = near.bodies
     margin = MARGIN * seen.pairs.reach[p]
-    wide = ROUNDING * near.reach + margin
+    wide = BEYOND_ROUNDING * near.reach + margin
     gap = outside(row(lists.low, a), row(lists.high, a), b, lists)
     brief = False
     if any_lane(gap < wide):
@@ -386,7 +394,7 @@ def list_features(near: Near, span: Times, seen: Search, triangles: Indices, edg
                 list_kind(EDGES, side, wide, brief, near, seen, edges)
     store(lists.gap, p, gap)
     store(lists.nearest, p, gap)
-    far = ROUNDING * ((SPARE + FARTHEST) * seen.pairs.reach[p] + near.radius)  # as in `lists_hold`
+    far = BEYOND_ROUNDING * ((SPARE + FARTHEST) * seen.pairs.reach[p] + near.radius)  # as in `lists_hold`
     store(lists.listed, p, minimum(maximum(gap, minimum(wide, far)), 0.5 * FAR))
     return brief
 
@@ -465,7 +473,7 @@ def list_kind(
         for m in range(first, first + rows):
             there = have > 1.0 * (m - first)
             n = load(of, m)
-            store(of, m, select(there, n, NONE))
+            store(of, m, select(there, n, NO_ENTRY))
             n = filled(there, n)
             for k in range(count):
                 store(particles, count * m + k, load_each(members, (n, k)))
@@ -501,14 +509,14 @@ def locate(p: int, seen: Search, triangles: Indices, edges: Indices) -> None:
             set_row(lists.first, k, u)
             set_row(lists.second, k, q)
             set_row(lists.normal, k, across)
-            square = select(load(lists.triangle, k) < 0.0, NONE, dot(across, across))
+            square = select(load(lists.triangle, k) < 0.0, NO_ENTRY, dot(across, across))
             store(lists.square, k, square)
             uu = dot(u, u)
             uw = dot(u, q)
             ww = dot(q, q)
             third = uu - 2.0 * uw + ww
-            inverse = 1.0 / (square + TINY)
-            of_sides = 1.0 / (uu * ww * third + TINY)
+            inverse = 1.0 / (square + GUARD)
+            of_sides = 1.0 / (uu * ww * third + GUARD)
             set_row(lists.products, k, vec(uu, uw, ww))
             set_row(lists.sizes, k, vec(inverse, of_sides, maximum(maximum(uu, ww), third)))
     if edges is not None:

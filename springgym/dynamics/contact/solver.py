@@ -28,7 +28,7 @@ from springgym.core.compiler.compiling import compiled
 from springgym.core.language.kinds import Mask, Number, Numbers, Rows, Vector
 from springgym.core.language.lanes import any_lane, load, load_each, maximum, minimum, select, sqrt, store
 from springgym.core.language.vectors import (
-    TINY,
+    GUARD,
     choose,
     cross,
     dot,
@@ -74,10 +74,12 @@ LOW = 0.02
 """A gap below this fraction of Δ at a step's beginning counts as a missed contact, and is raised to it:
 residuals of sweeps can bring contacts nearer than solved for, and their energy is unbounded."""
 
-ROLLED, TAKEN = 1e-5, 0.2
-"""A gap of a rolling contact below the first fraction of Δ is raised to the second, others remain: its point
-of contact moved so far over the skin in a step, as on a coin that falls flat, that it is behind the surface.
-So it is pushed out gently, and not within a step."""
+ROLLED = 1e-5
+"""A gap of a rolling contact below this fraction of Δ is raised, others remain: its point of contact moved so
+far over the skin in a step, as on a coin that falls flat, that it is behind the surface."""
+
+TAKEN = 0.2
+"""The fraction of Δ to which such a gap is raised: it is pushed out gently, and not within a step."""
 
 
 # --- What rows follow from ----------------------------------------------------------------------------
@@ -188,7 +190,7 @@ def solve_row(v: Rows, k: int, problem: Problem) -> None:
         beta = beta_of(k, inverse, problem, problem.pairs.loss)
         gaps = start, free, select(old > 0.0, last, 0.0)
         change, _ = solve_gap(gaps, span, c, reach, beta, meets)
-        new = select(meets, change / (inverse + TINY), 0.0)
+        new = select(meets, change / (inverse + GUARD), 0.0)
         new = select(going > 0.5, new, old)
         store(contacts.impulse, k, new)
         push(v, k, (new - old) * n, problem)
@@ -256,9 +258,9 @@ def stop_slip(v: Rows, k: int, limit: Number, acts: Mask, problem: Problem) -> N
     contacts = problem.contacts
     friction = row(contacts.friction, k)
     slip = slip_of(v, k, contacts.late[k], problem)
-    along = 1.0 / (sqrt(dot(slip, slip)) + TINY) * slip
+    along = 1.0 / (sqrt(dot(slip, slip)) + GUARD) * slip
     inverse = inverse_mass_along(along, k, problem)
-    change = within_cone(friction - 1.0 / (inverse + TINY) * slip, limit) - friction
+    change = within_cone(friction - 1.0 / (inverse + GUARD) * slip, limit) - friction
     change = choose(acts, change, 0.0 * change)
     set_row(contacts.friction, k, friction + change)
     push_across(v, k, change, problem)
@@ -295,11 +297,11 @@ def begin_to_hold(
         if any_lane(fresh):
             slip = slip_of(v, k, contacts.late[k], problem)
             slip = without_rolling(slip, spin_between(v, k, problem, turning), k, problem)
-            along = 1.0 / (sqrt(dot(slip, slip)) + TINY) * slip
+            along = 1.0 / (sqrt(dot(slip, slip)) + GUARD) * slip
             whole = inverse_mass_along(along, k, problem)
             by_rolling = without_rolling(0.0 * along, spun_by(along, True, k, problem, turning), k, problem)
             inverse = maximum(whole + dot(along, by_rolling), LEAST * whole)
-            j = within_cone(-1.0 / (inverse + TINY) * slip, limit)
+            j = within_cone(-1.0 / (inverse + GUARD) * slip, limit)
             j = choose(fresh, j, 0.0 * j)
             push_across(v, k, j, problem)
             set_row(contacts.friction, k, friction + j)
@@ -318,8 +320,8 @@ def without_rolling(slip: Vector, rate: Vector, k: int, problem: Problem) -> Vec
 @compiled
 def couple_against(rate: Vector, k: int, problem: Problem) -> Vector:
     """Return the couple that stops an angular velocity along its own direction."""
-    direction = 1.0 / (sqrt(dot(rate, rate)) + TINY) * rate
-    gives = dot(direction, spun_by(direction, False, k, problem, problem.contacts.turning)) + TINY
+    direction = 1.0 / (sqrt(dot(rate, rate)) + GUARD) * rate
+    gives = dot(direction, spun_by(direction, False, k, problem, problem.contacts.turning)) + GUARD
     return -1.0 / gives * rate
 
 
@@ -405,14 +407,14 @@ def gradient_of_share(k: int, on: Mask, problem: Problem) -> Ends:
     s1 = smooth((1.0 - s) * la)
     t0 = smooth(t * lb)
     t1 = smooth((1.0 - t) * lb)
-    both = 1.0 / (aa * bb + TINY)
+    both = 1.0 / (aa * bb + GUARD)
     angle = square * both * sine
     turned = smooth(angle)
     by_s = (steepness(s * la) * s1 - s0 * steepness((1.0 - s) * la)) * la * t0 * t1 * turned
     by_t = (steepness(t * lb) * t1 - t0 * steepness((1.0 - t) * lb)) * lb * s0 * s1 * turned
     by_angle = -2.0 * ab * both * (s0 * s1 * t0 * t1 * steepness(angle) * sine)
-    by_a = by_angle * (b - ab / (aa + TINY) * a)
-    by_b = by_angle * (a - ab / (bb + TINY) * b)
+    by_a = by_angle * (b - ab / (aa + GUARD) * a)
+    by_b = by_angle * (a - ab / (bb + GUARD) * b)
     # derivatives of Φ, through s and t, by D·a and D·b
     along_a = -(bb * by_s + ab * by_t) * inverse
     along_b = (ab * by_s + aa * by_t) * inverse

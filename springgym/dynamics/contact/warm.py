@@ -33,8 +33,11 @@ PROBES = 64
 """Number of rows that are probed for a contact: its impulses are stored in the first empty one. If none is
 empty, they are not stored; such a contact starts from zero at each node, and its impulse stays too small."""
 
-OF_PAIR, OF_ENDS = 61.0, (17.0, 7.0, 5.0, 3.0)
-"""Factors of the indices of pair and particles in the hash that spreads contacts over the table."""
+OF_PAIR = 61.0
+"""Factor of a pair's index in the hash that spreads contacts over the table."""
+
+OF_ENDS = (17.0, 7.0, 5.0, 3.0)
+"""Factors of the indices of a contact's four particles in this hash."""
 
 
 class Key(NamedTuple):

@@ -15,7 +15,7 @@ from typing import NamedTuple
 from springgym.core.compiler.compiling import compiled
 from springgym.core.language.kinds import Ledger, Number, Numbers, Rows
 from springgym.core.language.lanes import load, maximum, minimum, select, sqrt
-from springgym.core.language.vectors import TINY, add_row, dot, row, set_row
+from springgym.core.language.vectors import GUARD, add_row, dot, row, set_row
 from springgym.dynamics.contact.surfaces import count, normal_at
 from springgym.dynamics.forces.ledger import LedgerEntry, record
 from springgym.dynamics.records import Facing, Surfaces
@@ -74,7 +74,7 @@ def add_paper_force(
     record(at.ledger, LedgerEntry.CONTACT, at.weight * (push - total) * rate)
     if friction is not None:
         slip = velocity - rate / square * n
-        speed = sqrt(dot(slip, slip) + TINY)
+        speed = sqrt(dot(slip, slip) + GUARD)
         rub = minimum(load(friction, 0) * push, load(particles.mass, i) * speed / (2.0 * law.step))
         add_row(at.force, i, -rub / speed * slip)
         record(at.ledger, LedgerEntry.FRICTION, at.weight * rub * speed)

@@ -13,7 +13,7 @@ import numpy as np
 from springgym.core.compiler.compiling import compiled
 from springgym.core.language.kinds import Ledger, Mask, Number, Numbers, Rows, Vector
 from springgym.core.language.lanes import inverse_sqrt, load, maximum, select, sqrt
-from springgym.core.language.vectors import TINY, add_scaled, dot, row, set_row, vec
+from springgym.core.language.vectors import GUARD, add_scaled, dot, row, set_row, vec
 from springgym.dynamics.forces.ledger import LedgerEntry, record
 from springgym.dynamics.terms import Dampers, Decay, Drive, Springs
 
@@ -81,7 +81,7 @@ def add_spring_forces(
             i = springs.first[s]
             j = springs.second[s]
             apart = row(x, j) - row(x, i)
-            inverse_length = inverse_sqrt(dot(apart, apart) + TINY)
+            inverse_length = inverse_sqrt(dot(apart, apart) + GUARD)
             k = load(springs.stiffness, s)
             pull = elastic_pull(k, k * load(springs.length, s), inverse_length)
             if v is not None and dampers is not None:
@@ -157,7 +157,7 @@ def pull_jacobian(
     i = springs.first[s]
     j = springs.second[s]
     apart = row(x, j) - row(x, i)
-    inverse_length = inverse_sqrt(dot(apart, apart) + TINY)
+    inverse_length = inverse_sqrt(dot(apart, apart) + GUARD)
     along = inverse_length * apart
     k = load(springs.stiffness, s)
     slack = in_x * k * load(springs.length, s) * inverse_length
@@ -189,7 +189,7 @@ def pull_on(x: Rows, particle: int, springs: Springs) -> Vector:
         j = springs.second[s]
         if i == particle or j == particle:
             apart = row(x, j) - row(x, i) if i == particle else row(x, i) - row(x, j)
-            inverse_length = inverse_sqrt(dot(apart, apart) + TINY)
+            inverse_length = inverse_sqrt(dot(apart, apart) + GUARD)
             k = load(springs.stiffness, s)
             total = total + elastic_pull(k, k * load(springs.length, s), inverse_length) * apart
     return total

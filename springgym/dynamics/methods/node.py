@@ -43,7 +43,7 @@ from springgym.dynamics.forces.cycle import count_step, damps_somewhere, relax_i
 from springgym.dynamics.forces.ledger import LedgerEntry, record
 from springgym.dynamics.forces.springs import damp
 from springgym.dynamics.records import (
-    MANY,
+    MOST_ITERATED,
     ContactCount,
     ContactRows,
     Problem,
@@ -59,7 +59,7 @@ SWEEPS = 2
 """Number of sweeps in which a node finds the impulses of its contacts, in alternating order."""
 
 ENOUGH = 1e-3
-"""Change of a gap, over Δ, below which sweeps end. With more than `MANY` bodies, all `SWEEPS` are made: the
+"""Change of a gap, over Δ, below which sweeps end. With more than `MOST_ITERATED` bodies, all `SWEEPS` are made: the
 error of fewer sweeps shakes a pile."""
 
 
@@ -383,7 +383,7 @@ def find_impulses(bodies: Bodies, span: Times, problem: Problem, between: int) -
     """Find all impulses by `SWEEPS` sweeps, or fewer if they change little."""
     space = bodies.space.rows
     store(space.contacts.going, 0, 1.0)
-    enough = ENOUGH if bodies_of(bodies.x) <= MANY else 0.0
+    enough = ENOUGH if bodies_of(bodies.x) <= MOST_ITERATED else 0.0
     solve(space.velocity, SWEEPS, enough, True, problem)
 
 

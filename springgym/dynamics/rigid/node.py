@@ -40,7 +40,7 @@ from springgym.dynamics.contact.round import Way
 from springgym.dynamics.contact.solver import prepare_row, reach_of, solve
 from springgym.dynamics.forces.ledger import LedgerEntry, record
 from springgym.dynamics.methods.node import record_losses
-from springgym.dynamics.records import MANY, ContactCount, Problem, RowSpace, Surfaces, Times
+from springgym.dynamics.records import MOST_ITERATED, ContactCount, Problem, RowSpace, Surfaces, Times
 from springgym.dynamics.rigid.body import read_state, set_particles
 from springgym.dynamics.rigid.flight import angular_velocity, combine, fly, turned
 from springgym.dynamics.rigid.kick import load_of_actuators, weight
@@ -48,15 +48,19 @@ from springgym.dynamics.rigid.solid import Motion, Rigid, Solid, State, Twin
 from springgym.dynamics.step import Bodies, Kind
 from springgym.dynamics.terms import Thrust, Wrench
 
-SWEEPS, FLIGHTS = 80, 40
-"""Largest number of sweeps in an iteration, and of iterations that find flights and impulses from each other.
-If they do not suffice, the next step continues from their impulses."""
+SWEEPS = 80
+"""Largest number of sweeps in an iteration. If it does not suffice, the next step continues from the
+impulses."""
+
+FLIGHTS = 40
+"""Largest number of iterations, which find flights and impulses from each other. If it does not suffice, the
+next step continues from the impulses."""
 
 AGREED = 1e-9
 """Sweeps and iterations end when one changes no gap by more than this fraction of Δ."""
 
 FEW = 4
-"""Largest number of sweeps in an iteration, and of iterations, with more than `MANY` bodies in a scene. The
+"""Largest number of sweeps in an iteration, and of iterations, with more than `MOST_ITERATED` bodies in a scene. The
 next node continues from their impulses (`springgym.dynamics.contact.warm`). If sweeps ended at 1e-3 Δ
 instead, their error would differ from node to node and shake a pile."""
 
@@ -385,7 +389,7 @@ def iterate_flights(
     contacts = space.rows.contacts
     going = 1.0 + 0.0 * span.out
     enough = AGREED + 64 * epsilon(going)
-    sweeps, flights = (SWEEPS, FLIGHTS) if bodies_of(bodies.x) <= MANY else (FEW, FEW)
+    sweeps, flights = (SWEEPS, FLIGHTS) if bodies_of(bodies.x) <= MOST_ITERATED else (FEW, FEW)
     for turn in range(1 if surfaces is None or contacts.length[ContactCount.ROWS] == between else flights):
         store(contacts.going, 0, going)
         solve(space.rows.velocity, sweeps, enough, turn == 0, problem)

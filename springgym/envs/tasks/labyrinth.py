@@ -43,15 +43,22 @@ LATEST = 0.6  # largest fraction of the first leg that is left out
 HOLES = 18
 CLOSE = 0.05  # distance at which a point of the path counts as passed [m]
 SEEN, NEAR = 4, 4  # numbers of observed points, from the last one passed, and of nearest holes
-WAY_UNIT, SPEED_UNIT, TURNING_UNIT, TILT_UNIT, HOLE_UNIT, LEFT_UNIT = 0.2, 0.3, 12.0, 0.1, 0.1, 1.0
-"""Units of the features: distance [m], speed [m/s], angular velocity [rad/s], tilt [rad], distance
-of holes [m], remaining path length [m]."""
+WAY_UNIT = 0.2  # unit of distances among the features [m]
+SPEED_UNIT = 0.3  # of the speed [m/s]
+TURNING_UNIT = 12.0  # of the angular velocity [rad/s]
+TILT_UNIT = 0.1  # of the tilt [rad]
+HOLE_UNIT = 0.1  # of the distance of holes [m]
+LEFT_UNIT = 1.0  # of the remaining path length [m]
 
 FIRST_HOLE = 2 * (LEGS + 1)
+"""First column of the goal with the holes. The points of the path come before them; the ball starts at the
+first."""
+
 LEANING = FIRST_HOLE + 2 * HOLES
+"""First column of the goal with the board's angles."""
+
 PASSED = LEANING + 2
-"""Columns of the goal with the holes, the board's angles and the number of completed legs. The points of the
-path come before them; the ball starts at the first."""
+"""Column of the goal with the number of completed legs."""
 
 WOOD: Color = (226, 202, 160)
 LINE: Color = (160, 124, 78)

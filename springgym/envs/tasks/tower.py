@@ -42,8 +42,11 @@ SUNK = 0.05  # depth below its place at which a block has fallen [m]
 UPRIGHT = 0.8  # least cosine of the tilt of a block that has not fallen
 HELD = 0.25  # reward of a held block relative to that after it was let go
 CLOSE, CALM = 0.06, 0.1  # for success: horizontal distance from the block below [m], speed [m/s]
-WAY_UNIT, SPEED_UNIT, TILT_UNIT, TURNING_UNIT, TOWER_UNIT = 0.3, 0.5, 0.2, 2.0, 0.5
-"""Units of the features: way [m], speed [m/s], tilt [1], turning [rad/s], tower's places [m]."""
+WAY_UNIT = 0.3  # unit of the way among the features [m]
+SPEED_UNIT = 0.5  # of the speed [m/s]
+TILT_UNIT = 0.2  # of the tilt [1]
+TURNING_UNIT = 2.0  # of turning [rad/s]
+TOWER_UNIT = 0.5  # of the tower's places [m]
 
 
 @compiled

@@ -12,7 +12,7 @@ from springgym.checks import instance, refusing_unknown, shown, whole
 from springgym.model.bodies import Body
 from springgym.model.collisions.shape import check_shape, shape
 from springgym.model.records import ReadOnly
-from springgym.model.surfaces import REACH, Contact, PaperContact, derived_strength
+from springgym.model.surfaces import DEFAULT_REACH, Contact, PaperContact, derived_strength
 from springgym.model.surfaces.contact import strength_of_impact
 
 ALL = "all"
@@ -28,7 +28,7 @@ class Pair:
     first, second
         Names of the bodies, or their indices.
     contact
-        Parameters of their contact; by default those of the scene's contact. By default Δ is `REACH` times
+        Parameters of their contact; by default those of the scene's contact. By default Δ is `DEFAULT_REACH` times
         the smaller body's `Body.swept`, and c is the `derived_strength` of the softer body's largest
         stiffness and the reduced mass. The springs of spheres and of bodies that are all pinned do not count:
         contacts do not strain them. If no others are left, c is that of `strength_of_impact`.
@@ -213,7 +213,7 @@ def _meetings(
         return np.array(values)[first], np.array(values)[second]
 
     reach = given("reach")
-    derived = REACH * np.minimum(*of_both([named.body.swept for named in bodies]))
+    derived = DEFAULT_REACH * np.minimum(*of_both([named.body.swept for named in bodies]))
     reach = np.where(np.isnan(reach), derived, reach)
     farthest = np.zeros(len(bodies))
     for of in (first, second):
