@@ -233,7 +233,7 @@ def _with_surfaces(scene: Scene, here: SteppedBlock) -> Contacts:
     gap = heights[surface, 1, lane, particle]
     impulse = _divided(lane * len(reach) + particle, normal, given[lane, particle])
     point = at - (0.5 * gap + radius[particle])[:, None] * normal
-    body = np.searchsorted(scene.starts, particle, side="right") - 1
+    body = np.searchsorted(scene.offsets, particle, side="right") - 1
     order = np.lexsort((surface, particle, lane))
     none = np.full(len(surface), NO_INDEX)
     copy = here.block * len(x) + lane

@@ -298,7 +298,7 @@ def pack_pairs(scene: Scene, twin: bool, options: Options) -> Pairs:
         loss=options.parameter({"restitution"} & varying, loss_factor(restitutions)) if loses else None,
         radius=np.array([shape.radius for shape in scene.shapes]),
         single=np.array([len(body.masses) == 1 for body in bodies]),
-        shapes=packed_shapes(scene.shapes, scene.starts[:-1]) if len(met) else None,
+        shapes=packed_shapes(scene.shapes, scene.offsets[:-1]) if len(met) else None,
         most=most_contacts(met, scene.shapes)[0] if len(met) else 0,
     )
 
@@ -337,7 +337,7 @@ def row_space(scene: Scene, pairs: Pairs, twin: bool, dtype: DTypeLike) -> RowSp
     turns = np.array([twin or bool(body.rounds) for body in bodies])
     for of in (pairs.first, pairs.second):
         turns[of[: pairs.among][scene.resisted]] = True
-    first = 2 * np.arange(len(bodies)) if twin else scene.starts[:-1]
+    first = 2 * np.arange(len(bodies)) if twin else scene.offsets[:-1]
     balls = np.array([of.turns and pairs.among > 0 for of in scene.shapes])
     pivots = np.array([placed.pivot if placed.free.any() else -1 for placed in scene.bodies])
     turning = new_turning(turns, balls, first, pivots, dtype)

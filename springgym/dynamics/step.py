@@ -238,5 +238,5 @@ def store_energy_of_pairs(collisions: Collisions | None) -> None:
             if p < pairs.among:
                 half = 0.5 * load(collisions.totals, p * PAIR_TOTALS + PairTotal.ENERGY)
                 for side in range(2):
-                    body = pairs.first[p] if side == 0 else pairs.second[p]
-                    store(collisions.stored, body, load(collisions.stored, body) + half)
+                    own = pairs.first[p] if side == 0 else pairs.second[p]
+                    store(collisions.stored, own, load(collisions.stored, own) + half)

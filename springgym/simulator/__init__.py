@@ -262,7 +262,7 @@ class Simulator:
         self._workspace = self._workspaces()
         for term, axes in (((self._terms, self._twin), 3), (tuple(self._workspace[:1]), 2)):
             _check_rows(term, axes)
-        self._outlines = outlines(scene.shapes, scene.starts)
+        self._outlines = outlines(scene.shapes, scene.offsets)
         self._boxes = np.zeros((len(shares), bodies + 1, 2, 3))
         self._shown = np.zeros((self.copies, len(scene.meetings)), bool)
         self._varying = sorted(varying)

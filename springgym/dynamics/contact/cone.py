@@ -63,7 +63,7 @@ def part_resisted(
         The coefficients, and the row of their arrays.
     """
     spinning = dot(rate, n) * n
-    held = dot(couple, n) * n
+    about_normal = dot(couple, n) * n
     if part == ROLLING:
-        return rate - spinning, couple - held, push * load(resistance.rolling, row)
-    return spinning, held, push * load(resistance.torsional, row)
+        return rate - spinning, couple - about_normal, push * load(resistance.rolling, row)
+    return spinning, about_normal, push * load(resistance.torsional, row)

@@ -155,9 +155,9 @@ def add_contact(count: int, first: int, members: int, touch: Closest, near: Near
             clear(count, near.pair, members, particles, opens, contacts)
             count += 1
         k = filled(fits, own + first)
-        for n in range(4):
-            put_where(contacts.particle, 4.0 * k + n, fits, particles[n])
-            put_where(contacts.weight, 4.0 * k + n, fits, touch.weights[n])
+        for end in range(4):
+            put_where(contacts.particle, 4.0 * k + end, fits, particles[end])
+            put_where(contacts.weight, 4.0 * k + end, fits, touch.weights[end])
         set_row_each(contacts.normal, k, choose(fits, touch.normal, row_each(contacts.normal, k)))
         put_where(contacts.gap, k, fits, touch.gap)
         put_where(contacts.share, k, fits, touch.share)
@@ -169,9 +169,9 @@ def clear(k: int, pair: int, members: int, particles: Quad, opens: Mask, contact
     """Initialise a new row of contacts, with the particles of a copy that ``opens`` it."""
     contacts.pair[k] = pair
     contacts.members[k] = members
-    for n in range(4):
-        store(contacts.particle, 4 * k + n, filled(opens, particles[n]))
-        store(contacts.weight, 4 * k + n, 0.0)
+    for end in range(4):
+        store(contacts.particle, 4 * k + end, filled(opens, particles[end]))
+        store(contacts.weight, 4 * k + end, 0.0)
     set_row(contacts.normal, k, vec(0.0, 0.0, 1.0))
     store(contacts.gap, k, FAR)
     store(contacts.share, k, 0.0)
@@ -199,17 +199,17 @@ def vertex_faces(count: int, first: int, m: int, near: Near, seen: Search) -> in
     third = 0.0 * i
     away = 0.0 * point
     for candidate in range(lists.faces[m, 0], lists.faces[m, 1]):
-        n = lists.candidate[candidate]
-        normal = row(lists.normal, n)
-        square = load(lists.square, n)
-        r = point - row(lists.corner, n)
+        k = lists.candidate[candidate]
+        normal = row(lists.normal, k)
+        square = load(lists.square, k)
+        r = point - row(lists.corner, k)
         height = dot(normal, r)  # times |normal|
         close = height * height < wide * square
         if any_lane(close):
-            u = row(lists.first, n)
-            q = row(lists.second, n)
-            products = row(lists.products, n)
-            sizes = row(lists.sizes, n)
+            u = row(lists.first, k)
+            q = row(lists.second, k)
+            products = row(lists.products, k)
+            sizes = row(lists.sizes, k)
             uu = products[0]
             uw = products[1]
             ww = products[2]
@@ -235,14 +235,14 @@ def vertex_faces(count: int, first: int, m: int, near: Near, seen: Search) -> in
                 key = select(squared < select(behind, limit, wide), key, FAR)
                 if any_lane(select(behind, key, FAR) < best):
                     w = seen.w
-                    a, b, c = corners(0.0 * i + n, lists)
+                    a, b, c = corners(0.0 * i + k, lists)
                     own = row_each(w, i)
                     across = own - weighted(w, a, 1.0 - wb - wc, b, wb, c, wc)
                     credible = select(behind, height - near.lead * dot(normal, across), 1.0) > 0.0
                     key = select(credible, key, key + 4.0 * limit)  # after all credible ones
                 better = key < best
                 best = select(better, key, best)
-                face = select(better, 1.0 * n, face)
+                face = select(better, 1.0 * k, face)
                 second = select(better, wb, second)
                 third = select(better, wc, third)
                 away = choose(better, apart, away)
@@ -299,15 +299,15 @@ def vertex_rods(
         rod = 0.0 * i
         t = 0.0 * i
         away = 0.0 * point
-        for n in range(lists.ends[near.pair, 2, other], lists.ends[near.pair, 2, other + 1]):
-            way = row(lists.way, n)
-            r = point - row(lists.start, n)
+        for k in range(lists.ends[near.pair, 2, other], lists.ends[near.pair, 2, other + 1]):
+            way = row(lists.way, k)
+            r = point - row(lists.start, k)
             share = within(dot(r, way) / (dot(way, way) + GUARD))
             apart = r - share * way
             key = dot(apart, apart)
             better = key < best
             best = select(better, key, best)
-            rod = select(better, 1.0 * n, rod)
+            rod = select(better, 1.0 * k, rod)
             t = select(better, share, t)
             away = choose(better, apart, away)
         won = best < near.reach * near.reach

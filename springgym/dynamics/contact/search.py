@@ -472,11 +472,11 @@ def list_kind(
                     rows = grown(rows, have)
         for m in range(first, first + rows):
             there = have > 1.0 * (m - first)
-            n = load(of, m)
-            store(of, m, select(there, n, NO_ENTRY))
-            n = filled(there, n)
+            feature = load(of, m)
+            store(of, m, select(there, feature, NO_ENTRY))
+            feature = filled(there, feature)
             for k in range(count):
-                store(particles, count * m + k, load_each(members, (n, k)))
+                store(particles, count * m + k, load_each(members, (feature, k)))
         lists.used[kind] = lists.ends[p, kind, side + 1] = first + rows
 
 

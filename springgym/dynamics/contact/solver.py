@@ -337,10 +337,10 @@ def stop_turning(
         n = 1.0 / sqrt(dot(n, n)) * n
         for part in range(2):
             old = row(contacts.couple, k)
-            rate, held, limit = part_resisted(
+            rate, resisting, limit = part_resisted(
                 part, spin_between(v, k, problem, turning), old, n, pressed, resistance, contacts.pair[k]
             )
-            change = within_cone(held + couple_against(rate, k, problem), limit) - held
+            change = within_cone(resisting + couple_against(rate, k, problem), limit) - resisting
             change = choose(acts, change, 0.0 * change)
             set_row(contacts.couple, k, old + change)
             push_turning(v, k, 0.0 * change, change, problem, turning)
@@ -507,8 +507,8 @@ def add_totals(v: Rows, problem: Problem, changing: np.ndarray) -> None:
     contacts = problem.contacts
     totals = problem.totals
     clear_current(True, totals, changing)
-    for n in range(contacts.length[ContactCount.PAIRS]):
-        p = contacts.touching_pairs[n]
+    for m in range(contacts.length[ContactCount.PAIRS]):
+        p = contacts.touching_pairs[m]
         add_to(totals, p, PairTotal.OVERFLOW, load(contacts.left_out, p))
     for k in range(problem.contacts.length[ContactCount.ROWS]):
         p = contacts.pair[k]

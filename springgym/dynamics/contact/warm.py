@@ -173,8 +173,8 @@ def keep_impulses(problem: Problem, table: WarmStart | None) -> None:
         rows = table.pair.size
         in_use = load(table.in_use, 0)
         if any_lane(in_use > 0.5):
-            for place in range(rows):
-                store(table.pair, place, 0.0)
+            for entry in range(rows):
+                store(table.pair, entry, 0.0)
         in_use = 0.0 * in_use
         for k in range(problem.contacts.length[ContactCount.ROWS]):
             key = key_of(k, problem, rows)

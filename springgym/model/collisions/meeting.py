@@ -117,7 +117,7 @@ class BodyRef(NamedTuple):
     body: Body
     moves: bool
     """whether any of its particles is free"""
-    held: bool = False
+    partly_pinned: bool = False
     """whether some of them are pinned, and others not"""
 
 
@@ -220,7 +220,7 @@ def _meetings(
         np.maximum.at(farthest, of, reach)
     for named, most in zip(bodies, farthest.tolist(), strict=True):
         if most > 0:
-            check_shape(named.name, named.body, most, named.held)
+            check_shape(named.name, named.body, most, named.partly_pinned)
     kept = [shape(of.body).turns or not of.moves for of in bodies]  # in shape: contacts do not strain these
     each = zip(bodies, kept, strict=True)
     stiff = [np.inf if rigid else float(of.body.stiffness.max(initial=0.0)) or np.inf for of, rigid in each]
@@ -267,7 +267,7 @@ def _not_turned(named: BodyRef) -> str:
         return f"{named.name!r} is floppy, and a couple cannot turn it"
     if len(named.body.masses) < 4:
         return f"{named.name!r} has too few particles to be turned by a couple"
-    if named.held:
+    if named.partly_pinned:
         return f"only some particles of {named.name!r} are pinned; pin all or none"
     return ""
 
