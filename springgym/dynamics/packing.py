@@ -15,6 +15,7 @@ from springgym.core.language.kinds import Ragged
 from springgym.core.language.lanes import block_dtype
 from springgym.core.language.ragged import share, stacked
 from springgym.dynamics import rigid
+from springgym.dynamics.arrays import allocate
 from springgym.dynamics.contact.cone import resistance_of
 from springgym.dynamics.contact.law import SLOW
 from springgym.dynamics.contact.lists import new_lists
@@ -29,7 +30,7 @@ from springgym.dynamics.forces.springs import decay, interleaved
 from springgym.dynamics.methods.node import Space
 from springgym.dynamics.methods.record import Integrator, workspace
 from springgym.dynamics.records import PAIR_TOTALS, Collisions, Pairs, RowSpace, Surfaces
-from springgym.dynamics.rigid.node import BODY_ROWS, Workspace
+from springgym.dynamics.rigid.node import Workspace
 from springgym.dynamics.terms import (
     Dampers,
     Decay,
@@ -342,18 +343,10 @@ def row_space(scene: Scene, pairs: Pairs, twin: bool, dtype: DTypeLike) -> RowSp
     pivots = np.array([placed.pivot if placed.free.any() else -1 for placed in scene.bodies])
     turning = new_turning(turns, balls, first, pivots, dtype)
     below = sum(features) * len(scene.surfaces)
-
-    def rows() -> np.ndarray:
-        return aligned_zeros((max(2 * len(bodies), count), 3), dtype)
-
-    return RowSpace(
-        velocity=rows(),
-        free=rows(),
-        before=rows(),
-        places=rows(),
-        speeds=rows(),
-        active=np.zeros(len(bodies), bool),
-        rolls=np.zeros(len(bodies), bool),
+    return allocate(
+        RowSpace,
+        {"rows": max(2 * len(bodies), count), "bodies": len(bodies)},
+        dtype,
         lists=new_lists(pairs, count, dtype) if pairs.among else None,
         contacts=new_contacts(pairs, among, below, len(bodies), turning, dtype),
     )
@@ -390,21 +383,8 @@ def node_workspace(scene: Scene, pairs: Pairs | None, dtype: DTypeLike) -> Space
 
 def rigid_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> Workspace:
     """Return the workspace of a thread for rigid bodies that may touch something."""
-    count = len(scene.bodies)
-    particles = len(scene.positions)
-
-    def lanes(*shape: int) -> np.ndarray:
-        return aligned_zeros(shape, dtype)
-
-    return Workspace(
-        bodies=lanes(count, BODY_ROWS, 3),
-        loads=lanes(count, 2, 3),
-        begin=lanes(particles, 3),
-        here=lanes(particles, 3),
-        end=lanes(particles, 3),
-        idle=lanes(particles, 3),
-        rows=row_space(scene, pairs, True, dtype),
-    )
+    extents = {"bodies": len(scene.bodies), "particles": len(scene.positions)}
+    return allocate(Workspace, extents, dtype, rows=row_space(scene, pairs, True, dtype))
 
 
 def _actuators(part: Scene, scene: Scene, blocks: Callable[..., np.ndarray]) -> dict[str, Any]:

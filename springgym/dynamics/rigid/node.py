@@ -15,7 +15,7 @@ which the mean velocity along n is the displacement over the time: its work is t
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -34,6 +34,7 @@ from springgym.core.language.lanes import (
     store,
 )
 from springgym.core.language.vectors import apply, choose, cross, dot, plus_scaled, row, set_row, vec
+from springgym.dynamics.arrays import of_copies
 from springgym.dynamics.contact.ground import Grounded, ahead_of, find_ground
 from springgym.dynamics.contact.movers import spin, velocity_between
 from springgym.dynamics.contact.round import Way
@@ -110,18 +111,18 @@ class RigidNode(NamedTuple):
 class Workspace(NamedTuple):
     """The arrays in which a thread computes rigid bodies."""
 
-    bodies: np.ndarray
-    """(bodies, `BODY_ROWS`, 3) the state of each body at the node, by `BodyRow`"""
-    loads: np.ndarray
-    """(bodies, 2, 3) force and torque of the actuators, in body coordinates"""
-    begin: Rows
-    """(N, 3) positions of all particles where the step begins [m]"""
-    here: Rows
-    """(N, 3) positions at the node [m]"""
-    end: Rows
-    """(N, 3) positions at the end of the step, with the current impulses [m]"""
-    idle: Rows
-    """(N, 3) workspace"""
+    bodies: Annotated[np.ndarray, of_copies("bodies", BODY_ROWS, 3)]
+    """the state of each body at the node, by `BodyRow`"""
+    loads: Annotated[np.ndarray, of_copies("bodies", 2, 3)]
+    """force and torque of the actuators, in body coordinates"""
+    begin: Annotated[Rows, of_copies("particles", 3)]
+    """positions of all particles where the step begins [m]"""
+    here: Annotated[Rows, of_copies("particles", 3)]
+    """positions at the node [m]"""
+    end: Annotated[Rows, of_copies("particles", 3)]
+    """positions at the end of the step, with the current impulses [m]"""
+    idle: Annotated[Rows, of_copies("particles", 3)]
+    """workspace"""
     rows: RowSpace
     """the workspace of contacts"""
 
