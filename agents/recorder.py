@@ -65,8 +65,8 @@ PLAYED = 20
 STATE = ("seconds", "row_at", "steps", "episodes", "reward", "rows", "progress")
 """The attributes of a recorder that a checkpoint holds."""
 SHORTEST = 1.0
-"""Least time of learning between two checkpoints of a run that is measured in seconds [s]; it is a tenth of the
-time so far."""
+"""Least time of learning between two checkpoints of a run that is measured in seconds [s]; it is a tenth of
+the time so far."""
 LONGEST = 30.0
 """Largest time of learning between two such checkpoints [s]."""
 

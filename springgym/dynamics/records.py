@@ -344,7 +344,7 @@ class Turning(NamedTuple):
 class ContactRows(NamedTuple):
     """The contacts of a node, one row each, with their impulses.
 
-    There are as many arms as rows if a body turns as one, and as many couples if turning is resisted; else one.
+    There are as many arms as rows if a body turns as one, as many couples if turning is resisted, else one.
     """
 
     length: Annotated[np.ndarray, whole(2)]

@@ -53,8 +53,8 @@ FLAT = 1e-4
 THIN = 0.02
 """Half of the drawn thickness of a flat round feature, as a fraction of its radius."""
 UNEVEN = 0.1
-"""A ball whose centre of mass is off its centre by more than this fraction of its radius has a dark cap on its
-lighter end."""
+"""A ball whose centre of mass is off its centre by more than this fraction of its radius has a dark cap on
+its lighter end."""
 CAP = 0.75
 """Cosine of the angle of such a cap, from its middle to its rim."""
 CALM = 0.5

@@ -12,7 +12,7 @@ from springgym.core.language.lanes import load, load_each, multiply_add, select,
 from springgym.core.language.vec import vec as vec
 
 GUARD = 1e-30
-"""Added to a divisor, or to a squared length, that may be 0: keeps the quotient finite, and changes no other."""
+"""Added to a divisor or squared length that may be 0: keeps the quotient finite, and changes no other."""
 
 ROUND_OFF = 1e-13 / 2.0**-52
 """Bound of a relative rounding error, in units of `epsilon`."""

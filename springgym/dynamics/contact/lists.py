@@ -1,7 +1,7 @@
 """Neighbour lists: features of bodies that are near each other, among which contacts are searched.
 
-Row r of a list holds the r-th entry of each copy. A copy with fewer entries than others has `NO_ENTRY` there, and
-the particles of another copy. So a list is as long as that of the copy with most entries, and a copy's
+Row r of a list holds the r-th entry of each copy. A copy with fewer entries than others has `NO_ENTRY` there,
+and the particles of another copy. So a list is as long as that of the copy with most entries, and a copy's
 entries and their order do not depend on other copies.
 """
 

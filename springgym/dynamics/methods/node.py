@@ -59,8 +59,8 @@ SWEEPS = 2
 """Number of sweeps in which a node finds the impulses of its contacts, in alternating order."""
 
 ENOUGH = 1e-3
-"""Change of a gap, over Δ, below which sweeps end. With more than `MOST_ITERATED` bodies, all `SWEEPS` are made: the
-error of fewer sweeps shakes a pile."""
+"""Change of a gap, over Δ, below which sweeps end. With more than `MOST_ITERATED` bodies, all `SWEEPS` are
+made: the error of fewer sweeps shakes a pile."""
 
 
 class Space(NamedTuple):

@@ -61,9 +61,9 @@ AGREED = 1e-9
 """Sweeps and iterations end when one changes no gap by more than this fraction of Δ."""
 
 FEW = 4
-"""Largest number of sweeps in an iteration, and of iterations, with more than `MOST_ITERATED` bodies in a scene. The
-next node continues from their impulses (`springgym.dynamics.contact.warm`). If sweeps ended at 1e-3 Δ
-instead, their error would differ from node to node and shake a pile."""
+"""Largest number of sweeps in an iteration, and of iterations, with more than `MOST_ITERATED` bodies in a
+scene. The next node continues from their impulses (`springgym.dynamics.contact.warm`). If sweeps ended at
+1e-3 Δ instead, their error would differ from node to node and shake a pile."""
 
 STILL = 1e-3
 """Rotation of a body in a step, over Δ [rad/m], below which `look_ahead` moves no lever arm. Paths are then

@@ -28,8 +28,8 @@ class Pair:
     first, second
         Names of the bodies, or their indices.
     contact
-        Parameters of their contact; by default those of the scene's contact. By default Δ is `DEFAULT_REACH` times
-        the smaller body's `Body.swept`, and c is the `derived_strength` of the softer body's largest
+        Parameters of their contact; by default those of the scene's contact. By default Δ is `DEFAULT_REACH`
+        times the smaller body's `Body.swept`, and c is the `derived_strength` of the softer body's largest
         stiffness and the reduced mass. The springs of spheres and of bodies that are all pinned do not count:
         contacts do not strain them. If no others are left, c is that of `strength_of_impact`.
 

@@ -24,16 +24,16 @@ NEAREST = 1e-3
 """The least height at the start, in units of Δ. Below it the energy c/h of the barrier is too large."""
 
 SOFTEST = 0.005
-"""The least derived strength c, in units of k Δ³. At the edge of the barrier the stiffness of contact, 2 c/Δ³,
-is then a hundredth of a spring's."""
+"""The least derived strength c, in units of k Δ³. At the edge of the barrier the stiffness of contact, 2
+c/Δ³, is then a hundredth of a spring's."""
 
 STIFFEST = 0.05
-"""The largest derived strength c, in units of k Δ³. At the edge of the barrier the stiffness of contact is then
-a tenth of a spring's, so that impacts do not excite the springs."""
+"""The largest derived strength c, in units of k Δ³. At the edge of the barrier the stiffness of contact is
+then a tenth of a spring's, so that impacts do not excite the springs."""
 
 IMPACT = 10.0
-"""Between `SOFTEST` and `STIFFEST`, the derived c is the least at which a corner of a block that strikes at this speed [m/s]
-stays a tenth of Δ away."""
+"""Between `SOFTEST` and `STIFFEST`, the derived c is the least at which a corner of a block that strikes at
+this speed [m/s] stays a tenth of Δ away."""
 
 RESISTANCES = ("rolling_resistance", "torsional_resistance")
 """Names of the options of a `Contact` that concern only round features."""
