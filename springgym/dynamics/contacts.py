@@ -205,7 +205,9 @@ def _of_rows(scene: Scene, here: SteppedBlock) -> Contacts:
     meets = surface >= 0
     bare = np.where(feature >= 0, 0.0, radius[first])
     point = place - np.where(meets, 0.5 * gap + bare, 0.0)[:, None] * n
-    particle = np.where(meets & (feature < 0), numbers(contacts.particle)[4 * row, lane], NO_INDEX).astype(int)
+    particle = np.where(meets & (feature < 0), numbers(contacts.particle)[4 * row, lane], NO_INDEX).astype(
+        int
+    )
     surface = np.where(meets, np.array([*order, NO_INDEX])[surface], NO_INDEX)
     second = np.where(meets, NO_INDEX, pairs.second[pair])
     copy = here.block * width + lane

@@ -102,7 +102,7 @@ def choose(mask: Mask, u: Vector, w: Vector) -> Vector:
 
 @compiled
 def unit(u: Vector) -> Vector:
-    return 1.0 / sqrt(dot(u, u) + TINY) * u
+    return 1.0 / sqrt(dot(u, u) + GUARD) * u
 
 
 @compiled
@@ -184,9 +184,9 @@ def solve_symmetric(tensor: Tensor, b: Vector) -> Vector:
     first, second, third, determinant = cofactors(tensor)
     u = vec(dot(first, b), dot(second, b), dot(third, b))  # on a line λ² n nᵀ b
     size = 0.5 * (xx + yy + zz)
-    straight = b - 1.0 / (first[0] + second[1] + third[2] + TINY) * u
+    straight = b - 1.0 / (first[0] + second[1] + third[2] + GUARD) * u
     flat = determinant <= ROUND_OFF * epsilon(size) * size * size * size
-    return choose(flat, 1.0 / (size + TINY) * straight, 1.0 / determinant * u)
+    return choose(flat, 1.0 / (size + GUARD) * straight, 1.0 / determinant * u)
 
 
 @compiled
@@ -196,8 +196,8 @@ def inverse_symmetric(tensor: Tensor) -> tuple[Vector, Vector]:
     first, second, third, determinant = cofactors(tensor)
     size = 0.5 * (xx + yy + zz)
     flat = determinant <= ROUND_OFF * epsilon(size) * size * size * size
-    share = 1.0 / (size + TINY)
-    trace = -1.0 * share / (first[0] + second[1] + third[2] + TINY)
+    share = 1.0 / (size + GUARD)
+    trace = -1.0 * share / (first[0] + second[1] + third[2] + GUARD)
     scale = select(flat, trace, 1.0 / select(flat, 1.0, determinant))
     diagonal = scale * vec(first[0], second[1], third[2])
     diagonal = choose(flat, diagonal + vec(share, share, share), diagonal)

@@ -47,7 +47,17 @@ from springgym.core.language.vectors import (
     unit,
     vec,
 )
-from springgym.dynamics.records import FAR, NO_ENTRY, Closest, ContactRows, Near, Neighbours, Pairs, Quad, Search
+from springgym.dynamics.records import (
+    FAR,
+    NO_ENTRY,
+    Closest,
+    ContactRows,
+    Near,
+    Neighbours,
+    Pairs,
+    Quad,
+    Search,
+)
 
 TIE = 1e-6
 """Factor of h² in the key of a triangle."""

@@ -535,7 +535,9 @@ def add_totals(v: Rows, problem: Problem, changing: np.ndarray) -> None:
         add_losses(k, lost, rubbed, problem)
         fast = select(touches, maximum(u0, -u0), 0.0)
         set_fastest(fast, p, totals)
-        add_to(totals, p, PairTotal.COARSE, select(fast > problem.pairs.coarse_from[p], 1.0 + 0.0 * impulse, 0.0))
+        add_to(
+            totals, p, PairTotal.COARSE, select(fast > problem.pairs.coarse_from[p], 1.0 + 0.0 * impulse, 0.0)
+        )
 
 
 @compiled

@@ -194,7 +194,7 @@ def find_changing(collisions: Collisions) -> None:
 def empty_totals(collisions: Collisions, index: np.ndarray | slice) -> None:
     """Reset the totals of some copies (k,), and mark these copies as fresh."""
     row = np.zeros(collisions.totals.shape[1])
-    row[PairTotal.GAP::PAIR_TOTALS] = FAR
+    row[PairTotal.GAP :: PAIR_TOTALS] = FAR
     for array, value in ((collisions.totals, row), (collisions.fresh, np.ones(1))):
         if isinstance(index, slice):
             numbers(array)[:] = value[:, None]

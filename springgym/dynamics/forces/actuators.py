@@ -181,4 +181,6 @@ def drive_by(
             speed = select(speed > drive.speed, drive.speed, speed)
             speed = select(speed < -drive.speed, -drive.speed, speed)
             store(v, (drive.particle, axis), speed)
-            record(ledger, LedgerEntry.WORK, 0.5 * tau * load(force, (drive.particle, axis)) * (before + speed))
+            record(
+                ledger, LedgerEntry.WORK, 0.5 * tau * load(force, (drive.particle, axis)) * (before + speed)
+            )

@@ -334,7 +334,9 @@ def list_ground(
         end = Way(own.x, free, span.out)
         pair = terms.collisions.pairs.among + body
         ground = Grounded(pair, body, first, own.x, begin, end, terms.particles.free, surfaces, contacts)
-        contacts.length[ContactCount.ROWS] = find_ground(contacts.length[ContactCount.ROWS], ground, terms.rounds)
+        contacts.length[ContactCount.ROWS] = find_ground(
+            contacts.length[ContactCount.ROWS], ground, terms.rounds
+        )
 
 
 @compiled

@@ -222,7 +222,9 @@ def kept_state(rows: Rows, twin: Twin) -> tuple[State, Solid]:
     axes = (row(rows, BodyRow.AXES), row(rows, BodyRow.AXES + 1), row(rows, BodyRow.AXES + 2))
     solid = Solid(rigid, asymmetry, axes, row(rows, BodyRow.CENTRE), mass[0], mass[1], terms)
     q = (1.0 + zero, zero, zero, zero)
-    return State(q, row(rows, BodyRow.MOMENTUM), row(rows, BodyRow.POSITION), row(rows, BodyRow.VELOCITY)), solid
+    return State(
+        q, row(rows, BodyRow.MOMENTUM), row(rows, BodyRow.POSITION), row(rows, BodyRow.VELOCITY)
+    ), solid
 
 
 @compiled
@@ -367,7 +369,9 @@ def list_ground(body: int, bodies: Bodies, span: Times, surfaces: Surfaces | Non
         fly_on(body, bodies, span, bodies.space, twin)
         contacts = bodies.space.rows.contacts
         own = grounded(body, bodies)
-        contacts.length[ContactCount.ROWS] = find_ground(contacts.length[ContactCount.ROWS], own, twin[2].rounds)
+        contacts.length[ContactCount.ROWS] = find_ground(
+            contacts.length[ContactCount.ROWS], own, twin[2].rounds
+        )
 
 
 @compiled

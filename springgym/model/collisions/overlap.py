@@ -74,7 +74,9 @@ def check_apart(
     reaches = np.zeros(len(shapes))
     for of in (met.first, met.second):
         np.maximum.at(reaches, of, met.reach)
-    wide = (BEYOND_ROUNDING * (np.array([shape.radius for shape in shapes]) + 0.5 * NEAREST * reaches))[:, None]
+    wide = (BEYOND_ROUNDING * (np.array([shape.radius for shape in shapes]) + 0.5 * NEAREST * reaches))[
+        :, None
+    ]
     low = np.minimum.reduceat(x, starts[:-1], axis=1) - wide
     high = np.maximum.reduceat(x, starts[:-1], axis=1) + wide
     pair, copy = overlapping(met, low, high)
