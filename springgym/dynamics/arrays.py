@@ -12,7 +12,7 @@ from numpy.typing import DTypeLike
 
 from springgym.core.language.blocks import aligned_zeros
 
-Record = TypeVar("Record")
+Record = TypeVar("Record", bound=tuple[Any, ...])
 
 
 class Shape(NamedTuple):

@@ -192,12 +192,12 @@ class SpringStack(Task, kernels=(evaluate, observe_features, remember)):
             )
         low = (-0.9, -0.3, -0.5, 0.35, 2 * math.pi / 3, GAPS[0], -0.3)
         high = (-0.5, 0.3, 0.5, 0.5, 4 * math.pi / 3, GAPS[1], 0.3)
-        along, across, heading, apart, bearing, gap, aside = uniform(rng, low, high)
+        along, across, heading, distance, bearing, gap, aside = uniform(rng, low, high)
         heading = number(options, "heading", heading, -math.pi, math.pi)
         x = scale * along
         y = scale * across
-        apart *= max(1.0, scale)
-        pusher = x + apart * math.cos(bearing), y + apart * math.sin(bearing)
+        distance *= max(1.0, scale)
+        pusher = x + distance * math.cos(bearing), y + distance * math.sin(bearing)
         block = gap + scale * shove.SIDES[0] / 2, scale * aside
         return self._placed((x, y), heading, pusher, block, factors)
 
