@@ -79,14 +79,14 @@ class Kind(NamedTuple):
     """(body, bodies, span): move a body to the node, and find its motion after it without contact"""
     leave: Callable[..., None]
     """(body, bodies, span): apply what contact changed, move to the end of the step, record losses"""
-    at_node: Callable[..., tuple[Rows, Rows]] | None = None
+    at_node: Callable[..., tuple[Rows, Rows]] = None  # type: ignore[assignment]
     """(bodies, placed): return positions and velocities of all particles where the search looks for contacts:
     at the node, or where copies were ``placed``"""
-    find_at_surfaces: Callable[..., None] | None = None
+    find_at_surfaces: Callable[..., None] = None  # type: ignore[assignment]
     """(body, bodies, span): add the contacts of a body with surfaces"""
-    join: Callable[..., None] | None = None
+    join: Callable[..., None] = None  # type: ignore[assignment]
     """(bodies, span, problem, between): bring the bodies that have contacts into the form of contacts"""
-    find_impulses: Callable[..., None] | None = None
+    find_impulses: Callable[..., None] = None  # type: ignore[assignment]
     """(bodies, span, problem, between): find all impulses"""
 
 
