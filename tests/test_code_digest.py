@@ -159,6 +159,7 @@ DIFFER = [
     *(np.arange(4), SQUARE, np.asfortranarray(SQUARE), np.dtype("f4"), np.dtype("f8")),
     *(numba.float32, numba.float64, Colour.RED, Colour.BLUE, np.sqrt, np.square, abs, max, np),
     *(Force, OtherForce, Force(1.0), Force(2.0), bound(1), bound(2)),
+    *(enum.IntEnum("Index", names) for names in ("ONE TWO", "TWO ONE", "ONE TWO THREE")),
 ]
 """Values of which no two are compiled alike."""
 

@@ -12,6 +12,7 @@ import threading
 import time
 from collections import namedtuple
 from collections.abc import Callable
+from enum import IntEnum
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -608,6 +609,10 @@ def test_inner_functions_may_hold_functions() -> None:
     assert one_more(2.0) == 17.0
 
 
+class Index(IntEnum):
+    THREE = 3
+
+
 @pytest.mark.usefixtures("cache")
 def test_inner_functions_are_compiled_once_for_all_numbers_of_a_kind() -> None:
     @compiled
@@ -620,10 +625,10 @@ def test_inner_functions_are_compiled_once_for_all_numbers_of_a_kind() -> None:
         for _ in range(n):
             first = count
             count = one_after(count, first, on=True)
-            count = one_after(count, first=3, on=count < 5)
-        return count
+            count = one_after(count, first=Index.THREE, on=count < 5)
+        return count + one_after(Index.THREE, first=0, on=True)
 
-    assert [counted(n) for n in range(5)] == [0, 2, 4, 3, 5]
+    assert [counted(n) for n in range(5)] == [4, 6, 8, 7, 9]
     assert len(one_after.overloads) == 1
 
 

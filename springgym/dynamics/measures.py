@@ -28,7 +28,7 @@ from springgym.core.language.vectors import (
     vec,
 )
 from springgym.dynamics.forces import potential_energy
-from springgym.dynamics.forces.ledger import ENTRIES, WORK
+from springgym.dynamics.forces.ledger import LEDGER_ENTRIES, LedgerEntry
 from springgym.dynamics.methods.record import Phase
 from springgym.dynamics.records import Collisions
 from springgym.dynamics.terms import Terms
@@ -217,10 +217,10 @@ def measure_block(x: Rows, v: Rows, ledger: Ledger, out: Numbers, markers: Marke
     write(out, AT.side, e1)
     write(out, AT.axis, e3)
     balance = energy
-    for entry in range(ENTRIES):
+    for entry in range(LEDGER_ENTRIES):
         entered = 0.0 * kinetic if ledger is None else load(ledger, entry)
         store(out, AT.work + entry, entered)
-        balance = balance - entered if entry == WORK else balance + entered
+        balance = balance - entered if entry == LedgerEntry.WORK else balance + entered
     store(out, AT.energy, energy)
     store(out, AT.balance, balance)
 

@@ -214,8 +214,8 @@ def principal_axes(body: Body) -> np.ndarray:
     for moment in moments:
         space = vectors[:, np.abs(moments - moment) < EQUAL * moments[2]]
         projector = space @ space.T
-        for axis in chosen:
-            projector = projector - np.outer(axis, axis) @ projector
+        for earlier in chosen:
+            projector = projector - np.outer(earlier, earlier) @ projector
         sizes = np.sqrt((projector * projector).sum(axis=0))
         axis = projector[:, _first_largest(sizes)]
         axis = _unit(axis)

@@ -192,6 +192,9 @@ class _Walk:
             self.value((kind._fields, tuple(vars(kind)["_field_defaults"].items())))
             made = set(kind._fields)  # by NamedTuple, as is all that begins with an underscore
             own = {name: value for name, value in own.items() if name[0] != "_" and name not in made}
+        if issubclass(kind, enum.Enum):  # Numba compiles in its members; the rest is made by Python
+            self.value(tuple(kind.__members__.items()))
+            own = {}
         for base in kind.__bases__:
             self.value(base)
         for name in sorted(own):

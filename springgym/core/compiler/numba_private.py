@@ -252,10 +252,18 @@ class Inner(CPUDispatcher):
         """Return Numba's typing of a call, in which a literal number has the general type of its kind.
 
         To Numba, a counter that starts at 0 is the literal 0 until it has seen the rest of the loop. It would
-        compile what takes the counter, and all that this calls, for the literal, and never use it.
+        compile what takes the counter, and all that this calls, for the literal, and never use it. So, too,
+        for a member of an enumeration, which is passed as the number that it is.
         """
-        named = {name: numba.types.unliteral(kind) for name, kind in kws.items()}
-        return super().get_call_template(tuple(map(numba.types.unliteral, args)), named)
+        named = {name: _general(kind) for name, kind in kws.items()}
+        return super().get_call_template(tuple(map(_general, args)), named)
+
+
+def _general(kind: numba.types.Type) -> numba.types.Type:
+    """Return the general type of a literal number, or of a member of an enumeration; or the type itself."""
+    if isinstance(kind, numba.types.IntEnumMember):
+        return kind.dtype
+    return numba.types.unliteral(kind)
 
 
 COLLECTED = 20_000

@@ -21,9 +21,12 @@ CLOSE = 1e-9
 """Tolerance of equal heights, relative to the extent. Rounding causes far smaller differences, and mistakes
 cause far larger ones."""
 
-STEP, STEEP = 1e-6, 1e-4
-"""Slopes are differences of heights over this fraction of the extent, with errors up to `STEEP`. Rounding
-makes an error of 1e-10. Where the surface bends over a fraction s of the extent, the error is 1e-12/s²."""
+STEP = 1e-6
+"""Slopes are differences of heights over this fraction of the extent. Rounding makes an error of 1e-10. Where
+the surface bends over a fraction s of the extent, the error is 1e-12/s²."""
+
+STEEP = 1e-4
+"""Largest error of a slope."""
 
 NEWTON = 20
 """Number of Newton iterations from a place to the surface."""
