@@ -64,9 +64,11 @@ PLAYED = 20
 """Number of episodes that the agent plays at each checkpoint."""
 STATE = ("seconds", "row_at", "steps", "episodes", "reward", "rows", "progress")
 """The attributes of a recorder that a checkpoint holds."""
-SHORTEST, LONGEST = 1.0, 30.0
-"""Seconds of learning between two checkpoints of a run that is measured in seconds: a tenth of those so far,
-within these bounds."""
+SHORTEST = 1.0
+"""Least time of learning between two checkpoints of a run that is measured in seconds [s]; it is a tenth of
+the time so far."""
+LONGEST = 30.0
+"""Largest time of learning between two such checkpoints [s]."""
 
 
 def line_of(row: Sequence[object]) -> str:

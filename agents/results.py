@@ -45,8 +45,10 @@ SUITE = (
 )
 """The tasks by which algorithms are compared."""
 COMPARED = ("ppo", "sac", "tqc")
-SECONDS, SAMPLES = 300.0, 50_000
-"""Budgets at which they are compared: seconds of learning on one core, and environment steps."""
+SECONDS = 300.0
+"""Budget at which they are compared by time: seconds of learning on one core."""
+SAMPLES = 50_000
+"""Budget at which they are compared by experience: environment steps."""
 REFERENCES = ("classical", "planner")
 """The better of them in a task scores 1, random actions 0."""
 COLORS = {"linear": "C0", "ppo": "C1", "sac": "C2", "tqc": "C3", "her": "C4", "iql": "C5"}

@@ -34,7 +34,7 @@ from springgym.model.scene import GRAVITY, Placed, Scene
 from springgym.model.surfaces import Bowl, Contact, Plane, floor, incline
 from springgym.simulator import PrecisionWarning, SimulationDivergedError, Simulator
 
-NONE = (0.0, 0.0, 0.0)
+WEIGHTLESS = (0.0, 0.0, 0.0)
 """Zero gravity, which uses the same compiled code as gravity."""
 
 
@@ -147,7 +147,7 @@ def stability_limit(broken: bool) -> Outcome:
     """
     body = cube(damping=0.0)
     noise = np.random.default_rng(1).normal(0.0, 1e-3, (8, 3))
-    scene = Scene(body, velocities=noise, gravity=NONE)
+    scene = Scene(body, velocities=noise, gravity=WEIGHTLESS)
     limit = Simulator(scene).largest_step
     if broken:
         limit = 2 * math.sqrt(body.masses.min() / body.stiffness.max())
@@ -222,7 +222,7 @@ def heavy_rope(broken: bool) -> Outcome:
 def plucked_cube(damping: float) -> Simulator:
     """Make a free cube that is blown up by 1 %, with a step of a tenth of the limit."""
     body = cube(damping=damping)
-    scene = Scene(body, 1.01 * body.positions, gravity=NONE)
+    scene = Scene(body, 1.01 * body.positions, gravity=WEIGHTLESS)
     return Simulator(scene, step=Simulator(scene).largest_step / 10)
 
 
@@ -270,7 +270,7 @@ def fast_spin(broken: bool) -> Outcome:
     """
     body = cube(stiffness=1e7, damping=0.0)
     spin = 2 * math.pi * 50
-    scene = Scene(body, *start(body, omega=(0.0, 0.0, spin)), gravity=NONE)
+    scene = Scene(body, *start(body, omega=(0.0, 0.0, spin)), gravity=WEIGHTLESS)
     simulator = Simulator(scene)
     second = math.ceil(1 / simulator.step)
     turned = simulator.positions[0]
@@ -325,7 +325,7 @@ def flips(broken: bool) -> Outcome:
     interval = theory.free_body.flip_interval(
         theory.free_body.corner_box_inertia(1.0, (1.0, 0.7, 0.4)), omega
     )
-    simulator = Simulator(Scene(body, *start(body, omega=omega), gravity=NONE))
+    simulator = Simulator(Scene(body, *start(body, omega=omega), gravity=WEIGHTLESS))
     every = math.ceil(interval / 400 / simulator.step)
     times: list[float] = []
     before = 0.0
@@ -351,7 +351,7 @@ def million_steps(broken: bool) -> Outcome:
     """
     body = box((1.0, 0.7, 0.4), damping=0.0)
     began = start(body, omega=(1.0, 3.0, 2.0), velocity=(0.01, 0.02, 0.03))
-    simulator = Simulator(Scene(body, *began, gravity=NONE))
+    simulator = Simulator(Scene(body, *began, gravity=WEIGHTLESS))
     first = simulator.measure()
     energy = []
     for _ in range(100):
@@ -411,7 +411,7 @@ def squeezed(broken: bool) -> Outcome:
             with np.errstate(all="ignore"):
                 values, _ = spring_force_and_jacobian(body, positions)
         else:
-            simulator = Simulator(Scene(body, positions, gravity=NONE))
+            simulator = Simulator(Scene(body, positions, gravity=WEIGHTLESS))
             simulator.advance(5000, check=False)
             values = np.array([*simulator.positions[0], *simulator.velocities[0]])
         largest = max(largest, float(np.abs(values).max()))  # not a number stays one
@@ -532,7 +532,7 @@ def restitution(broken: bool) -> Outcome:
         contact = Contact(friction=0.5, restitution=asked, strength=0.05, reach=0.02)
         body = pair(1.0)
         began = start(body, position=(0.5, 0.0, 0.03), velocity=(0.0, 0.0, -1.0))
-        scene = Scene(body, *began, gravity=NONE, surfaces=(floor(),), contact=contact)
+        scene = Scene(body, *began, gravity=WEIGHTLESS, surfaces=(floor(),), contact=contact)
         if asked == 1.0:
             scene = scene.with_(body=pair(0.0), contact=Contact(strength=0.05, reach=0.02))
         simulator = Simulator(scene, step=1e-4)
@@ -639,7 +639,7 @@ def thrown_cube(metres_away: float, dtype: DTypeLike) -> np.ndarray:
     began = start(body, omega=(1.0, 3.0, 2.0), position=(metres_away, 0.0, 0.0))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", PrecisionWarning)
-        simulator = Simulator(Scene(body, *began, gravity=NONE), dtype=dtype)
+        simulator = Simulator(Scene(body, *began, gravity=WEIGHTLESS), dtype=dtype)
     simulator.advance(2000, check=False)
     return simulator.positions[0].astype(float) - (metres_away, 0.0, 0.0)
 
@@ -708,7 +708,7 @@ def starts(copies: int) -> tuple[np.ndarray, np.ndarray]:
 
 def moved_batch(copies: int, positions: np.ndarray, velocities: np.ndarray, threads: int = 1) -> np.ndarray:
     """Return positions and velocities (copies, 2, 8, 3) after 4000 steps; odd copies start anew at half."""
-    scene = Scene(cube(damping=0.0), gravity=NONE)
+    scene = Scene(cube(damping=0.0), gravity=WEIGHTLESS)
     simulator = Simulator(scene, copies=copies, threads=threads)
     simulator.place(positions, velocities)
     simulator.advance(2000, check=False)
@@ -734,7 +734,7 @@ def batches(broken: bool) -> Outcome:
     threaded = moved_batch(11, given, velocities, threads=3)
     single = []
     for n in range(11):
-        scene = Scene(cube(damping=0.0), positions[n], velocities[n], gravity=NONE)
+        scene = Scene(cube(damping=0.0), positions[n], velocities[n], gravity=WEIGHTLESS)
         simulator = Simulator(scene)
         simulator.advance(2000 if n % 2 else 4000)
         single.append(np.stack([simulator.positions[0], simulator.velocities[0]]))
@@ -757,7 +757,7 @@ def diverging_copy(broken: bool) -> Outcome:
         wild[5] += 1e-15 * wild[4]
     with np.errstate(all="ignore"):
         moved = moved_batch(11, positions, wild)
-        simulator = Simulator(Scene(cube(damping=0.0), gravity=NONE), copies=11)
+        simulator = Simulator(Scene(cube(damping=0.0), gravity=WEIGHTLESS), copies=11)
         simulator.place(positions, wild)
         try:
             simulator.advance(100)
@@ -862,7 +862,7 @@ def two_cubes(copies: int, contact: Contact = LOSSLESS) -> Simulator:
     """Return undamped cubes of 1 m that collide without loss, far apart."""
     body = cube(damping=0.0)
     bodies = (Placed(body, name="left"), Placed(body, np.add(body.positions, (4.0, 0.0, 0.0)), name="right"))
-    return Simulator(Scene(bodies=bodies, gravity=NONE, contact=contact), copies=copies)
+    return Simulator(Scene(bodies=bodies, gravity=WEIGHTLESS, contact=contact), copies=copies)
 
 
 def momenta(simulator: Simulator) -> np.ndarray:

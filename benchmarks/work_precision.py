@@ -28,7 +28,7 @@ from benchmarks.peers import mujoco_rungs, scipy_rungs
 from benchmarks.problems import PROBLEMS, Problem
 from benchmarks.timing import SAMPLES, Rung, Stepper, row_of, rows_of, rung_of
 from springgym.dynamics.methods import integrator
-from springgym.dynamics.methods.record import ITERATIONS, REJECTIONS, STEPS
+from springgym.dynamics.methods.record import StepCount
 from springgym.dynamics.stability import automatic_step, largest_step, steps_in
 from springgym.model.bodies.distances import largest_distance
 from springgym.model.scene import Scene
@@ -104,8 +104,8 @@ def stepper(simulator: Simulator) -> Stepper:
             return float(method.evaluations * steps)
         counted = simulator.counts()[0] - before
         if method.iterative:
-            return float(counted[ITERATIONS] + steps)
-        return float((counted[STEPS] + counted[REJECTIONS]) * method.evaluations)
+            return float(counted[StepCount.ITERATIONS] + steps)
+        return float((counted[StepCount.STEPS] + counted[StepCount.REJECTIONS]) * method.evaluations)
 
     def advance(steps: int) -> None:
         simulator.advance(steps, check=False)

@@ -30,11 +30,14 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-TINY, HUGE = 1e-30, 1e30
-"""Bounds on the size of numbers in SI units. Products of nine of them, as in the determinant of an inertia
-tensor, (m r²)³, are still doubles."""
+TINY = 1e-30
+"""Least positive number, in SI units. Products of nine of them, as in the determinant of an inertia tensor,
+(m r²)³, are still doubles."""
 
-MANY = 2**53
+HUGE = 1e30
+"""Largest number, in SI units. Products of nine of them are still doubles."""
+
+LARGEST_WHOLE = 2**53
 """Bound on whole numbers: up to here each is a double, too."""
 
 FLOAT = np.dtype(np.float64)
@@ -57,7 +60,7 @@ def number(name: str, value: object, low: float = -HUGE, high: float = HUGE) -> 
         raise ValueError(_wrong(name, value, _range("number", low, high))) from None
 
 
-def whole(name: str, value: Any, low: int = 0, high: float = MANY) -> int:
+def whole(name: str, value: Any, low: int = 0, high: float = LARGEST_WHOLE) -> int:
     """Return a whole number from ``low`` to ``high`` as an int; errors call it ``name``."""
     try:
         given = None if hides(value) else operator.index(value)
@@ -163,7 +166,7 @@ def direction(name: str, value: object) -> np.ndarray:
 
 
 def whole_array(
-    name: str, value: object, *shapes: tuple[int | None, ...], low: int = 0, high: int = MANY
+    name: str, value: object, *shapes: tuple[int | None, ...], low: int = 0, high: int = LARGEST_WHOLE
 ) -> np.ndarray:
     """Return whole numbers as an array of int64; the parameters are those of `array`."""
     given = _shaped(name, value, shapes)
@@ -342,7 +345,7 @@ def _range(what: str, low: float, high: float) -> str:
         return f"a positive {what}, from {ends}"
     if what == "number":
         return f"a number from {ends}"
-    if high in (MANY, math.inf):
+    if high in (LARGEST_WHOLE, math.inf):
         return f"a {what}, at least {low}"
     return f"a {what} from {low} to {high}"
 

@@ -19,8 +19,9 @@ from numba import typeof
 from numba.extending import intrinsic
 
 from springgym.core.compiler import code_digest
+from springgym.core.compiler.cache import SOURCES
 from springgym.core.compiler.code_digest import NotHashable, digest
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 
 BASE = {
     "constants": "K = 1.0\n",
@@ -28,7 +29,7 @@ BASE = {
     "main": (
         "import numpy as np\n"
         "import constants\n"
-        "from springgym.core.compiler.compiling import compiled\n"
+        "from springgym.core.compiler.decorators import compiled\n"
         "from deep import deep\n"
         "from typing import NamedTuple\n"
         "class Pair(NamedTuple):\n"
@@ -85,7 +86,7 @@ EDITS = {
         ("main", "+ 0.5", "+ 0.25"),
         ("main", "+ 0.5", "- 0.5"),
         ("main", "k * a\n", "k * a + 0 * k\n"),
-        ("main", "    @compiled", "    from springgym.core.compiler.compiling import kernel\n    @kernel"),
+        ("main", "    @compiled", "    from springgym.core.compiler.decorators import kernel\n    @kernel"),
     ],
     False: [
         ("main", "UNUSED = 1", "UNUSED = 2\nMORE = object()"),
@@ -105,6 +106,13 @@ def test_the_digest_is_another_if_what_is_compiled_is(
 ) -> None:
     before = digest(load().function)
     assert (digest(load(module, old, new).function) != before) == anew
+
+
+def test_modules_of_the_compiler_enter_whether_they_are_named_or_not() -> None:
+    """They make the code of a kernel without lanes, too."""
+    several = [(), SOURCES[:1], SOURCES[:2], SOURCES]
+    assert len({digest(bound(1), (), sources) for sources in several}) == 4
+    assert digest(bound(1), (), SOURCES) == digest(bound(1), (), SOURCES[::-1])
 
 
 class Colour(enum.Enum):
@@ -151,6 +159,7 @@ DIFFER = [
     *(np.arange(4), SQUARE, np.asfortranarray(SQUARE), np.dtype("f4"), np.dtype("f8")),
     *(numba.float32, numba.float64, Colour.RED, Colour.BLUE, np.sqrt, np.square, abs, max, np),
     *(Force, OtherForce, Force(1.0), Force(2.0), bound(1), bound(2)),
+    *(enum.IntEnum("Index", names) for names in ("ONE TWO", "TWO ONE", "ONE TWO THREE")),
 ]
 """Values of which no two are compiled alike."""
 

@@ -21,8 +21,9 @@ import pytest
 from llvmlite import binding
 
 from springgym.cli import compile_all, main
-from springgym.core.compiler import compiling
-from springgym.core.compiler.compiling import INTELS, KERNELS, LEVELS, MADE, fitting_level, shipped
+from springgym.core.compiler import targets
+from springgym.core.compiler.cache import KERNELS, MADE, made_here, shipped
+from springgym.core.compiler.targets import INTELS, LEVELS, features, fitting_level
 from tests.params import slow_but
 from tests.test_compiling import FILES, RUN, finish, flipped, start
 
@@ -33,7 +34,7 @@ sys.path.insert(0, str(ROOT / "tools"))
 
 import kernels  # noqa: E402
 
-HAS_V3 = all(compiling.features().get(name) for name in LEVELS["x86-64-v3"])
+HAS_V3 = all(features().get(name) for name in LEVELS["x86-64-v3"])
 
 
 def steps_of_the_image() -> list[tuple[str, str]]:
@@ -121,20 +122,20 @@ def test_environments_of_ones_own_are_found_by_their_module(
 
 def test_a_level_is_of_processors_that_have_it(monkeypatch: pytest.MonkeyPatch) -> None:
     everything = dict.fromkeys(LEVELS[INTELS], True)
-    assert compiling._level("", everything) is None
-    assert compiling._level("host", {}) is None
+    assert targets._level("", everything) is None
+    assert targets._level("host", {}) is None
     for level, names in LEVELS.items():
-        assert compiling._level(level, everything) == level
+        assert targets._level(level, everything) == level
         for name in names:
             with pytest.warns(RuntimeWarning, match=rf"this processor has no {name}: code is compiled for"):
-                assert compiling._level(level, {**everything, name: False}) is None
-    assert compiling._level("x86-64-v3", dict.fromkeys(LEVELS["x86-64-v3"], True)) == "x86-64-v3"
+                assert targets._level(level, {**everything, name: False}) is None
+    assert targets._level("x86-64-v3", dict.fromkeys(LEVELS["x86-64-v3"], True)) == "x86-64-v3"
     for wrong in ("x86-64-v2", "v3", "X86-64-V3", " "):
         with pytest.raises(ValueError, match=r"SPRINGGYM_CPU is .*; it must be host, x86-64-v3, "):
-            compiling._level(wrong, everything)
+            targets._level(wrong, everything)
     monkeypatch.setattr(numba.config, "CPU_FEATURES", "")
     with pytest.raises(ValueError, match="unset one"):
-        compiling._level("x86-64-v3", everything)
+        targets._level("x86-64-v3", everything)
 
 
 @pytest.mark.skipif(not HAS_V3, reason="this processor has no AVX2")
@@ -168,7 +169,7 @@ def test_a_processor_runs_the_code_of_its_own_level() -> None:
     assert fitting_level("apple-m1", {}) is None
 
 
-LEVEL = fitting_level(binding.get_host_cpu_name(), compiling.features())
+LEVEL = fitting_level(binding.get_host_cpu_name(), features())
 
 needs_level = pytest.mark.skipif(LEVEL is None, reason="this processor has no level")
 
@@ -222,7 +223,7 @@ def test_who_says_what_to_compile_for_gets_that(
 
 def with_(changes: dict[str, Any]) -> str:
     """What a package says of itself if some of its versions, or its levels, are others."""
-    versions = compiling.made_here()
+    versions = made_here()
     levels = changes.pop("levels", [LEVEL])
     return json.dumps({"versions": versions | changes, "levels": levels})
 
@@ -287,7 +288,7 @@ def test_the_wheel_asks_for_what_its_code_is_made_for(wheel: Path) -> None:
     told = message_from_string(texts["METADATA"])
     assert told["Name"] == "springgym-kernels"
     assert set(told.get_all("Requires-Dist", [])) == {
-        f"springgym=={compiling.__version__}",
+        f"springgym=={made_here()['springgym']}",
         f"numpy=={np.__version__}",
         f"numba=={numba.__version__}",
     }
@@ -317,7 +318,7 @@ print(hashlib.sha256(seen.tobytes()).hexdigest())
 @pytest.mark.skipif(not HAS_V3, reason="this processor has no level")
 def test_all_levels_compute_the_same_bits() -> None:
     """With estimates of 1/√d, where the processor can run those, and without."""
-    levels = [level for level, names in LEVELS.items() if all(map(compiling.features().get, names))]
+    levels = [level for level, names in LEVELS.items() if all(map(features().get, names))]
     seen = set()
     for level in ("host", *levels):
         told = {**os.environ, "SPRINGGYM_CPU": level}

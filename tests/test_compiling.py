@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import pickle
 import re
@@ -11,6 +12,8 @@ import threading
 import time
 from collections import namedtuple
 from collections.abc import Callable
+from enum import IntEnum
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,10 +23,14 @@ import pytest
 from numba import typeof
 from numba.core.compiler_lock import global_compiler_lock
 
-from springgym.core.compiler import compiling
-from springgym.core.compiler.compiling import SameTypes, _checksum, cache_directory, compiled, kernel
-from springgym.core.language.blocks import WIDTH, at, block_array
-from springgym.core.language.lanes import any_lane, load, store
+from springgym.core.compiler import cache as disk
+from springgym.core.compiler import decorators, numba_private, progress
+from springgym.core.compiler.cache import cache_directory
+from springgym.core.compiler.decorators import SameTypes, compiled, kernel
+from springgym.core.compiler.numba_private import NEEDS, lacking
+from springgym.core.language.blocks import WIDTH, block_array
+from springgym.core.language.lanes import any_lane
+from springgym.core.language.memory import at, load, store
 from springgym.core.language.vectors import dot
 from springgym.dynamics import methods as integrators
 from springgym.dynamics.measures import read
@@ -35,6 +42,8 @@ from springgym.simulator import Simulator
 from tests.params import slow_but
 
 pytestmark = pytest.mark.own_kernels
+
+ROOT = Path(__file__).parents[1]
 
 RUN = """
 import sys
@@ -48,14 +57,14 @@ FILES = {
     "__init__.py": "",
     "constants.py": "OFFSET = 1.0\n",
     "inner.py": (
-        "from springgym.core.compiler.compiling import compiled\n"
+        "from springgym.core.compiler.decorators import compiled\n"
         "from user.constants import OFFSET\n"
         "@compiled\n"
         "def shifted(a):\n"
         "    return a + OFFSET\n"
     ),
     "outer.py": (
-        "from springgym.core.compiler.compiling import kernel\n"
+        "from springgym.core.compiler.decorators import kernel\n"
         "from user.inner import shifted\n"
         "@kernel\n"
         "def double_sum(a):\n"
@@ -116,13 +125,13 @@ def test_processes_that_compile_at_once_leave_whole_entries(package: Path, tmp_p
 
 def none_in_an_entry(entry: Path) -> bytes:
     payload = pickle.dumps(None)
-    return _checksum(entry, payload) + payload
+    return disk._checksum(entry, payload) + payload
 
 
 def entry_of_another(entry: Path) -> bytes:
     """As if the file had been renamed."""
     payload = entry.read_bytes()[32:]
-    return _checksum(entry.with_name("another.nbc"), payload) + payload
+    return disk._checksum(entry.with_name("another.nbc"), payload) + payload
 
 
 def flipped(entry: Path) -> bytes:
@@ -172,7 +181,7 @@ def test_entries_hold_machine_code_alone(cache: Path) -> None:
     """Not what others would inline; functions that call what came from the cache find it all the same."""
     assert hits() == 0
     (entry,) = cache.iterdir()
-    (_, kind, (machine_code, bitcode)), *_ = pickle.loads(entry.read_bytes()[compiling.DIGEST :])
+    (_, kind, (machine_code, bitcode)), *_ = pickle.loads(entry.read_bytes()[disk.DIGEST :])
     assert kind == "object"
     assert len(bitcode) < 2000 < len(machine_code)
     again = kernel(total.py_func)
@@ -188,9 +197,9 @@ def test_entries_hold_machine_code_alone(cache: Path) -> None:
 @pytest.fixture
 def told(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> pytest.LogCaptureFixture:
     """Return what a process that nobody was told in says, where patience is short."""
-    monkeypatch.setattr(compiling.LOGGER, "disabled", False)  # as import-linter leaves it
-    monkeypatch.setattr(compiling, "_TOLD", threading.Lock())
-    monkeypatch.setattr(compiling, "PATIENCE", 0.0)
+    monkeypatch.setattr(progress.LOGGER, "disabled", False)  # as import-linter leaves it
+    monkeypatch.setattr(progress, "_TOLD", threading.Lock())
+    monkeypatch.setattr(progress, "PATIENCE", 0.0)
     return caplog
 
 
@@ -217,12 +226,12 @@ def test_who_cannot_keep_compiled_code_is_told_once(
     why: str, tmp_path: Path, told: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Otherwise every start would compile again, and nobody would know."""
-    monkeypatch.setattr(compiling, "_UNSAVED", threading.Lock())
-    monkeypatch.setattr(compiling, "PATIENCE", 100.0)
+    monkeypatch.setattr(disk, "_UNSAVED", threading.Lock())
+    monkeypatch.setattr(progress, "PATIENCE", 100.0)
     (tmp_path / "file").touch()
     monkeypatch.setenv("SPRINGGYM_CACHE_DIR", str(tmp_path / "file" / "cache"))
     if why == "no home":
-        monkeypatch.setattr(compiling, "cache_directory", lambda: None)
+        monkeypatch.setattr(disk, "cache_directory", lambda: None)
     assert hits() == 0
     assert hits() == 0
     (record,) = told.records
@@ -235,16 +244,16 @@ def test_who_cannot_keep_compiled_code_is_told_once(
 def test_who_does_not_wait_is_not_told(
     cache: Path, told: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(compiling, "PATIENCE", 60.0)
+    monkeypatch.setattr(progress, "PATIENCE", 60.0)
     assert hits() == 0
     assert not [thread for thread in threading.enumerate() if isinstance(thread, threading.Timer)]
-    monkeypatch.setattr(compiling, "PATIENCE", 0.0)
+    monkeypatch.setattr(progress, "PATIENCE", 0.0)
     assert hits() == 1
     assert told.records == []
 
 
 def test_what_does_not_compile_leaves_nobody_waiting(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(compiling, "PATIENCE", 60.0)
+    monkeypatch.setattr(progress, "PATIENCE", 60.0)
     with pytest.raises(numba.TypingError):
         kernel(lambda a: a.nothing)(1.0)
     time.sleep(0.1)
@@ -261,7 +270,7 @@ def test_a_kernel_that_was_sent_to_another_process_compiles(cache: Path) -> None
 
 @pytest.mark.parametrize(("quiet", "lines"), slow_but([("", 1), ("logging.disable()", 0)], ("", 1)))
 def test_a_script_tells_on_stderr(quiet: str, lines: int, package: Path, tmp_path: Path) -> None:
-    patience = "import logging, springgym.core.compiler.compiling as compiling\ncompiling.PATIENCE = 0.0"
+    patience = "import logging, springgym.core.compiler.progress as progress\nprogress.PATIENCE = 0.0"
     run = f"{patience}\n{quiet}\n{RUN}"
     process = start(package, tmp_path / "cache", run)
     out, error = process.communicate(timeout=60)
@@ -272,10 +281,11 @@ def test_a_script_tells_on_stderr(quiet: str, lines: int, package: Path, tmp_pat
 def test_a_terminal_counts_the_seconds(package: Path, tmp_path: Path) -> None:
     """In one line that is erased; here one of a compiler that takes two seconds more."""
     reader, writer = os.openpty()
-    slow = """import time, springgym.core.compiler.compiling as compiling
-compiling.PATIENCE = 0.0
-built = compiling.DUMPS
-compiling.DUMPS = lambda *given: time.sleep(2.5) or built(*given)
+    slow = """import time
+from springgym.core.compiler import cache, progress
+progress.PATIENCE = 0.0
+written = cache.written_result
+cache.written_result = lambda *given: time.sleep(2.5) or written(*given)
 """
     process = start(package, tmp_path / "cache", slow + RUN, stderr=writer)
     assert process.communicate(timeout=60)[0] == "8.0 0\n"
@@ -360,8 +370,8 @@ def test_types_are_those_that_numba_finds() -> None:
         kind = namedtuple(name, ("first", "second"))
         values += [kind(1.0, arrays[0]), kind(1.0, fixed), kind(1, (2, 3.0))]
     for value in [*values, *values]:
-        assert compiling.type_of(value) == typeof(value)
-    assert len({compiling.type_of(value) for value in values}) == len(values)
+        assert decorators.type_of(value) == typeof(value)
+    assert len({decorators.type_of(value) for value in values}) == len(values)
 
 
 def test_a_cache_that_cannot_be_written_costs_a_compilation(package: Path, tmp_path: Path) -> None:
@@ -379,9 +389,8 @@ kept = {path}
 del {path}
 with warnings.catch_warnings(record=True) as given:
     warnings.simplefilter("always")
-    import springgym.core.compiler.compiling
-    if {path!r} in springgym.core.compiler.compiling.LACKING:
-        {path} = kept  # Numba itself needs it
+    import springgym.core.compiler.cache
+    {path} = kept  # Numba itself needs it
     from user.outer import double_sum, triple_sum
     value = double_sum(3.0) + triple_sum(3.0)
 (warning,) = given
@@ -392,7 +401,17 @@ print(value, sum(double_sum.stats.cache_hits.values()))
 """Uses two kernels of a Numba that lacks something."""
 
 
-LACKS = [*compiling.INSIDE, "core.codegen.CPUCodegen.magic_tuple"]
+def place(part: str) -> tuple[Any, str]:
+    """Return the object of Numba that holds a part, and the part's name there."""
+    home, _, last = part.partition("(")[0].rpartition(".")
+    return attrgetter(home)(numba), last
+
+
+LACKS = [
+    part.partition("(")[0]
+    for part in NEEDS["cache"]
+    if place(part)[1] in vars(place(part)[0]) and "_CompilerLock" not in part  # which importing Numba takes
+]
 
 
 @pytest.mark.parametrize("lacks", slow_but(LACKS, "core.serialize.dumps"))
@@ -407,24 +426,70 @@ def test_a_numba_that_lacks_something_costs_compilations(lacks: str, package: Pa
     assert not (tmp_path / "cache").exists()
 
 
-ALLOWED = (
-    "springgym/core/compiler/compiling.py",
-    "springgym/core/language/lanes.py",
-    "springgym/core/language/vec.py",
-)
-"""Files that may reach into Numba."""
+PARTS = [(use, part) for use, parts in NEEDS.items() for part in parts]
 
 
-def test_numbas_private_side_is_behind_three_files() -> None:
+@pytest.mark.parametrize(("use", "part"), PARTS)
+def test_each_private_part_is_looked_for(use: str, part: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert lacking(use) == []
+    owner, last = place(part)
+    if last in vars(owner):
+        monkeypatch.delattr(owner, last)
+    else:  # set in a method
+        monkeypatch.setattr(numba_private, "_sets", lambda owner, name: False)
+    assert f"numba.{part}" in lacking(use)
+
+
+@pytest.mark.parametrize("parameters", ["ptr, builder, offset", "builder, ptr", "builder, ptr, offset, size"])
+def test_a_part_with_other_parameters_is_another(parameters: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert lacking("language") == []
+    monkeypatch.setattr("numba.core.cgutils.pointer_add", eval(f"lambda {parameters}: None"))
+    assert lacking("language") == ["numba.core.cgutils.pointer_add(builder, ptr, offset)"]
+
+
+def test_the_list_of_private_parts_is_whole() -> None:
+    """It has every part that the code names: what begins with an underscore, and what contexts give."""
+    known = {place(part)[1] for _, part in PARTS} | {"_fields", "_replace", "_alone", "_called"}
+    used = set()
+    for path in (ROOT / "springgym" / "core").glob("*/*.py"):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Attribute):
+                private = path.name == "numba_private.py" and re.match("_[a-z]", node.attr)
+                if private or (isinstance(node.value, ast.Name) and node.value.id in ("context", "cgutils")):
+                    used.add(node.attr)
+            elif isinstance(node, ast.FunctionDef):
+                imports = [one for one in ast.walk(node) if isinstance(one, ast.ImportFrom)]
+                used |= {name.name for one in imports for name in one.names}
+    assert {"_final_module", "pointer_add", "make_tuple", "Assign"} <= used
+    assert used <= known
+
+
+def test_a_numba_without_what_the_language_needs_is_refused_in_a_line() -> None:
+    run = "import numba; del numba.core.cgutils.if_unlikely; import springgym.simulator"
+    done = subprocess.run(
+        [sys.executable, "-c", run], capture_output=True, text=True, check=False, timeout=60
+    )
+    last = done.stderr.splitlines()[-1]
+    assert last.startswith(f"ImportError: springgym cannot run with Numba {numba.__version__}, which has no ")
+    assert "numba.core.cgutils.if_unlikely(builder, pred): install a version" in last
+
+
+ALLOWED = "springgym/core/compiler/numba_private.py"
+"""The file that may reach into Numba."""
+
+
+def test_numbas_private_side_is_behind_one_file() -> None:
     """The rest of the package takes what Numba makes public."""
-    root = Path(compiling.__file__).parents[3]
-    private = re.compile(r"\b(import|from) llvmlite\b|\bnumba\.(core|np)\b|\._cache\b|\b_(reduce|rebuild)\(")
+    private = re.compile(
+        r"\b(import|from) llvmlite\b|\bnumba\.(core|np)\b|\._(cache|defn)\b|\b_(reduce|rebuild)\("
+    )
     found = [
         path
-        for path in (file.relative_to(root).as_posix() for file in root.glob("springgym/**/*.py"))
-        if private.search((root / path).read_text(encoding="utf-8"))
+        for path in (file.relative_to(ROOT).as_posix() for file in ROOT.glob("springgym/**/*.py"))
+        if private.search((ROOT / path).read_text(encoding="utf-8"))
     ]
-    assert sorted(found) == sorted(ALLOWED)
+    assert found == [ALLOWED]
 
 
 STEP = """
@@ -483,9 +548,11 @@ def test_inner_functions_are_lowered_as_far_as_numba_lets_us(
     """They stop short of machine code of their own; a Numba that does not know how makes it, to no use."""
     monkeypatch.setenv("SPRINGGYM_CACHE_DIR", str(tmp_path))  # what comes from the cache compiles nothing
     if lacking:
-        monkeypatch.setitem(sys.modules, "numba.core.typed_passes", None)
-        for name, options in zip(("INNER", "OUTER"), compiling._pipelines(), strict=True):
-            monkeypatch.setattr(compiling, name, options)
+        monkeypatch.setattr(numba_private, "_has", lambda path: path != "core.ir.Assign")
+        with pytest.warns(RuntimeWarning, match=r"has no numba\.core\.ir\.Assign: .* takes longer"):
+            found = numba_private.pipelines()
+        for name, options in zip(("INNER", "OUTER"), found, strict=True):
+            monkeypatch.setattr(decorators, name, options)
 
     @compiled
     def twice(a: float) -> float:
@@ -496,7 +563,7 @@ def test_inner_functions_are_lowered_as_far_as_numba_lets_us(
         return twice(twice(a))
 
     assert fourfold(3.0) == 12.0
-    for options in (compiling.INNER, compiling.OUTER):
+    for options in (decorators.INNER, decorators.OUTER):
         assert ("pipeline_class" in options) != lacking
     (inner,) = twice.overloads.values()
     passes = inner.metadata["pipeline_times"]["nopython"]
@@ -542,6 +609,10 @@ def test_inner_functions_may_hold_functions() -> None:
     assert one_more(2.0) == 17.0
 
 
+class Index(IntEnum):
+    THREE = 3
+
+
 @pytest.mark.usefixtures("cache")
 def test_inner_functions_are_compiled_once_for_all_numbers_of_a_kind() -> None:
     @compiled
@@ -554,10 +625,10 @@ def test_inner_functions_are_compiled_once_for_all_numbers_of_a_kind() -> None:
         for _ in range(n):
             first = count
             count = one_after(count, first, on=True)
-            count = one_after(count, first=3, on=count < 5)
-        return count
+            count = one_after(count, first=Index.THREE, on=count < 5)
+        return count + one_after(Index.THREE, first=0, on=True)
 
-    assert [counted(n) for n in range(5)] == [0, 2, 4, 3, 5]
+    assert [counted(n) for n in range(5)] == [4, 6, 8, 7, 9]
     assert len(one_after.overloads) == 1
 
 

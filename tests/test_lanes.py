@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from springgym.core.compiler.compiling import kernel
+from springgym.core.compiler.decorators import kernel
 from springgym.core.language.blocks import (
     aligned_zeros,
     ascending,
@@ -23,20 +23,8 @@ from springgym.core.language.blocks import (
     set_copies,
     to_copies,
 )
-from springgym.core.language.lanes import (
-    any_lane,
-    block_dtype,
-    inverse_sqrt,
-    load,
-    load_each,
-    maximum,
-    minimum,
-    multiply_add,
-    select,
-    sqrt,
-    store,
-    store_each,
-)
+from springgym.core.language.lanes import any_lane, inverse_sqrt, maximum, minimum, multiply_add, select, sqrt
+from springgym.core.language.memory import block_dtype, load, load_each, store, store_each
 from tests.params import slow_but
 
 pytestmark = pytest.mark.own_kernels

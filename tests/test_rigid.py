@@ -19,7 +19,7 @@ from springgym.theory.frames import carry
 from tests.params import slow_but
 
 GRAVITY = (0.0, 0.0, -9.81)
-NONE = (0.0, 0.0, 0.0)  # the same compiled code as under gravity
+WEIGHTLESS = (0.0, 0.0, 0.0)  # the same compiled code as under gravity
 TOP = top(damping=0.0)
 TIP = TOP.particle("tip")
 CROWN = TOP.particle("crown")
@@ -70,7 +70,7 @@ def test_a_copy_of_another_size_is_another_body(body: Body, pinned: tuple[int, .
     sizes = np.array([0.5, 1.0, 2.0])
     seconds = 0.5
     options = {"dynamics": "rigid", "integrator": "suzuki", "step": 5e-3}
-    scene = Scene(body, pinned=pinned, gravity=NONE, wrench=WrenchActuator())
+    scene = Scene(body, pinned=pinned, gravity=WEIGHTLESS, wrench=WrenchActuator())
     simulator = Simulator(scene, copies=3, varying=("lengths", *also), **options)
     given = {name: np.tile(body.masses, (3, 1)) for name in also}
     simulator.vary(None, lengths=sizes[:, None] * body.lengths, **given)
@@ -120,7 +120,7 @@ def cube_in_theory(t: float) -> tuple[np.ndarray, np.ndarray]:
     theta, rate = pendulum.motion(at.i1, at.mgl, 2.5, 0.0, np.array([t]))
     down = start(body, tilt=np.pi, pinned=(0,), stretched=False).positions
     x = down @ rotation((0, 1, 0), -theta[0]).T
-    return x, rigid_velocities(x, (0, -rate[0], 0), NONE)
+    return x, rigid_velocities(x, (0, -rate[0], 0), WEIGHTLESS)
 
 
 def brick_in_theory(t: float) -> tuple[np.ndarray, np.ndarray]:
@@ -135,7 +135,7 @@ def brick_in_theory(t: float) -> tuple[np.ndarray, np.ndarray]:
 PROBLEMS = {
     "top": (TOP, (TIP,), GRAVITY, top_in_theory),
     "cube": (cube(damping=0.0), (0,), GRAVITY, cube_in_theory),
-    "brick": (BRICK, (), NONE, brick_in_theory),
+    "brick": (BRICK, (), WEIGHTLESS, brick_in_theory),
 }
 
 
@@ -167,7 +167,7 @@ def test_a_free_symmetric_body_is_exact_for_every_step() -> None:
     r = TOP.positions - TOP.centre
     motion = free_body.motion(moments, omega, times, axes)
     (first, v), (last, _) = (carry(motion.attitude[n] @ axes.T, motion.omega_world[n], r) for n in range(2))
-    simulator = final(Scene(TOP, first, v, gravity=NONE), "verlet", 0.7, 7.0)
+    simulator = final(Scene(TOP, first, v, gravity=WEIGHTLESS), "verlet", 0.7, 7.0)
     assert np.abs(last - first).max() > 0.1
     np.testing.assert_allclose(simulator.positions[0], last, atol=1e-11)
 
@@ -233,7 +233,7 @@ def driven_reference(scene: Scene, seconds: float) -> np.ndarray:
         force = force + forces.sum(axis=0)
         w = turn @ np.linalg.solve(tensor, turn.T @ spin)
         rates = np.cross(w, turn.T).T
-        velocity = NONE if held else momentum / body.mass
+        velocity = WEIGHTLESS if held else momentum / body.mass
         return np.concatenate([rates.ravel(), torque, velocity, force])
 
     spin = m @ np.cross(shape, scene.velocities - (0 if held else m @ scene.velocities / body.mass))
@@ -286,7 +286,7 @@ def test_fitted_order_is_the_declared_one_for_motion_and_energy_balance(method: 
 
 
 def test_free_body_keeps_angular_momentum_and_shape_to_round_off_and_energy_without_trend() -> None:
-    scene = Scene(BRICK, *start(BRICK, omega=(0.3, 6.0, 0.4), stretched=False), gravity=NONE)
+    scene = Scene(BRICK, *start(BRICK, omega=(0.3, 6.0, 0.4), stretched=False), gravity=WEIGHTLESS)
     simulator = twin(scene, "verlet", 0.02)
     first = simulator.measure()
     energies = []
@@ -365,7 +365,7 @@ def gap(
     [
         pytest.param(TOP, (TIP,), GRAVITY, {"tilt": 0.4, "spin": 40.0}, id="top", marks=pytest.mark.slow),
         pytest.param(cube(damping=0.0), (0,), GRAVITY, {"tilt": 2.0}, id="cube", marks=pytest.mark.slow),
-        pytest.param(BRICK, (), NONE, {"omega": (1.0, 4.0, 0.5)}, id="brick"),
+        pytest.param(BRICK, (), WEIGHTLESS, {"omega": (1.0, 4.0, 0.5)}, id="brick"),
     ],
 )
 def test_springs_approach_their_twin_as_one_over_stiffness(body, pinned, gravity, how) -> None:

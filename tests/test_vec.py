@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numba.core.errors import NumbaError
 
-from springgym.core.compiler.compiling import kernel
+from springgym.core.compiler.decorators import kernel
 from springgym.core.language.blocks import aligned_zeros, numbers
-from springgym.core.language.lanes import block_dtype, load
+from springgym.core.language.memory import block_dtype, load
 from springgym.core.language.vectors import choose, cross, dot, plus_scaled, row, set_row, vec, vector
 
 WIDTHS = (1, 16)

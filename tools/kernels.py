@@ -5,7 +5,7 @@
 
 Code is compiled for all levels that this processor has: run this on one with AVX-512, which has all of them.
 It is compiled by the Python, NumPy and Numba that run this script, and the wheel asks for the same ones.
-Its tags are those of Numba's own wheel. `springgym.core.compiler.compiling` finds it where it is installed.
+Its tags are those of Numba's own wheel. `springgym.core.compiler.cache` finds it where it is installed.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ from collections.abc import Sequence
 from email import message_from_string
 from pathlib import Path
 
-from springgym.core.compiler.compiling import KERNELS, LEVELS, MADE, features, made_here
+from springgym.core.compiler.cache import KERNELS, MADE, made_here
+from springgym.core.compiler.targets import LEVELS, features
 
 ROOT = Path(__file__).resolve().parents[1]
 NAME = KERNELS.replace("_", "-")

@@ -1,6 +1,6 @@
 """``springgym compile``: compile environments ahead of their first step.
 
-Compiled code lies in a folder, see `springgym.core.compiler.compiling`. You can copy the folder, share it,
+Compiled code lies in a folder, see `springgym.core.compiler.cache`. You can copy the folder, share it,
 mount it read-only, and put it into a container image. With ``--cpu`` the code runs on every processor of a
 level."""
 
@@ -29,7 +29,7 @@ KINDS = {"single": "gym.make", "batch": "gym.make_vec"}
 DTYPES = ("float64", "float32")
 
 LEVELS = ("host", "x86-64-v3", "x86-64-v4", "skylake-avx512")
-"""The names in `springgym.core.compiler.compiling.LEVELS`, repeated here because importing it takes a
+"""The names in `springgym.core.compiler.targets.LEVELS`, repeated here because importing it takes a
 second."""
 
 
@@ -108,7 +108,7 @@ def _begin(settings: dict[str, str]) -> None:
 
 def _folder() -> Path:
     """Return the folder of compiled code, after checking that it is writable."""
-    from springgym.core.compiler.compiling import cache_directory
+    from springgym.core.compiler.cache import cache_directory
 
     folder = cache_directory()
     if folder is None:
@@ -131,12 +131,12 @@ def compile_one(task: Sequence[str]) -> float:
         If this processor does not have the level, compiled code cannot be written, the environment does not
         support the precision, or it is not a springgym environment.
     """
-    from springgym.core.compiler import compiling
+    from springgym.core.compiler import targets
     from springgym.envs.base import SpringEnv, SpringVectorEnv
 
     name, kind, dtype = task
     asked = os.environ["SPRINGGYM_CPU"]
-    if asked not in ("host", compiling.LEVEL):
+    if asked not in ("host", targets.LEVEL):
         raise ValueError(
             f"--cpu is {asked}, but this processor does not have that level; compile on one that does"
         )

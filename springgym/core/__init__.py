@@ -5,8 +5,9 @@ Only this package depends on Numba's internals. User-defined forces, surfaces an
 and `dot` act as on paper; and `select` chooses a value for each copy.
 """
 
-from springgym.core.compiler.compiling import compiled
-from springgym.core.language.lanes import any_lane, load, maximum, minimum, select, sqrt, store
+from springgym.core.compiler.decorators import compiled
+from springgym.core.language.lanes import any_lane, maximum, minimum, select, sqrt
+from springgym.core.language.memory import load, store
 from springgym.core.language.vectors import add_row, cross, dot, plus_scaled, row, set_row, unit, vec, vector
 
 __all__ = [

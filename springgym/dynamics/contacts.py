@@ -7,18 +7,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from springgym.core.compiler.compiling import kernel
+from springgym.core.compiler.decorators import kernel
 from springgym.core.language.blocks import numbers
 from springgym.core.language.kinds import Ragged
-from springgym.dynamics.records import COARSE, ENTRIES, FAR, GAP, IMPULSE, MISSES, ROWS, TOUCHING, Collisions
+from springgym.dynamics.records import FAR, PAIR_TOTALS, Collisions, ContactCount, PairTotal
 from springgym.dynamics.terms import Terms
 from springgym.model.scene import Scene
 from springgym.model.surfaces import by_kind, gradients, scales
 
-NONE = -1
+NO_INDEX = -1
 """Index where there is no body, surface or contact."""
 
-ROUNDING = 1e-9
+LEAST_IMPULSE = 1e-9
 """Smallest impulse [N·s] of a particle that is reported, as a share of its momentum; less is rounding."""
 
 
@@ -98,14 +98,14 @@ def sum_pairs(totals: np.ndarray, reach: np.ndarray, among: int, sums: np.ndarra
         coarse = 0.0
         least = math.inf
         for pair in range(reach.size):
-            first = pair * ENTRIES
-            coarse += totals[block, first + COARSE, lane]
+            first = pair * PAIR_TOTALS
+            coarse += totals[block, first + PairTotal.COARSE, lane]
             if pair >= among:
                 continue
-            touching += 1.0 if totals[block, first + TOUCHING, lane] > 0.0 else 0.0
-            impulse += totals[block, first + IMPULSE, lane]
-            misses += totals[block, first + MISSES, lane]
-            gap = totals[block, first + GAP, lane]
+            touching += 1.0 if totals[block, first + PairTotal.TOUCHING, lane] > 0.0 else 0.0
+            impulse += totals[block, first + PairTotal.IMPULSE, lane]
+            misses += totals[block, first + PairTotal.MISSES, lane]
+            gap = totals[block, first + PairTotal.GAP, lane]
             gap = reach[pair] if gap > reach[pair] else gap
             if not math.isnan(least) and not gap >= least:  # a NaN is reported
                 least = gap
@@ -165,7 +165,7 @@ def padded(found: list[Contacts], copies: int) -> Contacts:
     there[place] = True
     arrays = []
     for of in values:
-        array = np.full((copies, most, *of.shape[1:]), NONE if of.dtype.kind == "i" else 0, of.dtype)
+        array = np.full((copies, most, *of.shape[1:]), NO_INDEX if of.dtype.kind == "i" else 0, of.dtype)
         array[place] = of[order]
         arrays.append(array)
     return Contacts(there, *arrays)
@@ -175,7 +175,7 @@ def _of_rows(scene: Scene, here: SteppedBlock) -> Contacts:
     """Return the contacts that were solved together, from the rows of a thread."""
     contacts = here.workspace.rows.contacts
     pairs = here.terms.collisions.pairs
-    rows = int(contacts.length[ROWS])
+    rows = int(contacts.length[ContactCount.ROWS])
     width = here.begin[0].shape[-1]
     pair, surface, feature = (of[:rows] for of in (contacts.pair, contacts.surface, contacts.feature))
     gap, push = (numbers(of)[:rows].astype(float) for of in (contacts.gap, contacts.impulse))
@@ -205,9 +205,11 @@ def _of_rows(scene: Scene, here: SteppedBlock) -> Contacts:
     meets = surface >= 0
     bare = np.where(feature >= 0, 0.0, radius[first])
     point = place - np.where(meets, 0.5 * gap + bare, 0.0)[:, None] * n
-    particle = np.where(meets & (feature < 0), numbers(contacts.particle)[4 * row, lane], NONE).astype(int)
-    surface = np.where(meets, np.array([*order, NONE])[surface], NONE)
-    second = np.where(meets, NONE, pairs.second[pair])
+    particle = np.where(meets & (feature < 0), numbers(contacts.particle)[4 * row, lane], NO_INDEX).astype(
+        int
+    )
+    surface = np.where(meets, np.array([*order, NO_INDEX])[surface], NO_INDEX)
+    second = np.where(meets, NO_INDEX, pairs.second[pair])
     copy = here.block * width + lane
     return Contacts(copy, first, second, surface, particle, point, n, gap, impulse, impulse / here.step)
 
@@ -233,9 +235,9 @@ def _with_surfaces(scene: Scene, here: SteppedBlock) -> Contacts:
     gap = heights[surface, 1, lane, particle]
     impulse = _divided(lane * len(reach) + particle, normal, given[lane, particle])
     point = at - (0.5 * gap + radius[particle])[:, None] * normal
-    body = np.searchsorted(scene.starts, particle, side="right") - 1
+    body = np.searchsorted(scene.offsets, particle, side="right") - 1
     order = np.lexsort((surface, particle, lane))
-    none = np.full(len(surface), NONE)
+    none = np.full(len(surface), NO_INDEX)
     copy = here.block * len(x) + lane
     force = impulse / here.step
     found = Contacts(copy, body, none, surface, particle, point, normal, gap, impulse, force)
@@ -258,7 +260,7 @@ def _ways(here: SteppedBlock) -> tuple[np.ndarray, ...]:
     if not any((terms.dampers, terms.wrench, terms.thrust, terms.drive)):
         kicked = before + half * acceleration
     change = after - (kicked + half * acceleration)
-    change = np.where(np.abs(change) < ROUNDING * (np.abs(after) + np.abs(before)), 0.0, change)
+    change = np.where(np.abs(change) < LEAST_IMPULSE * (np.abs(after) + np.abs(before)), 0.0, change)
     mass = terms.particles.mass
     mass = mass.values if isinstance(mass, Ragged) else mass
     mass = numbers(mass)[here.block] if mass.dtype.names else mass[:, None]

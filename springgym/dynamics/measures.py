@@ -8,9 +8,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
+from springgym.core.language.bodies import bodies_of, of_body
 from springgym.core.language.kinds import Ledger, Nested, Number, Numbers, Rows, Vector
-from springgym.core.language.lanes import bodies_of, lane_of, load, maximum, of_body, sqrt, store
+from springgym.core.language.lanes import lane_of, maximum, sqrt
+from springgym.core.language.memory import load, store
 from springgym.core.language.vectors import (
     ROUND_OFF,
     angular_momentum,
@@ -26,7 +28,7 @@ from springgym.core.language.vectors import (
     vec,
 )
 from springgym.dynamics.forces import potential_energy
-from springgym.dynamics.forces.ledger import ENTRIES, WORK
+from springgym.dynamics.forces.ledger import LEDGER_ENTRIES, LedgerEntry
 from springgym.dynamics.methods.record import Phase
 from springgym.dynamics.records import Collisions
 from springgym.dynamics.terms import Terms
@@ -215,10 +217,10 @@ def measure_block(x: Rows, v: Rows, ledger: Ledger, out: Numbers, markers: Marke
     write(out, AT.side, e1)
     write(out, AT.axis, e3)
     balance = energy
-    for entry in range(ENTRIES):
+    for entry in range(LEDGER_ENTRIES):
         entered = 0.0 * kinetic if ledger is None else load(ledger, entry)
         store(out, AT.work + entry, entered)
-        balance = balance - entered if entry == WORK else balance + entered
+        balance = balance - entered if entry == LedgerEntry.WORK else balance + entered
     store(out, AT.energy, energy)
     store(out, AT.balance, balance)
 

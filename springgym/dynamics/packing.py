@@ -12,9 +12,10 @@ from numpy.typing import ArrayLike, DTypeLike
 from springgym.checks import HUGE, TINY
 from springgym.core.language.blocks import aligned_zeros, get_copies, numbers, set_copies
 from springgym.core.language.kinds import Ragged
-from springgym.core.language.lanes import block_dtype
+from springgym.core.language.memory import block_dtype
 from springgym.core.language.ragged import share, stacked
 from springgym.dynamics import rigid
+from springgym.dynamics.arrays import allocate
 from springgym.dynamics.contact.cone import resistance_of
 from springgym.dynamics.contact.law import SLOW
 from springgym.dynamics.contact.lists import new_lists
@@ -28,8 +29,8 @@ from springgym.dynamics.forces.cycle import cycle
 from springgym.dynamics.forces.springs import decay, interleaved
 from springgym.dynamics.methods.node import Space
 from springgym.dynamics.methods.record import Integrator, workspace
-from springgym.dynamics.records import ENTRIES, Collisions, Pairs, RowSpace, Surfaces
-from springgym.dynamics.rigid.node import ROWS, Workspace
+from springgym.dynamics.records import PAIR_TOTALS, Collisions, Pairs, RowSpace, Surfaces
+from springgym.dynamics.rigid.node import Workspace
 from springgym.dynamics.terms import (
     Dampers,
     Decay,
@@ -206,7 +207,7 @@ def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Optio
             reach=reach,
             coarse_from=coarse_from(part, twin, options.step)[-1].item() if nodes else math.inf,
             radius=float(body.radius) if round_bodies else None,
-            totals=options.blocks(ENTRIES) if nodes and shared.collisions is None else None,
+            totals=options.blocks(PAIR_TOTALS) if nodes and shared.collisions is None else None,
         )
     actuators = _actuators(part, scene, options.blocks)
     last = None
@@ -251,7 +252,7 @@ def _collisions(scene: Scene, twin: bool, options: Options) -> Collisions | None
         return None
     pairs = pack_pairs(scene, twin, options)
     count = len(pairs.reach)
-    totals, stored, fresh = map(options.blocks, (count * ENTRIES, len(scene.bodies), 1))
+    totals, stored, fresh = map(options.blocks, (count * PAIR_TOTALS, len(scene.bodies), 1))
     changing = aligned_zeros((len(totals), 1 + count), block_dtype(np.int64, 1))
     warm = new_warm_start(pairs, len(scene.bodies), options.blocks)
     collisions = Collisions(pairs, totals, stored, fresh, changing, warm)
@@ -298,7 +299,7 @@ def pack_pairs(scene: Scene, twin: bool, options: Options) -> Pairs:
         loss=options.parameter({"restitution"} & varying, loss_factor(restitutions)) if loses else None,
         radius=np.array([shape.radius for shape in scene.shapes]),
         single=np.array([len(body.masses) == 1 for body in bodies]),
-        shapes=packed_shapes(scene.shapes, scene.starts[:-1]) if len(met) else None,
+        shapes=packed_shapes(scene.shapes, scene.offsets[:-1]) if len(met) else None,
         most=most_contacts(met, scene.shapes)[0] if len(met) else 0,
     )
 
@@ -337,23 +338,15 @@ def row_space(scene: Scene, pairs: Pairs, twin: bool, dtype: DTypeLike) -> RowSp
     turns = np.array([twin or bool(body.rounds) for body in bodies])
     for of in (pairs.first, pairs.second):
         turns[of[: pairs.among][scene.resisted]] = True
-    first = 2 * np.arange(len(bodies)) if twin else scene.starts[:-1]
+    first = 2 * np.arange(len(bodies)) if twin else scene.offsets[:-1]
     balls = np.array([of.turns and pairs.among > 0 for of in scene.shapes])
     pivots = np.array([placed.pivot if placed.free.any() else -1 for placed in scene.bodies])
     turning = new_turning(turns, balls, first, pivots, dtype)
     below = sum(features) * len(scene.surfaces)
-
-    def rows() -> np.ndarray:
-        return aligned_zeros((max(2 * len(bodies), count), 3), dtype)
-
-    return RowSpace(
-        velocity=rows(),
-        free=rows(),
-        before=rows(),
-        places=rows(),
-        speeds=rows(),
-        active=np.zeros(len(bodies), bool),
-        rolls=np.zeros(len(bodies), bool),
+    return allocate(
+        RowSpace,
+        {"rows": max(2 * len(bodies), count), "bodies": len(bodies)},
+        dtype,
         lists=new_lists(pairs, count, dtype) if pairs.among else None,
         contacts=new_contacts(pairs, among, below, len(bodies), turning, dtype),
     )
@@ -390,21 +383,8 @@ def node_workspace(scene: Scene, pairs: Pairs | None, dtype: DTypeLike) -> Space
 
 def rigid_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> Workspace:
     """Return the workspace of a thread for rigid bodies that may touch something."""
-    count = len(scene.bodies)
-    particles = len(scene.positions)
-
-    def lanes(*shape: int) -> np.ndarray:
-        return aligned_zeros(shape, dtype)
-
-    return Workspace(
-        bodies=lanes(count, ROWS, 3),
-        loads=lanes(count, 2, 3),
-        begin=lanes(particles, 3),
-        here=lanes(particles, 3),
-        end=lanes(particles, 3),
-        idle=lanes(particles, 3),
-        rows=row_space(scene, pairs, True, dtype),
-    )
+    extents = {"bodies": len(scene.bodies), "particles": len(scene.positions)}
+    return allocate(Workspace, extents, dtype, rows=row_space(scene, pairs, True, dtype))
 
 
 def _actuators(part: Scene, scene: Scene, blocks: Callable[..., np.ndarray]) -> dict[str, Any]:

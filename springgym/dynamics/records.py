@@ -5,11 +5,13 @@ Each element of an array holds one number per copy of a block, unless all copies
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, TypeAlias
+from enum import IntEnum
+from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from springgym.core.language.kinds import Number, Numbers, Rows, Vector
+from springgym.dynamics.arrays import flags, of_copies, whole
 
 Kinds: TypeAlias = tuple[Any, ...]
 """All surfaces of each kind, see `springgym.model.surfaces.surface`; in overloads, Numba's types of them."""
@@ -45,8 +47,8 @@ class Surfaces(NamedTuple):
     coupled: bool | None
     """True if `springgym.model.surfaces.coupled`; else None, so that no iteration is compiled"""
     totals: Numbers | None = None
-    """(`ENTRIES`,) totals of the body, of which only `COARSE` and `FASTEST` are set; None where contacts are
-    rows"""
+    """(`PAIR_TOTALS`,) totals of the body, of which only `PairTotal.COARSE` and `PairTotal.FASTEST` are set;
+    None where contacts are rows"""
 
 
 class Resistance(NamedTuple):
@@ -69,7 +71,7 @@ class SurfaceImpulse(NamedTuple):
     """Σ J n without loss [m/s]: its product with the displacement, over the time, is the barriers' work"""
 
 
-MANY = 10
+MOST_ITERATED = 10
 """Largest number of bodies in a scene whose sweeps are iterated until impulses agree. With more bodies, a
 node takes a few sweeps, and the next node continues from its impulses."""
 
@@ -157,111 +159,117 @@ class Pairs(NamedTuple):
     """how many contacts of bodies a copy can have"""
 
 
-NONE = -1.0
+NO_ENTRY = -1.0
 """Entry of a list in a copy that has fewer entries than others."""
 
 
-WATCHED, CLOSE = range(2)
-"""Indices of the lists of pairs in `Neighbours.length`."""
+class PairList(IntEnum):
+    """The lists of pairs, by their indices in `Neighbours.length`."""
+
+    WATCHED = 0
+    """`Neighbours.watched`"""
+    CLOSE = 1
+    """`Neighbours.close`"""
 
 
 class Neighbours(NamedTuple):
     """The neighbour lists of features: the workspace of `springgym.dynamics.contact.search`.
 
-    Lists of features persist from node to node; those of one pair follow those of another.
+    Lists of features persist from node to node; those of one pair follow those of another. They have room for
+    V vertices, T triangles and E edges.
     """
 
-    origin: np.ndarray
-    """(particles, 3) where vertices were when features were listed [m]"""
-    shift: np.ndarray
-    """(particles, 3) displacement since then [m]"""
-    moved: np.ndarray
-    """(bodies,) the largest displacement of a vertex, plus what is added for fast bodies [m]"""
-    mean_shift: np.ndarray
-    """(bodies, 3) the mean displacement of vertices [m]"""
-    bend: np.ndarray
-    """(bodies,) the largest difference from it [m]"""
-    mean: np.ndarray
-    """(bodies, 3) the mean velocity of vertices [m/s]"""
-    turning: np.ndarray
-    """(bodies,) the largest difference from it [m/s]"""
-    low: np.ndarray
-    """(bodies, 3) lower corners of the boxes around the bodies, when features were listed [m]"""
-    high: np.ndarray
-    """(bodies, 3) and their upper corners [m]"""
-    along: np.ndarray
-    """(particles,) distance of vertices from the other body of a pair, along the line of their centres [m]"""
-    listed: np.ndarray
-    """(pairs,) all features of a pair nearer than this were listed; 0 before the first listing [m]"""
-    gap: np.ndarray
-    """(pairs,) no features of the pair were nearer than this when they were listed [m]"""
-    nearest: np.ndarray
-    """(pairs,) nor are any nearer than this at this node [m]"""
-    reach: np.ndarray
-    """(pairs,) search distance for contacts at this node [m]"""
-    watched: np.ndarray
-    """(pairs,) list: pairs of bodies that are not far apart in some copy, ascending"""
-    ahead: np.ndarray
-    """(bodies,) excess of the motion in half a step over the allowed one, when pairs were watched [m]"""
-    margin: np.ndarray
-    """(bodies,) the distance that a body may move before the search lists the watched pairs anew [m]"""
-    travelled: np.ndarray
-    """(bodies,) bound of the motion from when pairs were watched to when features were listed [m]"""
-    close: np.ndarray
-    """(pairs,) list of the watched pairs that may touch at this node"""
-    length: np.ndarray
-    """(2,) the lengths of the lists `watched` and `close`, at the indices `WATCHED` and `CLOSE`"""
-    kept: np.ndarray
-    """(1,) whether the lists of all pairs are stored"""
-    used: np.ndarray
-    """(4,) the numbers of rows of vertices, triangles, edges and candidates in use"""
-    ends: np.ndarray
-    """(pairs, 3, 3) of vertices, triangles and edges: first rows of the first and second body, and the end"""
-    vertex: np.ndarray
-    """(V,) list of the vertices of a pair that lie between the two bodies: the first body's come first"""
-    vertex_particle: np.ndarray
-    """(V,) which particles they are"""
-    point: np.ndarray
-    """(V, 3) where they are [m]"""
-    triangle: np.ndarray
-    """(T,) list of the triangles of a pair that lie between both bodies: those of the first body, then of the
+    origin: Annotated[np.ndarray, of_copies("particles", 3)]
+    """where vertices were when features were listed [m]"""
+    shift: Annotated[np.ndarray, of_copies("particles", 3)]
+    """displacement since then [m]"""
+    moved: Annotated[np.ndarray, of_copies("bodies")]
+    """the largest displacement of a vertex, plus what is added for fast bodies [m]"""
+    mean_shift: Annotated[np.ndarray, of_copies("bodies", 3)]
+    """the mean displacement of vertices [m]"""
+    bend: Annotated[np.ndarray, of_copies("bodies")]
+    """the largest difference from it [m]"""
+    mean: Annotated[np.ndarray, of_copies("bodies", 3)]
+    """the mean velocity of vertices [m/s]"""
+    turning: Annotated[np.ndarray, of_copies("bodies")]
+    """the largest difference from it [m/s]"""
+    low: Annotated[np.ndarray, of_copies("bodies", 3)]
+    """lower corners of the boxes around the bodies, when features were listed [m]"""
+    high: Annotated[np.ndarray, of_copies("bodies", 3)]
+    """and their upper corners [m]"""
+    along: Annotated[np.ndarray, of_copies("particles")]
+    """distance of vertices from the other body of a pair, along the line of their centres [m]"""
+    listed: Annotated[np.ndarray, of_copies("pairs")]
+    """all features of a pair nearer than this were listed; 0 before the first listing [m]"""
+    gap: Annotated[np.ndarray, of_copies("pairs")]
+    """no features of the pair were nearer than this when they were listed [m]"""
+    nearest: Annotated[np.ndarray, of_copies("pairs")]
+    """nor are any nearer than this at this node [m]"""
+    reach: Annotated[np.ndarray, of_copies("pairs")]
+    """search distance for contacts at this node [m]"""
+    watched: Annotated[np.ndarray, whole("pairs")]
+    """list: pairs of bodies that are not far apart in some copy, ascending"""
+    ahead: Annotated[np.ndarray, of_copies("bodies")]
+    """excess of the motion in half a step over the allowed one, when pairs were watched [m]"""
+    margin: Annotated[np.ndarray, of_copies("bodies")]
+    """the distance that a body may move before the search lists the watched pairs anew [m]"""
+    travelled: Annotated[np.ndarray, of_copies("bodies")]
+    """bound of the motion from when pairs were watched to when features were listed [m]"""
+    close: Annotated[np.ndarray, whole("pairs")]
+    """list of the watched pairs that may touch at this node"""
+    length: Annotated[np.ndarray, whole(2)]
+    """the lengths of the lists of a `PairList`"""
+    kept: Annotated[np.ndarray, flags(1)]
+    """whether the lists of all pairs are stored"""
+    used: Annotated[np.ndarray, whole(4)]
+    """the numbers of rows of vertices, triangles, edges and candidates in use"""
+    ends: Annotated[np.ndarray, whole("pairs", 3, 3)]
+    """of vertices, triangles and edges: first rows of the first and second body, and the end"""
+    vertex: Annotated[np.ndarray, of_copies("V")]
+    """list of the vertices of a pair that lie between the two bodies: the first body's come first"""
+    vertex_particle: Annotated[np.ndarray, of_copies("V")]
+    """which particles they are"""
+    point: Annotated[np.ndarray, of_copies("V", 3)]
+    """where they are [m]"""
+    triangle: Annotated[np.ndarray, of_copies("T")]
+    """list of the triangles of a pair that lie between both bodies: those of the first body, then of the
     second"""
-    triangle_particles: np.ndarray
-    """(3 T,) the particles at the corners of these triangles"""
-    corner: np.ndarray
-    """(T, 3) the first corner of each triangle [m]"""
-    first: np.ndarray
-    """(T, 3) the side u of each triangle, from its first corner to its second [m]"""
-    second: np.ndarray
-    """(T, 3) the side w of each triangle, from its first corner to its third [m]"""
-    normal: np.ndarray
-    """(T, 3) the cross product u × w, whose length is twice the area of the triangle [m²]"""
-    square: np.ndarray
-    """(T,) |u × w|², the square of twice the area [m⁴]; −1 in rows without a triangle"""
-    products: np.ndarray
-    """(T, 3) the products |u|², u·w and |w|² of the sides [m²]"""
-    sizes: np.ndarray
-    """(T, 3) 1 over ``square`` [m⁻⁴], 1 over the product of all sides' squares [m⁻⁶], the largest of
+    triangle_particles: Annotated[np.ndarray, of_copies("3 T")]
+    """the particles at the corners of these triangles"""
+    corner: Annotated[np.ndarray, of_copies("T", 3)]
+    """the first corner of each triangle [m]"""
+    first: Annotated[np.ndarray, of_copies("T", 3)]
+    """the side u of each triangle, from its first corner to its second [m]"""
+    second: Annotated[np.ndarray, of_copies("T", 3)]
+    """the side w of each triangle, from its first corner to its third [m]"""
+    normal: Annotated[np.ndarray, of_copies("T", 3)]
+    """the cross product u × w, whose length is twice the area of the triangle [m²]"""
+    square: Annotated[np.ndarray, of_copies("T")]
+    """|u × w|², the square of twice the area [m⁴]; −1 in rows without a triangle"""
+    products: Annotated[np.ndarray, of_copies("T", 3)]
+    """the products |u|², u·w and |w|² of the sides [m²]"""
+    sizes: Annotated[np.ndarray, of_copies("T", 3)]
+    """1 over ``square`` [m⁻⁴], 1 over the product of all sides' squares [m⁻⁶], the largest of
     these [m²]"""
-    edge: np.ndarray
-    """(E,) list of the edges of a pair that lie between both bodies: those of the first body, then of the
+    edge: Annotated[np.ndarray, of_copies("E")]
+    """list of the edges of a pair that lie between both bodies: those of the first body, then of the
     second"""
-    edge_particles: np.ndarray
-    """(2 E,) the particles at the ends of these edges"""
-    start: np.ndarray
-    """(E, 3) the first end of each edge [m]"""
-    way: np.ndarray
-    """(E, 3) the vector from the first end of each edge to its second [m]; 0 in rows without an edge"""
+    edge_particles: Annotated[np.ndarray, of_copies("2 E")]
+    """the particles at the ends of these edges"""
+    start: Annotated[np.ndarray, of_copies("E", 3)]
+    """the first end of each edge [m]"""
+    way: Annotated[np.ndarray, of_copies("E", 3)]
+    """the vector from the first end of each edge to its second [m]; 0 in rows without an edge"""
     candidate: np.ndarray
     """rows of triangles and edges: first all of them in order, then those near a vertex or an edge"""
-    faces: np.ndarray
-    """(V, 2) the range in ``candidate`` of each vertex's candidates, triangles of the other body"""
-    partners: np.ndarray
-    """(E, 2) the range in ``candidate`` of the second body's edges near each edge of the first"""
-    crossed: np.ndarray
-    """(most,) list of the rows of edges of one body that cross edges of the other"""
-    crossing: np.ndarray
-    """(most,) the rows of the edges that they cross"""
+    faces: Annotated[np.ndarray, whole("V", 2)]
+    """the range in ``candidate`` of each vertex's candidates, triangles of the other body"""
+    partners: Annotated[np.ndarray, whole("E", 2)]
+    """the range in ``candidate`` of the second body's edges near each edge of the first"""
+    crossed: Annotated[np.ndarray, of_copies("most")]
+    """list of the rows of edges of one body that cross edges of the other"""
+    crossing: Annotated[np.ndarray, of_copies("most")]
+    """the rows of the edges that they cross"""
 
 
 Quad: TypeAlias = tuple[Number, Number, Number, Number]
@@ -300,8 +308,13 @@ FAR = 1e9
 """Gap [m] of a row in the copies that have no contact there."""
 
 
-MET, ROWS = range(2)
-"""Indices in `ContactRows.length` of the number of pairs that have contacts, and of rows of contacts."""
+class ContactCount(IntEnum):
+    """What `ContactRows.length` counts."""
+
+    PAIRS = 0
+    """the pairs that have contacts, `ContactRows.touching_pairs`"""
+    ROWS = 1
+    """the rows of contacts"""
 
 
 Ends: TypeAlias = tuple[Vector, Vector, Vector, Vector]
@@ -319,97 +332,100 @@ class Turning(NamedTuple):
     """(bodies,) the index of the row that holds its velocity; the next row holds its angular momentum"""
     pivot: np.ndarray
     """(bodies,) the index of its only pinned particle; −1 if none or all particles are pinned"""
-    lightness: np.ndarray
-    """(bodies,) 1/M [1/kg]; 0 for pinned bodies"""
-    point: np.ndarray
-    """(2 bodies, 3) the point X of each body at the node [m], then at the end of the step"""
-    turn: np.ndarray
-    """(4 bodies, 3) the inverse inertia I⁻¹ about the body's point at the node, in two rows: xx, yy, zz, and
+    lightness: Annotated[np.ndarray, of_copies("bodies")]
+    """1/M [1/kg]; 0 for pinned bodies"""
+    point: Annotated[np.ndarray, of_copies("2 bodies", 3)]
+    """the point X of each body at the node [m], then at the end of the step"""
+    turn: Annotated[np.ndarray, of_copies("4 bodies", 3)]
+    """the inverse inertia I⁻¹ about the body's point at the node, in two rows: xx, yy, zz, and
     xy, xz, yz [1/(kg·m²)]; then those of all bodies at the end of the step"""
 
 
 class ContactRows(NamedTuple):
-    """The contacts of a node, one row each, with their impulses."""
+    """The contacts of a node, one row each, with their impulses.
 
-    length: np.ndarray
-    """(2,) the number of pairs that have contacts, `MET`, and of rows of contacts, `ROWS`"""
-    touching_pairs: np.ndarray
-    """(pairs,) list of the pairs of bodies that have contacts, in ascending order"""
-    left_out: np.ndarray
-    """(pairs,) number of contacts at this node that were left out for lack of space"""
-    counts: np.ndarray
-    """(2,) number of contacts of each copy: in all, and of the pair that is being searched"""
-    pair: np.ndarray
-    """(rows,) the pair that this contact belongs to, the same in all copies"""
-    body: np.ndarray
-    """(2 rows,) its first and its second body; −1 for a surface"""
-    surface: np.ndarray
-    """(rows,) the index of the surface; −1 between bodies"""
-    feature: np.ndarray
-    """(rows,) the index of the round feature that touches a surface; −1 for a particle"""
-    members: np.ndarray
-    """(rows,) the number of particles of the contact, the same in all copies"""
-    loose: np.ndarray
-    """(rows,) the number of the contact's particles if any of them moves individually, else 0; None if no
+    There are as many arms as rows if a body turns as one, as many couples if turning is resisted, else one.
+    """
+
+    length: Annotated[np.ndarray, whole(2)]
+    """the numbers of a `ContactCount`"""
+    touching_pairs: Annotated[np.ndarray, whole("pairs")]
+    """list of the pairs of bodies that have contacts, in ascending order"""
+    left_out: Annotated[np.ndarray, of_copies("pairs")]
+    """number of contacts at this node that were left out for lack of space"""
+    counts: Annotated[np.ndarray, of_copies(2)]
+    """number of contacts of each copy: in all, and of the pair that is being searched"""
+    pair: Annotated[np.ndarray, whole("rows")]
+    """the pair that this contact belongs to, the same in all copies"""
+    body: Annotated[np.ndarray, whole("2 rows")]
+    """its first and its second body; −1 for a surface"""
+    surface: Annotated[np.ndarray, whole("rows")]
+    """the index of the surface; −1 between bodies"""
+    feature: Annotated[np.ndarray, whole("rows")]
+    """the index of the round feature that touches a surface; −1 for a particle"""
+    members: Annotated[np.ndarray, whole("rows")]
+    """the number of particles of the contact, the same in all copies"""
+    loose: Annotated[np.ndarray, whole("rows")]
+    """the number of the contact's particles if any of them moves individually, else 0; None if no
     bodies collide"""
-    only: np.ndarray
-    """(rows,) the index of the particle at a surface if it moves individually; else −1"""
-    touching: np.ndarray
-    """(rows,) the index of the particle at a surface; −1 of round features and between bodies"""
-    late: np.ndarray
-    """(rows,) 1 if slip is that of the points which touch at the end of the step, else 0"""
-    tilts: np.ndarray
-    """(rows,) 1 if the torque of friction has to be cancelled, see `springgym.dynamics.contact.friction`,
+    only: Annotated[np.ndarray, whole("rows")]
+    """the index of the particle at a surface if it moves individually; else −1"""
+    touching: Annotated[np.ndarray, whole("rows")]
+    """the index of the particle at a surface; −1 of round features and between bodies"""
+    late: Annotated[np.ndarray, whole("rows")]
+    """1 if slip is that of the points which touch at the end of the step, else 0"""
+    tilts: Annotated[np.ndarray, whole("rows")]
+    """1 if the torque of friction has to be cancelled, see `springgym.dynamics.contact.friction`,
     else 0"""
-    particle: np.ndarray
-    """(4 rows,) the indices of the particles"""
-    weight: np.ndarray
-    """(4 rows,) the weights w of particles that move individually: > 0 in the first body"""
-    normal: np.ndarray
-    """(rows, 3) the normal n from the second side to the first; at a surface the gradient of the height"""
-    gap: np.ndarray
-    """(rows,) the gap d at the node [m], to which h u/2 is added until the step ends; `FAR` in copies without
+    particle: Annotated[np.ndarray, of_copies("4 rows")]
+    """the indices of the particles"""
+    weight: Annotated[np.ndarray, of_copies("4 rows")]
+    """the weights w of particles that move individually: > 0 in the first body"""
+    normal: Annotated[np.ndarray, of_copies("rows", 3)]
+    """the normal n from the second side to the first; at a surface the gradient of the height"""
+    gap: Annotated[np.ndarray, of_copies("rows")]
+    """the gap d at the node [m], to which h u/2 is added until the step ends; `FAR` in copies without
     this contact"""
-    start: np.ndarray
-    """(rows,) the gap h₀ at the beginning of the step [m]"""
-    shift: np.ndarray
-    """(rows,) the length that is added to a gap too small to be resolved [m]; else 0"""
-    share: np.ndarray
-    """(rows,) the factor Φ, 0 to 1, by which the strength c is multiplied where edges meet"""
-    place: np.ndarray
-    """(rows, 3) where the contact is [m]"""
-    arm: np.ndarray
-    """(4 rows, 3) arms from the points X of both bodies, if they turn as one, to the contact at the node, and
+    start: Annotated[np.ndarray, of_copies("rows")]
+    """the gap h₀ at the beginning of the step [m]"""
+    shift: Annotated[np.ndarray, of_copies("rows")]
+    """the length that is added to a gap too small to be resolved [m]; else 0"""
+    share: Annotated[np.ndarray, of_copies("rows")]
+    """the factor Φ, 0 to 1, by which the strength c is multiplied where edges meet"""
+    place: Annotated[np.ndarray, of_copies("rows", 3)]
+    """where the contact is [m]"""
+    arm: Annotated[np.ndarray, of_copies("4 arms", 3)]
+    """arms from the points X of both bodies, if they turn as one, to the contact at the node, and
     to the points that touch at the end of the step [m]"""
-    approach: np.ndarray
-    """(rows,) the speed u₀ along the normal before the node [m/s]"""
-    gain: np.ndarray
-    """(4 rows,) w/m [1/kg]"""
-    inverse_mass: np.ndarray
-    """(rows,) the inverse mass W along the normal [1/kg]"""
-    impulse: np.ndarray
-    """(rows,) the impulse J along the normal [N·s]"""
-    friction: np.ndarray
-    """(rows, 3) the impulse of friction on the first body [N·s]"""
-    couple: np.ndarray
-    """(rows, 3) the angular impulse of the couple on the first body [N·m·s]"""
-    taper: np.ndarray
-    """(rows, 3) the impulse of the gradient of Φ on the first body [N·s]"""
-    tilt: np.ndarray
-    """(2 rows, 3) G and H; of a rod, G and the direction along it: see
+    approach: Annotated[np.ndarray, of_copies("rows")]
+    """the speed u₀ along the normal before the node [m/s]"""
+    gain: Annotated[np.ndarray, of_copies("4 rows")]
+    """w/m [1/kg]"""
+    inverse_mass: Annotated[np.ndarray, of_copies("rows")]
+    """the inverse mass W along the normal [1/kg]"""
+    impulse: Annotated[np.ndarray, of_copies("rows")]
+    """the impulse J along the normal [N·s]"""
+    friction: Annotated[np.ndarray, of_copies("rows", 3)]
+    """the impulse of friction on the first body [N·s]"""
+    couple: Annotated[np.ndarray, of_copies("couples", 3)]
+    """the angular impulse of the couple on the first body [N·m·s]"""
+    taper: Annotated[np.ndarray, of_copies("rows", 3)]
+    """the impulse of the gradient of Φ on the first body [N·s]"""
+    tilt: Annotated[np.ndarray, of_copies("2 rows", 3)]
+    """G and H; of a rod, G and the direction along it: see
     `springgym.dynamics.contact.friction`"""
-    height: np.ndarray
-    """(rows,) the distance along n of the points at which friction acts on both sides [m]"""
-    crossed: np.ndarray
-    """(rows,) more than 0 where two edges meet"""
-    grips: np.ndarray
-    """(rows,) 1 where friction acts, else 0"""
-    losses: np.ndarray
-    """(bodies, 3) each body's losses at this node to restitution and to friction [J]; the last column is 0"""
-    going: np.ndarray
-    """(1,) 1 while the impulses of a copy are iterated, else 0"""
-    change: np.ndarray
-    """(1,) the largest change of a displacement in a sweep, divided by the Δ of its contact [1]"""
+    height: Annotated[np.ndarray, of_copies("rows")]
+    """the distance along n of the points at which friction acts on both sides [m]"""
+    crossed: Annotated[np.ndarray, of_copies("rows")]
+    """more than 0 where two edges meet"""
+    grips: Annotated[np.ndarray, of_copies("rows")]
+    """1 where friction acts, else 0"""
+    losses: Annotated[np.ndarray, of_copies("bodies", 3)]
+    """each body's losses at this node to restitution and to friction [J]; the last column is 0"""
+    going: Annotated[np.ndarray, of_copies(1)]
+    """1 while the impulses of a copy are iterated, else 0"""
+    change: Annotated[np.ndarray, of_copies(1)]
+    """the largest change of a displacement in a sweep, divided by the Δ of its contact [1]"""
     turning: Turning | None
     """the bodies that turn as one; None if none do"""
 
@@ -434,25 +450,25 @@ class Problem(NamedTuple):
 
 
 class RowSpace(NamedTuple):
-    """The arrays in which a thread solves contacts; rows (N, 3) are of all particles.
+    """The arrays in which a thread solves contacts; rows are of all particles.
 
     If a body turns as one, its first two rows are its velocity [m/s] and angular momentum [kg·m²/s].
     """
 
-    velocity: Rows
+    velocity: Annotated[Rows, of_copies("rows", 3)]
     """velocities after the node, with the current impulses of contact [m/s]"""
-    free: Rows
+    free: Annotated[Rows, of_copies("rows", 3)]
     """velocities after the node without contact [m/s]"""
-    before: Rows
+    before: Annotated[Rows, of_copies("rows", 3)]
     """velocities before the node [m/s]"""
-    places: Rows
+    places: Annotated[Rows, of_copies("rows", 3)]
     """positions at the node as contacts use them: the first particle of a ball is at its centre [m]"""
-    speeds: Rows
+    speeds: Annotated[Rows, of_copies("rows", 3)]
     """velocities before the node as contacts use them [m/s]"""
-    active: np.ndarray
-    """(bodies,) whether a body has contacts in any copy"""
-    rolls: np.ndarray
-    """(bodies,) whether the slip of any contact of a body is measured at the end of the step"""
+    active: Annotated[np.ndarray, flags("bodies")]
+    """whether a body has contacts in any copy"""
+    rolls: Annotated[np.ndarray, flags("bodies")]
+    """whether the slip of any contact of a body is measured at the end of the step"""
     lists: Neighbours | None
     """the features that are near each other; None if bodies do not collide"""
     contacts: ContactRows
@@ -489,14 +505,33 @@ class WarmStart(NamedTuple):
     """(1,) 1 if any row of the table is filled, else 0"""
 
 
-TOUCHING, IMPULSE, GAP, ENERGY, CONTACT, FRICTION, MISSES, COARSE, OVERFLOW, FASTEST = range(10)
-"""The totals of a pair: whether it touches; the sum of J [N·s]; the least gap [m]; the energy in the barriers
-[J]; the losses to restitution and to friction [J]; how often a contact was found too late, was too fast to
-keep its restitution, or had no space; and the largest approach speed along the normal of any contact with an
-impulse [m/s]."""
+class PairTotal(IntEnum):
+    """The totals of a pair of bodies, or of a body and the surfaces, in the order of
+    `springgym.dynamics.contact.totals.PairReadings`."""
+
+    TOUCHING = 0
+    """whether it touches"""
+    IMPULSE = 1
+    """the sum of J [N·s]"""
+    GAP = 2
+    """the least gap [m]"""
+    ENERGY = 3
+    """the energy in the barriers [J]"""
+    CONTACT = 4
+    """the loss to restitution [J]"""
+    FRICTION = 5
+    """the loss to friction [J]"""
+    MISSES = 6
+    """how often a contact was found too late"""
+    COARSE = 7
+    """how often a contact was too fast to keep its restitution"""
+    OVERFLOW = 8
+    """how often a contact had no space"""
+    FASTEST = 9
+    """the largest approach speed along the normal of any contact with an impulse [m/s]"""
 
 
-ENTRIES = 10
+PAIR_TOTALS = len(PairTotal)
 
 
 class Collisions(NamedTuple):
@@ -504,7 +539,7 @@ class Collisions(NamedTuple):
 
     pairs: Pairs
     totals: np.ndarray
-    """(pairs × `ENTRIES`,)"""
+    """(pairs × `PAIR_TOTALS`,)"""
     stored: np.ndarray
     """(bodies,) half of the energy in the barriers of each body's pairs [J]"""
     fresh: np.ndarray

@@ -50,8 +50,11 @@ LONGEST_CYCLE = 10
 LONGEST = 10**12
 """Largest number of steps in a period or a cycle that is considered."""
 
-SWEEP, TURN = 0.8, 0.45
-"""Costs of a sweep of dampers and of an application of the wrench, relative to the rest of a top's step."""
+SWEEP = 0.8
+"""Cost of a sweep of dampers, relative to the rest of a top's step."""
+
+TURN = 0.45
+"""Cost of an application of the wrench, relative to the rest of a top's step."""
 
 
 def highest_frequency(scene: Scene) -> float:

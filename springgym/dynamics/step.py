@@ -27,9 +27,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
+from springgym.core.language.bodies import all_rows, bodies_of, first_row, of_body
 from springgym.core.language.kinds import Ledger, Nested, Number, Rows
-from springgym.core.language.lanes import all_rows, bodies_of, first_row, load, of_body, store
+from springgym.core.language.memory import load, store
 from springgym.core.language.vectors import mass_centre, row, set_row
 from springgym.dynamics.contact.ground import shift_arms
 from springgym.dynamics.contact.rows import describe
@@ -38,12 +39,11 @@ from springgym.dynamics.contact.solver import add_totals, prepare, start_totals
 from springgym.dynamics.contact.totals import entry_of, list_changing
 from springgym.dynamics.contact.warm import keep_impulses, start_warm
 from springgym.dynamics.records import (
-    ENERGY,
-    ENTRIES,
-    MET,
-    ROWS,
+    PAIR_TOTALS,
     Collisions,
+    ContactCount,
     Neighbours,
+    PairTotal,
     Problem,
     RowSpace,
     Times,
@@ -53,7 +53,7 @@ from springgym.dynamics.terms import Terms
 
 
 class Bodies(NamedTuple):
-    """The bodies of a block, or one of them: `springgym.core.language.lanes.of_body` selects it in all
+    """The bodies of a block, or one of them: `springgym.core.language.bodies.of_body` selects it in all
     fields."""
 
     x: Rows
@@ -140,7 +140,7 @@ def act_by_contact(kind: Kind, bodies: Bodies, span: Times, placed: bool) -> Non
     x, v = kind.at_node(bodies, placed)
     problem = problem_of(bodies, x, v, span)
     between = find_between_bodies(problem, space, space.lists)
-    contacts.length[ROWS] = between
+    contacts.length[ContactCount.ROWS] = between
     if not placed:
         for body in range(bodies_of(bodies.x)):
             kind.find_at_surfaces(body, bodies, span)
@@ -149,7 +149,7 @@ def act_by_contact(kind: Kind, bodies: Bodies, span: Times, placed: bool) -> Non
         start_totals(load(collisions.fresh, 0) > 0.5, problem, collisions.changing)
         store(collisions.fresh, 0, 0.0)
         return
-    if contacts.length[ROWS] > 0:
+    if contacts.length[ContactCount.ROWS] > 0:
         kind.join(bodies, span, problem, between)
         begin_rows(between, space.velocity, problem, collisions, space.lists)
         kind.find_impulses(bodies, span, problem, between)
@@ -215,7 +215,7 @@ def see_balls(of: Any, mass: Any, space: RowSpace, turning: Turning | None) -> N
 def find_between_bodies(problem: Problem, space: RowSpace, lists: Neighbours | None) -> int:
     """List the contacts between bodies, if they collide, and return the number of rows."""
     if lists is None:
-        space.contacts.length[MET] = 0
+        space.contacts.length[ContactCount.PAIRS] = 0
         return 0
     return find(problem.x, space.speeds, problem.span, problem.pairs, lists, space.contacts)
 
@@ -226,7 +226,7 @@ def begin_rows(
 ) -> None:
     """Prepare all contacts, the first of which are ``between`` bodies, and warm-start their impulses."""
     contacts = problem.contacts
-    for k in range(contacts.length[ROWS]):
+    for k in range(contacts.length[ContactCount.ROWS]):
         if lists is not None and k < between:
             describe(k, problem)
         else:
@@ -245,7 +245,7 @@ def store_energy_of_pairs(collisions: Collisions | None) -> None:
         for n in range(1, entry_of(collisions.changing, 0) + 1):
             p = entry_of(collisions.changing, n)
             if p < pairs.among:
-                half = 0.5 * load(collisions.totals, p * ENTRIES + ENERGY)
+                half = 0.5 * load(collisions.totals, p * PAIR_TOTALS + PairTotal.ENERGY)
                 for side in range(2):
-                    body = pairs.first[p] if side == 0 else pairs.second[p]
-                    store(collisions.stored, body, load(collisions.stored, body) + half)
+                    own = pairs.first[p] if side == 0 else pairs.second[p]
+                    store(collisions.stored, own, load(collisions.stored, own) + half)

@@ -16,14 +16,14 @@ from numpy.random import Generator
 
 from springgym import checks
 from springgym.checks import HUGE, TINY, chosen, instance, suggestion, sum_of_squares
-from springgym.core.compiler.compiling import SameTypes, kernel
+from springgym.core.compiler.decorators import SameTypes, kernel
 from springgym.dynamics import measures, stability
 from springgym.dynamics.measures import Measures
 from springgym.dynamics.stability import steps_in
 from springgym.dynamics.stepping import DYNAMICS, Dynamics
 from springgym.envs import observation, randomisation
 from springgym.envs.error import StepError
-from springgym.envs.goals import Goals, reach
+from springgym.envs.goals import Goals, mark_reached
 from springgym.envs.goals import bound as bound_goals
 from springgym.envs.observation import Situation
 from springgym.envs.options import Settings, mapping
@@ -38,8 +38,11 @@ from springgym.simulator import STRAIN_LIMIT, Simulator, copies_in, most_copies
 SPARSE = -1
 """Value for the number of the reward's terms, with which the reward is 1 if the aim is met."""
 
-NOT_BEGUN, BROKEN_OFF = "no episode has begun", "the last step or reset broke off in the middle"
-"""Reasons why copies must be reset before a step."""
+NOT_BEGUN = "no episode has begun"
+"""Reason why copies must be reset before a first step."""
+
+BROKEN_OFF = "the last step or reset broke off in the middle"
+"""Reason why copies must be reset before another step."""
 
 LONGEST = 0.9
 """Largest step, relative to the stability limit, if bodies touch nothing."""
@@ -448,7 +451,7 @@ class Episodes:
             seen = None if seen is None else seen[share]
         self._evaluate(*own[:2], own.outcome)
         if self.goals is not None:
-            reach(*self._achieved(own), self.goals.ends, self.goals.within, own.out[:, SUCCESS])
+            mark_reached(*self._achieved(own), self.goals.ends, self.goals.within, own.out[:, SUCCESS])
         terms = self.rewarded
         wins = self.task.wins
         limit = self.max_episode_steps

@@ -14,7 +14,7 @@ import numpy as np
 from gymnasium import spaces
 
 from springgym.checks import TINY, array, instance, number, shown, whole
-from springgym.core.compiler.compiling import kernel
+from springgym.core.compiler.decorators import kernel
 
 BOUND = 100.0
 """Bound to which goals are clipped, in SI units. An achieved goal at or beyond it reaches no goal."""
@@ -97,12 +97,12 @@ class Goals:
             )
         reward = np.zeros(achieved.size // self.size)
         rows = (goals.reshape(-1, self.size) for goals in (achieved, desired))
-        reach(*rows, self.ends, self.within, reward)
+        mark_reached(*rows, self.ends, self.within, reward)
         return reward if achieved.ndim > 1 else float(reward[0])
 
 
 @kernel
-def reach(
+def mark_reached(
     achieved: np.ndarray, desired: np.ndarray, ends: np.ndarray, within: np.ndarray, met: np.ndarray
 ) -> None:
     """Set ``met`` (n,) to 1 where goals (n, K) are within all tolerances, and to 0 elsewhere."""

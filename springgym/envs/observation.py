@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from springgym.checks import TINY, instance, number, readings, refusing_unknown, whole
-from springgym.core.compiler.compiling import compiled, kernel
+from springgym.core.compiler.decorators import compiled, kernel
 from springgym.dynamics import measures
 
 BOUND = 10.0

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Vector
 from springgym.dynamics.measures import Measures
 

@@ -22,7 +22,7 @@ from springgym.dynamics.measures import Measures, MeasuresOfBodies
 from springgym.envs.arrows import torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.episodes import OF_PAIRS
-from springgym.envs.goals import Goals, GoalTolerance, checked_tolerances, reach
+from springgym.envs.goals import Goals, GoalTolerance, checked_tolerances, mark_reached
 from springgym.envs.observation import BOUND, Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, RewardedOptions, mapping
 from springgym.envs.task import Factors, ResetOptions, Start, Task
@@ -455,7 +455,7 @@ class SceneTask(Task):
             achieved, desired = np.empty((2, copies, self.goal_size))
             met = np.zeros(copies)
             self._reached(m, s, achieved, desired)
-            reach(achieved, desired, self._goals.ends, self._goals.within, met)
+            mark_reached(achieved, desired, self._goals.ends, self._goals.within, met)
             found["success"] = met > 0
         return found
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.random import Generator
 
 from springgym.checks import HUGE, TINY, array, instance, number, whole
-from springgym.core.compiler.compiling import compiled, kernel
+from springgym.core.compiler.decorators import compiled, kernel
 from springgym.core.language.lanes import multiply_add
 from springgym.model.bodies import Body
 from springgym.model.bodies.equilibrium import StretchedShapes
@@ -214,8 +214,8 @@ def principal_axes(body: Body) -> np.ndarray:
     for moment in moments:
         space = vectors[:, np.abs(moments - moment) < EQUAL * moments[2]]
         projector = space @ space.T
-        for axis in chosen:
-            projector = projector - np.outer(axis, axis) @ projector
+        for earlier in chosen:
+            projector = projector - np.outer(earlier, earlier) @ projector
         sizes = np.sqrt((projector * projector).sum(axis=0))
         axis = projector[:, _first_largest(sizes)]
         axis = _unit(axis)

@@ -29,8 +29,11 @@ from springgym.scenes import film
 
 KEYWORD = inspect.Parameter.KEYWORD_ONLY
 
-SUCCESS, TERMINATED = -2, -1
-"""Columns of an outcome beside its metrics: whether the aim is met now, and whether the episode failed."""
+SUCCESS = -2
+"""Column of an outcome, beside its metrics: whether the aim is met now."""
+
+TERMINATED = -1
+"""Column of an outcome, beside its metrics: whether the episode failed."""
 
 
 ResetOptions = dict[str, Any]

@@ -15,8 +15,11 @@ from springgym.theory import solid
 MODULI = ("young_r", "young_t", "shear_lr", "shear_lt", "shear_rt")
 """Fields of `Grain` that are moduli [Pa]."""
 
-LEAST_POISSON, MOST_POISSON = -0.99, 0.49999
-"""Poisson's ratios lie between −1 and ½. Nearer to these, the elasticity of a solid is lost in rounding."""
+LEAST_POISSON = -0.99
+"""Least Poisson's ratio. Nearer to −1, the elasticity of a solid is lost in rounding."""
+
+MOST_POISSON = 0.49999
+"""Largest Poisson's ratio. Nearer to ½, the elasticity of a solid is lost in rounding."""
 
 SOFTEST = 1e12
 """Largest factor by which a material can be made softer or stiffer."""

@@ -32,10 +32,11 @@ import numpy as np
 from numba import NumbaError, types
 from numba.extending import overload
 
-from springgym.checks import MANY, array, number, shown, whole, whole_array
-from springgym.core.compiler.compiling import OPTIONS, is_inner
+from springgym.checks import LARGEST_WHOLE, array, number, shown, whole, whole_array
+from springgym.core.compiler.decorators import OPTIONS, is_inner
 from springgym.core.language.kinds import Number, Rows
-from springgym.core.language.lanes import Lanes, load
+from springgym.core.language.lanes import Lanes
+from springgym.core.language.memory import load
 from springgym.core.language.vec import Vec
 from springgym.model.records import read_only
 
@@ -133,11 +134,11 @@ def _value(name: str, value: object) -> bool | int | float | np.ndarray:
     if isinstance(value, (bool, np.bool_)):
         return bool(value)
     if isinstance(value, (int, np.integer)):
-        return whole(name, value, low=-MANY)
+        return whole(name, value, low=-LARGEST_WHOLE)
     if not isinstance(value, np.ndarray):
         return number(name, value)
     if value.dtype.kind in "iu":
-        return read_only(whole_array(name, value, value.shape, low=-MANY))
+        return read_only(whole_array(name, value, value.shape, low=-LARGEST_WHOLE))
     return read_only(array(name, value, value.shape))
 
 

@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 from springgym.model.bodies import Body
 from springgym.model.scene import Scene
 from springgym.model.surfaces import Contact, scales
-from springgym.model.surfaces.contact import REACH, slowest_vibration, strength_of_impact
+from springgym.model.surfaces.contact import DEFAULT_REACH, slowest_vibration, strength_of_impact
 
 WRONG = 0.04
 """Largest error of the energy that an impact loses, as a share of it: e is right to 0.03 at 0.5 and above, to
@@ -101,7 +101,7 @@ def mobility(body: Body) -> float:
             pulls = np.array([feature.matrix @ n for feature in body.rounds])
             points = centres + pulls / np.sqrt(pulls @ n)[:, None]
         heights = points @ n
-        arms = np.cross(points[heights > heights.max() - REACH * body.swept], n)
+        arms = np.cross(points[heights > heights.max() - DEFAULT_REACH * body.swept], n)
         most = max(most, float(np.linalg.eigvalsh(1 / body.mass + arms @ inverse @ arms.T)[-1]))
     return most
 

@@ -534,8 +534,8 @@ class Scene(ReadOnly):
             return
         names = [placed.name for placed in self.bodies]
         bodies = [placed.body for placed in self.bodies]
-        met = as_met(self.shapes, bodies, self.starts, positions)
-        check_apart(self.shapes, names, self.starts, self.meetings, met, copies)
+        met = as_met(self.shapes, bodies, self.offsets, positions)
+        check_apart(self.shapes, names, self.offsets, self.meetings, met, copies)
 
     def _of(self, placed: Placed) -> str:
         """Return the text after a particle's number in error messages: empty if there is only one body."""
@@ -592,7 +592,7 @@ class Scene(ReadOnly):
         )
 
     @cached_property
-    def starts(self) -> np.ndarray:
+    def offsets(self) -> np.ndarray:
         """Return the index of the first particle of each body, and the number of all particles, (bodies +
         1,)."""
         return read_only(np.cumsum([0, *(len(placed.body.masses) for placed in self.bodies)]))
@@ -600,11 +600,11 @@ class Scene(ReadOnly):
     @cached_property
     def slices(self) -> tuple[slice, ...]:
         """Return for each body the slice of its particles."""
-        return tuple(slice(first, last) for first, last in pairwise(self.starts.tolist()))
+        return tuple(slice(first, last) for first, last in pairwise(self.offsets.tolist()))
 
     def of_particles(self, each: Sequence[Any]) -> np.ndarray:
         """Return for each particle the value of its body, (N, …), given a value for each body."""
-        return np.repeat(np.asarray(each), np.diff(self.starts), axis=0)
+        return np.repeat(np.asarray(each), np.diff(self.offsets), axis=0)
 
     def number(self, body: int | str | None) -> int:
         """Return the index of a body given by index or name; None stands for the only body.

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled, kernel
+from springgym.core.compiler.decorators import compiled, kernel
 
 
 @kernel

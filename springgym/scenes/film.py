@@ -37,8 +37,10 @@ FAR = 8.0
 """Largest path of a body, in units of its size, that the camera does not follow."""
 BALLS = (BLUE, ORANGE, TEAL, AMBER, GREEN)
 """Colours of round bodies, used cyclically."""
-ROWS, COLUMNS = 10, 24
-"""Number of facets of round bodies, from pole to pole and around."""
+ROWS = 10
+"""Number of facets of round bodies from pole to pole."""
+COLUMNS = 24
+"""Number of facets of round bodies around."""
 
 POLAR = np.pi * np.arange(1, ROWS) / ROWS
 BALL = np.sin(POLAR), np.cos(POLAR)
@@ -50,9 +52,11 @@ FLAT = 1e-4
 """Ratio of the least to the largest squared semi-axis below which a feature is a disk."""
 THIN = 0.02
 """Half of the drawn thickness of a flat round feature, as a fraction of its radius."""
-UNEVEN, CAP = 0.1, 0.75
-"""A ball whose centre of mass is off its centre by more than the first fraction of its radius has a dark cap
-on its lighter end, within the angle whose cosine is the second."""
+UNEVEN = 0.1
+"""A ball whose centre of mass is off its centre by more than this fraction of its radius has a dark cap on
+its lighter end."""
+CAP = 0.75
+"""Cosine of the angle of such a cap, from its middle to its rim."""
 CALM = 0.5
 """Time over which the camera's path is smoothed [s]."""
 

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
 from springgym import checks
-from springgym.checks import FLOAT, HUGE, INDEX, MANY, TINY, refusing_unknown
-from springgym.core.compiler.compiling import SameTypes
+from springgym.checks import FLOAT, HUGE, INDEX, LARGEST_WHOLE, TINY, refusing_unknown
+from springgym.core.compiler.decorators import SameTypes
 from springgym.core.guard import Guard, guarded
 from springgym.core.language.blocks import (
     WIDTH,
@@ -44,10 +44,10 @@ from springgym.dynamics.contact.law import SLOW
 from springgym.dynamics.contact.overlap import find_overlaps, outlines
 from springgym.dynamics.contact.totals import RESOLVED, PairReadings
 from springgym.dynamics.contacts import Contacts, PairSums
-from springgym.dynamics.forces.ledger import ENTRIES
+from springgym.dynamics.forces.ledger import LEDGER_ENTRIES
 from springgym.dynamics.measures import Markers, Measures, Reading, Readout
 from springgym.dynamics.methods.clock import Clock
-from springgym.dynamics.methods.record import COUNTS, Control, Phase
+from springgym.dynamics.methods.record import STEP_COUNTS, Control, Phase
 from springgym.dynamics.packing import PARAMETERS, Options, Packed, pack
 from springgym.dynamics.stepping import DYNAMICS, StepSettings
 from springgym.model.identity import check_same, check_sealed, sealed
@@ -98,8 +98,11 @@ PAPER_STEP = 5e-4
 PAPER_SETTINGS: dict[str, Any] = {"integrator": "rk4", "step": PAPER_STEP}
 """The paper's method for scenes without surfaces; `PaperContact` is its contact with surfaces."""
 
-MOST_PARTICLES, MOST_THREADS = 10**8, 1024
-"""Largest numbers of particles in all copies together (some 10 GB of memory), and of threads."""
+MOST_PARTICLES = 10**8
+"""Largest number of particles in all copies together: some 10 GB of memory."""
+
+MOST_THREADS = 1024
+"""Largest number of threads."""
 
 
 class SimulationDivergedError(ArithmeticError):
@@ -232,7 +235,7 @@ class Simulator:
         self._x = self._blocks(particles, 3)
         self._v = self._blocks(particles, 3)
         bodies = len(scene.bodies)
-        self._ledger = self._blocks(bodies * ENTRIES) if ledger else None
+        self._ledger = self._blocks(bodies * LEDGER_ENTRIES) if ledger else None
         shares = range(min(self.threads, self._x.shape[0]))
         self._control = self._controlled(tolerance)
         self.unresolved = np.zeros(self.copies, bool)
@@ -259,7 +262,7 @@ class Simulator:
         self._workspace = self._workspaces()
         for term, axes in (((self._terms, self._twin), 3), (tuple(self._workspace[:1]), 2)):
             _check_rows(term, axes)
-        self._outlines = outlines(scene.shapes, scene.starts)
+        self._outlines = outlines(scene.shapes, scene.offsets)
         self._boxes = np.zeros((len(shares), bodies + 1, 2, 3))
         self._shown = np.zeros((self.copies, len(scene.meetings)), bool)
         self._varying = sorted(varying)
@@ -344,7 +347,7 @@ class Simulator:
         )
         if not relative + absolute >= TINY:
             raise ValueError(f"tolerance is {tolerance}; one of the two must be more than 0")
-        return Control(self.step, float(relative), float(absolute), self._blocks(COUNTS))
+        return Control(self.step, float(relative), float(absolute), self._blocks(STEP_COUNTS))
 
     @cached_property
     def max_impact_speed(self) -> float:
@@ -367,7 +370,7 @@ class Simulator:
         if len(slices) == 1:
             return Phase(self._x, self._v, self._ledger)
         particles = np.array([0, *(own.stop for own in slices)])
-        entries = np.arange(len(slices) + 1) * ENTRIES
+        entries = np.arange(len(slices) + 1) * LEDGER_ENTRIES
         ledger = None if self._ledger is None else Ragged(self._ledger, entries)
         return Phase(Ragged(self._x, particles), Ragged(self._v, particles), ledger)
 
@@ -812,7 +815,7 @@ class Simulator:
             resolve since it was placed or `pairs` was called with ``forget``.
         """
         # Compiled code must get an int and a bool, and no other type: see `SameTypes`.
-        if steps.__class__ is not int or not 0 <= steps <= MANY:
+        if steps.__class__ is not int or not 0 <= steps <= LARGEST_WHOLE:
             steps = checks.whole("steps", steps)
         if steps % self.damping_every:
             raise ValueError(

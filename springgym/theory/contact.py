@@ -27,10 +27,11 @@ def force(height: ArrayLike, strength: float, reach: float) -> Floats:
     strength, reach : float
         c, N m^2, and Delta, m.
     """
-    return _force(np.asarray(height, float), strength, reach)
+    return unchecked_force(np.asarray(height, float), strength, reach)
 
 
-def _force(height: Floats, strength: float, reach: float) -> Floats:
+def unchecked_force(height: Floats, strength: float, reach: float) -> Floats:
+    """Return `force` for arguments that were checked before, N."""
     return np.maximum(strength / height**2 - strength / reach**2, 0.0)
 
 

@@ -28,7 +28,7 @@ from springgym.theory.checking import (
     positives,
     symmetric,
 )
-from springgym.theory.contact import _force
+from springgym.theory.contact import unchecked_force
 from springgym.theory.frames import Floats
 
 RADIANS = 0.02
@@ -119,7 +119,7 @@ def impact(
         u, v = state
         a = -springs @ u - dampers @ v
         a[vertical] += (
-            _force(np.maximum(high + u[vertical], 1e-9 * reach), strength, reach) / mass[vertical, 0]
+            unchecked_force(np.maximum(high + u[vertical], 1e-9 * reach), strength, reach) / mass[vertical, 0]
         )
         a[vertical] -= gravity
         return np.array([v, a])

@@ -34,8 +34,10 @@ from websockets.datastructures import Headers
 
 from springgym.checks import HUGE, array, chosen, instance, number, shown, whole
 
-HOST, ANY = "127.0.0.1", "0.0.0.0"
-"""The loopback address, and that for all addresses of this machine."""
+HOST = "127.0.0.1"
+"""The loopback address."""
+ANY = "0.0.0.0"
+"""The address that stands for all addresses of this machine."""
 NAMES = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:[0-9]{1,5})?")
 """Names by which a browser on this machine addresses it, with the server's port or a forwarded one."""
 CONNECTIONS = 40

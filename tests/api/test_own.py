@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from springgym import Placed, Scene, Simulator
-from springgym.core.compiler.compiling import compiled, kernel
+from springgym.core.compiler.decorators import compiled, kernel
 from springgym.core.language.blocks import block_array
 from springgym.core.language.vectors import add_row, dot, row, vector
 from springgym.dynamics.forces import accelerate, drift, kick

@@ -18,8 +18,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from springgym import simulator as module
-from springgym.core.compiler import compiling
-from springgym.core.compiler.compiling import SameTypes, kernel
+from springgym.core.compiler import decorators
+from springgym.core.compiler.decorators import SameTypes, kernel
 from springgym.core.language.blocks import aligned_zeros, block_dtype, to_copies
 from springgym.dynamics.measures import AT, Measures
 from springgym.dynamics.packing import PARAMETERS as VARYING
@@ -617,7 +617,7 @@ def test_compiled_code_is_not_given_other_types(monkeypatch: pytest.MonkeyPatch)
     def twice(n: Any) -> Any:
         return 2 * n
 
-    monkeypatch.setattr(compiling, "CHECKED", True)
+    monkeypatch.setattr(decorators, "CHECKED", True)
     same_types = SameTypes(twice)
     assert same_types(3) == same_types(4) - 2
     with pytest.raises(TypeError, match=r"twice was compiled for .*int64.* and is called with .*float64"):

@@ -17,7 +17,7 @@ from springgym.core.language.blocks import numbers, to_copies
 from springgym.core.language.kinds import Each
 from springgym.dynamics import packing
 from springgym.dynamics.contact.round import packed_rounds
-from springgym.dynamics.records import ENTRIES, Pairs, Turning
+from springgym.dynamics.records import PAIR_TOTALS, Pairs, Turning
 from springgym.dynamics.stability import Vibrations
 from springgym.dynamics.terms import Drive, Terms, Thrust, Wrench
 from springgym.envs.episodes import Episodes
@@ -252,9 +252,9 @@ class Stepped:
 
     @property
     def totals(self) -> np.ndarray:
-        """(copies, pairs, ENTRIES)"""
+        """(copies, pairs, PAIR_TOTALS)"""
         found = to_copies(self.simulator._terms.collisions.totals, self.simulator.copies)
-        return found.reshape(len(found), -1, ENTRIES).astype(float)
+        return found.reshape(len(found), -1, PAIR_TOTALS).astype(float)
 
     def momenta(self) -> np.ndarray:
         """Momentum and angular momentum about the origin, (copies, 6)."""

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from springgym.dynamics.records import COARSE, FASTEST, GAP, IMPULSE, MISSES, OVERFLOW, TOUCHING
+from springgym.dynamics.records import PairTotal
 from springgym.model.bodies import Body, cube, from_points, rolling_ball, top
 from springgym.model.collisions import distance
 from springgym.model.resolution import QUICK
@@ -51,23 +51,23 @@ def collided(
     steps = int(2.2 * max(first.size, second.size) / speed / world.step)
     world.run(steps)
     totals = world.totals[:, 0]
-    hits = totals[:, IMPULSE] > 0
-    fast = totals[:, FASTEST] > QUICK * scene.meetings[0].reach / world.step
-    parted = hits & (totals[:, TOUCHING] == 0)
+    hits = totals[:, PairTotal.IMPULSE] > 0
+    fast = totals[:, PairTotal.FASTEST] > QUICK * scene.meetings[0].reach / world.step
+    parted = hits & (totals[:, PairTotal.TOUCHING] == 0)
     own, other = (world.x[:, part] for part in scene.slices)
     depth = [
         distance.point_surface(x[:, np.unique(body.triangles)], y[:, of.triangles]).min(axis=1)
         for x, body, y, of in ((own, first, other, second), (other, second, own, first))
         if len(body.triangles) and len(of.triangles)
     ]
-    assert not totals[:, OVERFLOW].any()
+    assert not totals[:, PairTotal.OVERFLOW].any()
     return Outcome(
         (world.energy() / energy - 1)[parted],
-        (totals[:, MISSES] == 0)[parted],
+        (totals[:, PairTotal.MISSES] == 0)[parted],
         float(np.abs(world.momenta() - momenta).max()),
-        float(totals[:, MISSES].sum()),
-        int(((totals[:, MISSES] > 0) & ~fast).sum()),
-        float(totals[hits, GAP].min() / scene.meetings[0].reach),
+        float(totals[:, PairTotal.MISSES].sum()),
+        int(((totals[:, PairTotal.MISSES] > 0) & ~fast).sum()),
+        float(totals[hits, PairTotal.GAP].min() / scene.meetings[0].reach),
         int(hits.sum()),
         int((np.min(depth, axis=0, initial=np.inf) < 0).sum()),
         int(fast.sum()),
@@ -168,8 +168,8 @@ def test_every_way_to_meet(speed: float, most: float) -> None:
         momenta = world.momenta()
         world.run(int(0.2 / speed / world.step))
         totals = world.totals[:, 0]
-        assert (totals[:, IMPULSE] > 0.8 * speed).all()
-        assert not totals[:, [TOUCHING, MISSES]].any()
+        assert (totals[:, PairTotal.IMPULSE] > 0.8 * speed).all()
+        assert not totals[:, [PairTotal.TOUCHING, PairTotal.MISSES]].any()
         assert np.abs(world.momenta() - momenta).max() < ROUND_OFF
         worst.append(np.abs(world.energy() / energy - 1))
     assert worst[0].max() < most
@@ -188,6 +188,6 @@ def test_through_each_other_in_half_a_step() -> None:
     world.place(x - late * (np.arange(16) < 8)[:, None], np.broadcast_to(v, (16, 16, 3)))
     energy = world.energy()
     world.run(int(0.2 / speed / world.step))
-    assert (world.totals[:, 0, COARSE] > 0).all()
+    assert (world.totals[:, 0, PairTotal.COARSE] > 0).all()
     assert np.abs(world.energy() / energy - 1).max() < 1e-2
-    assert not world.totals[:, 0, MISSES].any()
+    assert not world.totals[:, 0, PairTotal.MISSES].any()

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from springgym.core.compiler.compiling import kernel
+from springgym.core.compiler.decorators import kernel
 from springgym.core.language.blocks import aligned_zeros, block_dtype
-from springgym.core.language.lanes import load, minimum, store
+from springgym.core.language.lanes import minimum
+from springgym.core.language.memory import load, store
 from springgym.dynamics.contact.law import SLOW, solve_gap
 from springgym.dynamics.records import Times
 

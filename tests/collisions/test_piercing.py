@@ -149,7 +149,7 @@ def test_what_is_shown_is_looked_at() -> None:
         x[:50, first] = 0.2 * (x[:50, first] - x[:50, first].mean(axis=1)[:, None])
         x[:50, first] += x[:50, second].mean(axis=1)[:, None]
         pair = np.array([0, 1])
-        of = outlines(scene.shapes, scene.starts)
+        of = outlines(scene.shapes, scene.offsets)
         found = np.zeros((300, 1), bool)
         whether = find_overlaps(x, pair[:1], pair[1:], of, np.zeros((3, 2, 3)), found)
         expected = in_each_other(scene, x)

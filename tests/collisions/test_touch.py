@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from springgym.dynamics.records import MISSES, OVERFLOW, TOUCHING
+from springgym.dynamics.records import PairTotal
 from springgym.model.bodies import Body, box, rope
 from springgym.model.scene import Placed, Scene
 from springgym.model.surfaces import Contact
@@ -84,8 +84,8 @@ def test_ball_and_rods() -> None:
     world = Stepped(scene)
     world.run(int(1.5 / world.step))
     x = world.x[0]
-    assert world.totals[0, :, [TOUCHING]].sum() >= 2
-    assert not world.totals[0, :, [MISSES, OVERFLOW]].any()
+    assert world.totals[0, :, [PairTotal.TOUCHING]].sum() >= 2
+    assert not world.totals[0, :, [PairTotal.MISSES, PairTotal.OVERFLOW]].any()
     assert max(x[8, 2], x[16, 2]) < 0.4  # the ends hang down
     assert x[10:15, 2].min() > 0.52  # a radius over the table
     assert x[17, 2] == pytest.approx(0.6, abs=0.011)

@@ -247,6 +247,12 @@ def test_a_box_on_the_block_is_stacked(aside: float, success: bool) -> None:
         assert not touching[pairs.index({shove.BOX, stack.SHELF})]
 
 
+def test_bodies_too_small_for_the_ball_are_refused() -> None:
+    env = make("SpringStack-v0", randomize={"scale": (0.6, 0.6)})
+    with pytest.raises(ValueError, match=r"allows bodies of scale 0\.6; it must be at least 0\.7"):
+        env.reset(seed=0)
+
+
 def test_a_box_off_the_shelf_ends_the_episode() -> None:
     """Pushed straight on, with all there is, from where the block is far aside."""
     env = started("SpringStack-v0", seed=0, options={"heading": 0.0})

@@ -496,7 +496,7 @@ def test_rigid_bodies_are_scaled_with_their_inertia(env_id: str) -> None:
     simulator = envs.unwrapped.episodes.simulator
     scene = simulator.scene
     sizes = stretched(scene, factor)
-    masses = np.split(scene.masses, scene.starts[1:-1])
+    masses = np.split(scene.masses, scene.offsets[1:-1])
     free = np.isin(scene.springs, scene.pins).all(axis=1)
 
     def lengths() -> np.ndarray:

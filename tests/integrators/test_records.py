@@ -9,6 +9,7 @@ import sys
 import numpy as np
 import pytest
 
+from springgym.core.compiler.cache import SOURCES
 from springgym.core.compiler.code_digest import digest
 from springgym.dynamics.measures import read
 from springgym.dynamics.methods import METHODS, advance_kernel, integrator
@@ -63,16 +64,14 @@ def test_tolerance_goes_to_methods_that_have_one(name: str) -> None:
 
 
 def test_each_method_has_its_own_cache_entry() -> None:
-    digests = {
-        name: digest(advance_kernel(name, read).py_func, (), ["springgym.core.compiler.compiling"])
-        for name in METHODS
-    }
+    digests = {name: digest(advance_kernel(name, read).py_func, (), SOURCES) for name in METHODS}
     assert len(set(digests.values())) == len(METHODS)
     script = (
+        "from springgym.core.compiler.cache import SOURCES; "
         "from springgym.core.compiler.code_digest import digest; "
         "from springgym.dynamics.methods import advance_kernel; "
         "from springgym.dynamics.measures import read; "
-        "print(digest(advance_kernel('rk4', read).py_func, (), ['springgym.core.compiler.compiling']).hex())"
+        "print(digest(advance_kernel('rk4', read).py_func, (), SOURCES).hex())"
     )
     alone = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
     assert alone.strip() == digests["rk4"].hex()  # whatever else this process has imported

@@ -28,6 +28,8 @@ import numpy as np
 from numba import extending
 from numba.extending import is_jitted
 
+from springgym.core.compiler.numba_private import definition
+
 IMPORTED = time.time_ns()
 """Time at which this module was imported [ns]: before all others that hold compiled functions."""
 
@@ -77,7 +79,7 @@ def digest(function: Callable[..., Any], arguments: object = (), by_source: Iter
     arguments
         Numba's types of its arguments; the code of functions and named tuples among them enters, too.
     by_source
-        Names of modules that enter the digest by their source alone.
+        Names of modules that enter by their source alone, whether the function leads to them or not.
 
     Raises
     ------
@@ -85,9 +87,12 @@ def digest(function: Callable[..., Any], arguments: object = (), by_source: Iter
         If it is compiled from something that has no digest, such as a function written in C; or if a constant
         that a function names has changed since an earlier digest, and may be compiled in.
     """
+    by_source = sorted(by_source)
     walk = _Walk(frozenset(by_source))
     walk.value(function)
     walk.of_types(arguments)
+    for name in by_source:
+        walk.module(name)
     return walk.sum.digest()
 
 
@@ -155,9 +160,9 @@ class _Walk:
             self.text("module", value.__name__)
         elif isinstance(value, type):
             self.a_class(value)
-        elif hasattr(value, "_defn"):  # an intrinsic
+        elif (made_by := definition(value)) is not None:
             self.text("intrinsic")
-            self.value(value._defn)
+            self.value(made_by)
         elif hasattr(value, "__wrapped__"):  # by functools.cache and its like
             self.text("wrapped", type(value).__qualname__)
             self.value(value.__wrapped__)
@@ -187,6 +192,9 @@ class _Walk:
             self.value((kind._fields, tuple(vars(kind)["_field_defaults"].items())))
             made = set(kind._fields)  # by NamedTuple, as is all that begins with an underscore
             own = {name: value for name, value in own.items() if name[0] != "_" and name not in made}
+        if issubclass(kind, enum.Enum):  # Numba compiles in its members; the rest is made by Python
+            self.value(tuple(kind.__members__.items()))
+            own = {}
         for base in kind.__bases__:
             self.value(base)
         for name in sorted(own):

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
-from springgym.core.compiler.compiling import REGISTER, kernel
-from springgym.core.language.lanes import at as at
-from springgym.core.language.lanes import block_dtype
+from springgym.core.compiler.decorators import kernel
+from springgym.core.compiler.targets import REGISTER
+from springgym.core.language.memory import block_dtype
 
 WIDTH = {np.dtype(kind): 2 * REGISTER // np.dtype(kind).itemsize for kind in (np.float64, np.float32)}
 """Number of copies in a block of a batch, which fill two vector registers. While one register waits for the

@@ -2,7 +2,7 @@
 
 Values are stored one body after another: `Ragged` arrays of rows, `Each` numbers. Compiled code gets the part
 of one body from nested tuples of them, as if it were the only one, by
-`springgym.core.language.lanes.of_body`. In a scene of one body nothing is `Ragged` or `Each`."""
+`springgym.core.language.bodies.of_body`. In a scene of one body nothing is `Ragged` or `Each`."""
 
 from __future__ import annotations
 

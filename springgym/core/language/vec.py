@@ -11,11 +11,10 @@ import operator
 from collections.abc import Callable
 from typing import Any
 
-from llvmlite import ir
 from numba import types
-from numba.core.typing.templates import AbstractTemplate, infer, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
+from springgym.core.compiler.numba_private import AbstractTemplate, infer, infer_global, ir, signature
 from springgym.core.language.lanes import Lanes, as_lanes
 
 

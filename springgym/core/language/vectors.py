@@ -5,15 +5,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Block, Mask, Number, Numbers, Rows, Tensor, Vector
 from springgym.core.language.lanes import epsilon as epsilon
-from springgym.core.language.lanes import load, load_each, multiply_add, select, sqrt, store, store_each
+from springgym.core.language.lanes import multiply_add, select, sqrt
+from springgym.core.language.memory import load, load_each, store, store_each
 from springgym.core.language.vec import vec as vec
 
-TINY = 1e-30  # added to a squared length: keeps 1/length finite at zero, and changes no other length
+GUARD = 1e-30
+"""Added to a divisor or squared length that may be 0: keeps the quotient finite, and changes no other."""
 
-ROUND_OFF = 1e-13 / 2.0**-52  # bound of a relative rounding error, in units of `epsilon`
+ROUND_OFF = 1e-13 / 2.0**-52
+"""Bound of a relative rounding error, in units of `epsilon`."""
 
 
 @compiled
@@ -100,7 +103,7 @@ def choose(mask: Mask, u: Vector, w: Vector) -> Vector:
 
 @compiled
 def unit(u: Vector) -> Vector:
-    return 1.0 / sqrt(dot(u, u) + TINY) * u
+    return 1.0 / sqrt(dot(u, u) + GUARD) * u
 
 
 @compiled
@@ -182,9 +185,9 @@ def solve_symmetric(tensor: Tensor, b: Vector) -> Vector:
     first, second, third, determinant = cofactors(tensor)
     u = vec(dot(first, b), dot(second, b), dot(third, b))  # on a line λ² n nᵀ b
     size = 0.5 * (xx + yy + zz)
-    straight = b - 1.0 / (first[0] + second[1] + third[2] + TINY) * u
+    straight = b - 1.0 / (first[0] + second[1] + third[2] + GUARD) * u
     flat = determinant <= ROUND_OFF * epsilon(size) * size * size * size
-    return choose(flat, 1.0 / (size + TINY) * straight, 1.0 / determinant * u)
+    return choose(flat, 1.0 / (size + GUARD) * straight, 1.0 / determinant * u)
 
 
 @compiled
@@ -194,8 +197,8 @@ def inverse_symmetric(tensor: Tensor) -> tuple[Vector, Vector]:
     first, second, third, determinant = cofactors(tensor)
     size = 0.5 * (xx + yy + zz)
     flat = determinant <= ROUND_OFF * epsilon(size) * size * size * size
-    share = 1.0 / (size + TINY)
-    trace = -1.0 * share / (first[0] + second[1] + third[2] + TINY)
+    share = 1.0 / (size + GUARD)
+    trace = -1.0 * share / (first[0] + second[1] + third[2] + GUARD)
     scale = select(flat, trace, 1.0 / select(flat, 1.0, determinant))
     diagonal = scale * vec(first[0], second[1], third[2])
     diagonal = choose(flat, diagonal + vec(share, share, share), diagonal)

@@ -13,10 +13,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Number, Vector
-from springgym.core.language.lanes import load, minimum, sqrt
-from springgym.core.language.vectors import TINY, dot
+from springgym.core.language.lanes import minimum, sqrt
+from springgym.core.language.memory import load
+from springgym.core.language.vectors import GUARD, dot
 from springgym.dynamics.records import Resistance
 
 
@@ -25,8 +26,11 @@ def resistance_of(rolling: np.ndarray, torsional: np.ndarray) -> Resistance | No
     return Resistance(rolling, torsional) if rolling.any() or torsional.any() else None
 
 
-ROLLING, SPINNING = range(2)
-"""The two parts of an angular velocity: about tangents of the contact, and about its normal."""
+ROLLING = 0
+"""The part of an angular velocity about tangents of the contact."""
+
+SPINNING = 1
+"""The part of an angular velocity about the normal of the contact."""
 
 
 @compiled
@@ -35,7 +39,7 @@ def within_cone(wanted: Vector, limit: Number) -> Vector:
 
     Impulse and ``limit`` are in N·s, or both per mass.
     """
-    return minimum(limit / sqrt(dot(wanted, wanted) + TINY), 1.0) * wanted
+    return minimum(limit / sqrt(dot(wanted, wanted) + GUARD), 1.0) * wanted
 
 
 @compiled
@@ -60,7 +64,7 @@ def part_resisted(
         The coefficients, and the row of their arrays.
     """
     spinning = dot(rate, n) * n
-    held = dot(couple, n) * n
+    about_normal = dot(couple, n) * n
     if part == ROLLING:
-        return rate - spinning, couple - held, push * load(resistance.rolling, row)
-    return spinning, held, push * load(resistance.torsional, row)
+        return rate - spinning, couple - about_normal, push * load(resistance.rolling, row)
+    return spinning, about_normal, push * load(resistance.torsional, row)

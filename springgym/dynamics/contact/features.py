@@ -20,23 +20,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Mask, Number, Numbers, Rows, Vector
-from springgym.core.language.lanes import (
-    any_lane,
-    epsilon,
-    filled,
-    load,
-    load_each,
-    maximum,
-    minimum,
-    select,
-    sqrt,
-    store,
-    store_each,
-)
+from springgym.core.language.lanes import any_lane, epsilon, filled, maximum, minimum, select, sqrt
+from springgym.core.language.memory import load, load_each, store, store_each
 from springgym.core.language.vectors import (
-    TINY,
+    GUARD,
     choose,
     cross,
     dot,
@@ -47,10 +36,23 @@ from springgym.core.language.vectors import (
     unit,
     vec,
 )
-from springgym.dynamics.records import FAR, NONE, Closest, ContactRows, Near, Neighbours, Pairs, Quad, Search
+from springgym.dynamics.records import (
+    FAR,
+    NO_ENTRY,
+    Closest,
+    ContactRows,
+    Near,
+    Neighbours,
+    Pairs,
+    Quad,
+    Search,
+)
 
-TIE, ROUGH = 1e-6, 8192.0
-"""Factor of h² in the key of a triangle, and its increase per `epsilon`: 1e-3 in single precision."""
+TIE = 1e-6
+"""Factor of h² in the key of a triangle."""
+
+ROUGH = 8192.0
+"""Increase of `TIE` per `epsilon`: 1e-3 in single precision."""
 
 TAPER = 0.5
 """Length over which Φ of an edge rises from its ends, as a share of Δ."""
@@ -147,14 +149,14 @@ def add_contact(count: int, first: int, members: int, touch: Closest, near: Near
         none = 0.0 * whole
         i, j, m, n = touch.particles
         particles = (i + none, j + none, m + none, n + none)
-        opens = select(fits, own, NONE) > count - first - 0.5
+        opens = select(fits, own, NO_ENTRY) > count - first - 0.5
         if any_lane(opens):
             clear(count, near.pair, members, particles, opens, contacts)
             count += 1
         k = filled(fits, own + first)
-        for n in range(4):
-            put_where(contacts.particle, 4.0 * k + n, fits, particles[n])
-            put_where(contacts.weight, 4.0 * k + n, fits, touch.weights[n])
+        for end in range(4):
+            put_where(contacts.particle, 4.0 * k + end, fits, particles[end])
+            put_where(contacts.weight, 4.0 * k + end, fits, touch.weights[end])
         set_row_each(contacts.normal, k, choose(fits, touch.normal, row_each(contacts.normal, k)))
         put_where(contacts.gap, k, fits, touch.gap)
         put_where(contacts.share, k, fits, touch.share)
@@ -166,9 +168,9 @@ def clear(k: int, pair: int, members: int, particles: Quad, opens: Mask, contact
     """Initialise a new row of contacts, with the particles of a copy that ``opens`` it."""
     contacts.pair[k] = pair
     contacts.members[k] = members
-    for n in range(4):
-        store(contacts.particle, 4 * k + n, filled(opens, particles[n]))
-        store(contacts.weight, 4 * k + n, 0.0)
+    for end in range(4):
+        store(contacts.particle, 4 * k + end, filled(opens, particles[end]))
+        store(contacts.weight, 4 * k + end, 0.0)
     set_row(contacts.normal, k, vec(0.0, 0.0, 1.0))
     store(contacts.gap, k, FAR)
     store(contacts.share, k, 0.0)
@@ -196,17 +198,17 @@ def vertex_faces(count: int, first: int, m: int, near: Near, seen: Search) -> in
     third = 0.0 * i
     away = 0.0 * point
     for candidate in range(lists.faces[m, 0], lists.faces[m, 1]):
-        n = lists.candidate[candidate]
-        normal = row(lists.normal, n)
-        square = load(lists.square, n)
-        r = point - row(lists.corner, n)
+        k = lists.candidate[candidate]
+        normal = row(lists.normal, k)
+        square = load(lists.square, k)
+        r = point - row(lists.corner, k)
         height = dot(normal, r)  # times |normal|
         close = height * height < wide * square
         if any_lane(close):
-            u = row(lists.first, n)
-            q = row(lists.second, n)
-            products = row(lists.products, n)
-            sizes = row(lists.sizes, n)
+            u = row(lists.first, k)
+            q = row(lists.second, k)
+            products = row(lists.products, k)
+            sizes = row(lists.sizes, k)
             uu = products[0]
             uw = products[1]
             ww = products[2]
@@ -232,14 +234,14 @@ def vertex_faces(count: int, first: int, m: int, near: Near, seen: Search) -> in
                 key = select(squared < select(behind, limit, wide), key, FAR)
                 if any_lane(select(behind, key, FAR) < best):
                     w = seen.w
-                    a, b, c = corners(0.0 * i + n, lists)
+                    a, b, c = corners(0.0 * i + k, lists)
                     own = row_each(w, i)
                     across = own - weighted(w, a, 1.0 - wb - wc, b, wb, c, wc)
                     credible = select(behind, height - near.lead * dot(normal, across), 1.0) > 0.0
                     key = select(credible, key, key + 4.0 * limit)  # after all credible ones
                 better = key < best
                 best = select(better, key, best)
-                face = select(better, 1.0 * n, face)
+                face = select(better, 1.0 * k, face)
                 second = select(better, wb, second)
                 third = select(better, wc, third)
                 away = choose(better, apart, away)
@@ -247,7 +249,7 @@ def vertex_faces(count: int, first: int, m: int, near: Near, seen: Search) -> in
     won = best < 5.0 * limit
     if any_lane(won):
         face = filled(won, face)
-        d = sqrt(dot(away, away) + TINY)
+        d = sqrt(dot(away, away) + GUARD)
         n = 1.0 / select(side_of < 0.0, -d, d) * away
         touching = d < 1e-9 * near.reach
         if any_lane(touching):
@@ -296,21 +298,21 @@ def vertex_rods(
         rod = 0.0 * i
         t = 0.0 * i
         away = 0.0 * point
-        for n in range(lists.ends[near.pair, 2, other], lists.ends[near.pair, 2, other + 1]):
-            way = row(lists.way, n)
-            r = point - row(lists.start, n)
-            share = within(dot(r, way) / (dot(way, way) + TINY))
+        for k in range(lists.ends[near.pair, 2, other], lists.ends[near.pair, 2, other + 1]):
+            way = row(lists.way, k)
+            r = point - row(lists.start, k)
+            share = within(dot(r, way) / (dot(way, way) + GUARD))
             apart = r - share * way
             key = dot(apart, apart)
             better = key < best
             best = select(better, key, best)
-            rod = select(better, 1.0 * n, rod)
+            rod = select(better, 1.0 * k, rod)
             t = select(better, share, t)
             away = choose(better, apart, away)
         won = best < near.reach * near.reach
         if any_lane(won):
             a, b = tips(filled(won, rod), lists)
-            d = sqrt(dot(away, away) + TINY)
+            d = sqrt(dot(away, away) + GUARD)
             n = 1.0 / d * away
             along = (1.0 - t) * row_each(w, a) + t * row_each(w, b)
             through = d - near.lead * dot(n, row_each(w, i) - along) < 0.0
@@ -336,7 +338,7 @@ def ball_ball(
     """List the contact of two balls."""
     if balls is not None:
         apart = row(seen.x, i) - row(seen.x, j)
-        d = sqrt(dot(apart, apart) + TINY)
+        d = sqrt(dot(apart, apart) + GUARD)
         meets = d < near.reach
         if any_lane(meets):
             one = 1.0 + 0.0 * d
@@ -404,7 +406,7 @@ def edge_edge(count: int, first: int, k: int, have: Number, near: Near, seen: Se
     bb = dot(b, b)
     ar = dot(a, r)
     br = dot(b, r)
-    inverse = 1.0 / (square + TINY)
+    inverse = 1.0 / (square + GUARD)
     s = (ab * br - bb * ar) * inverse
     t = (aa * br - ab * ar) * inverse
     share = edge_share(s, t, aa, bb, square, near.pair, seen.pairs)
@@ -434,4 +436,4 @@ def edge_share(s: Number, t: Number, aa: Number, bb: Number, square: Number, p: 
     la = sqrt(aa) * taper
     lb = sqrt(bb) * taper
     share = smooth(s * la) * smooth((1.0 - s) * la) * smooth(t * lb) * smooth((1.0 - t) * lb)
-    return share * smooth(square / (aa * bb + TINY) * (1.0 / pairs.parallel[p]))
+    return share * smooth(square / (aa * bb + GUARD) * (1.0 / pairs.parallel[p]))

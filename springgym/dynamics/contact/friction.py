@@ -19,9 +19,10 @@ across the line of their centres conserves angular momentum.
 
 from __future__ import annotations
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Mask, Number, Rows, Vector
-from springgym.core.language.lanes import load, load_each, maximum, select, sqrt, store
+from springgym.core.language.lanes import maximum, select, sqrt
+from springgym.core.language.memory import load, load_each, store
 from springgym.core.language.vectors import (
     choose,
     cross,

@@ -11,9 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Number, Rows, Vector
-from springgym.core.language.lanes import any_lane, minimum, store
+from springgym.core.language.lanes import any_lane, minimum
+from springgym.core.language.memory import store
 from springgym.core.language.vectors import row, set_row
 from springgym.dynamics.contact.movers import turns_as_one
 from springgym.dynamics.contact.round import Way, at, moved, nearest

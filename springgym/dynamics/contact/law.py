@@ -25,7 +25,7 @@ energy of the step changes by −J V (1 − L), with J = τ F̄ and the mean rat
 
 from __future__ import annotations
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Mask, Number
 from springgym.core.language.lanes import any_lane, epsilon, maximum, minimum, select, sqrt
 from springgym.dynamics.records import Times
@@ -39,9 +39,11 @@ LEAST = 1e-9
 ITERATIONS = 60
 """Largest number of Newton iterations for a gap; about three suffice where the bracket is not halved."""
 
-FOUND, EXACT = 1e-5, 1e-7
-"""Relative change of a gap at which Newton's method, which squares the error each time, ends; and that of
-contacts without loss, which conserve energy to rounding."""
+FOUND = 1e-5
+"""Relative change of a gap at which Newton's method ends, which squares the error each time."""
+
+EXACT = 1e-7
+"""The same of contacts without loss, which conserve energy to rounding."""
 
 
 @compiled

@@ -19,10 +19,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import DTypeLike
 
-from springgym.core.compiler.compiling import compiled
-from springgym.core.language.blocks import aligned_zeros
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Number, Numbers, Rows, Vector
-from springgym.core.language.lanes import load, select, store
+from springgym.core.language.lanes import select
+from springgym.core.language.memory import load, store
 from springgym.core.language.vectors import (
     angular_momentum,
     cross,
@@ -37,6 +37,7 @@ from springgym.core.language.vectors import (
     set_row,
     set_row_each,
 )
+from springgym.dynamics.arrays import allocate
 from springgym.dynamics.records import Problem, Turning
 
 
@@ -50,19 +51,14 @@ def new_turning(
     """
     if not turns.any():
         return None
-
-    def lanes(*shape: int) -> np.ndarray:
-        return aligned_zeros(shape, dtype)
-
-    count = len(turns)
-    return Turning(
+    return allocate(
+        Turning,
+        {"bodies": len(turns)},
+        dtype,
         turns=turns,
         balls=balls,
         first=rows.astype(np.int64),
         pivot=pivots.astype(np.int64),
-        lightness=lanes(count),
-        point=lanes(2 * count, 3),
-        turn=lanes(4 * count, 3),
     )
 
 

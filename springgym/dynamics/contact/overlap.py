@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled, kernel
+from springgym.core.compiler.decorators import compiled, kernel
 from springgym.core.language.kinds import Vector
 from springgym.core.language.vectors import cross, dot, row, vec
 from springgym.dynamics.contact.pairs import joined

@@ -12,15 +12,16 @@ iterations."""
 
 from __future__ import annotations
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Mask, Number, Numbers, Vector
-from springgym.core.language.lanes import any_lane, epsilon, load, maximum, minimum, select, sqrt
+from springgym.core.language.lanes import any_lane, epsilon, maximum, minimum, select, sqrt
+from springgym.core.language.memory import load
 from springgym.core.language.vectors import choose, dot, plus_scaled, row, set_row, unit
 from springgym.dynamics.contact.cone import within_cone
 from springgym.dynamics.contact.law import solve_gap
 from springgym.dynamics.contact.surfaces import coefficient, count, lowest, mean_normal, strength_and_reach
 from springgym.dynamics.contact.totals import add_to, set_fastest
-from springgym.dynamics.records import COARSE, SurfaceImpulse, Surfaces, Times
+from springgym.dynamics.records import PairTotal, SurfaceImpulse, Surfaces, Times
 from springgym.dynamics.terms import Terms
 
 ITERATIONS = 40
@@ -46,7 +47,7 @@ def previous_push(turn: int, k: int, nothing: Vector, pushes: Numbers, surfaces:
 def count_coarse(speed: Number, surfaces: Surfaces, totals: Numbers | None) -> None:
     """Count the copies in which a contact has a normal speed [m/s] too high to keep its restitution."""
     if totals is not None:
-        add_to(totals, 0, COARSE, select(speed > surfaces.coarse_from, 1.0 + 0.0 * speed, 0.0))
+        add_to(totals, 0, PairTotal.COARSE, select(speed > surfaces.coarse_from, 1.0 + 0.0 * speed, 0.0))
 
 
 @compiled

@@ -19,10 +19,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Number, Rows, Vector
-from springgym.core.language.lanes import load, sqrt
-from springgym.core.language.vectors import TINY, apply, block, dot, plus_scaled, row
+from springgym.core.language.lanes import sqrt
+from springgym.core.language.memory import load
+from springgym.core.language.vectors import GUARD, apply, block, dot, plus_scaled, row
 from springgym.dynamics.contact.law import barrier_energy
 from springgym.dynamics.contact.surfaces import count, normal_at
 from springgym.dynamics.records import Rounds, Surfaces
@@ -107,7 +108,7 @@ def support(e: int, n: Vector, way: Way, rounds: Rounds) -> Vector:
     for c in range(rounds.first[e], rounds.behind[e]):
         g = plus_scaled(g, dot(n, moved(rounds.particle[c], way, way.v)), row(rounds.slope, c))
     pull = apply(block(rounds.matrix, e), g)
-    return -1.0 / sqrt(dot(g, pull) + TINY) * pull
+    return -1.0 / sqrt(dot(g, pull) + GUARD) * pull
 
 
 @compiled

@@ -11,11 +11,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import DTypeLike
 
-from springgym.core.compiler.compiling import compiled
-from springgym.core.language.blocks import aligned_zeros
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Vector
-from springgym.core.language.lanes import load, maximum, select, store
+from springgym.core.language.lanes import maximum, select
+from springgym.core.language.memory import load, store
 from springgym.core.language.vectors import choose, dot, plus_scaled, row, row_each, set_row
+from springgym.dynamics.arrays import allocate
 from springgym.dynamics.contact.friction import crosses
 from springgym.dynamics.contact.movers import turns_as_one
 from springgym.dynamics.records import ContactRows, Pairs, Problem, Turning
@@ -30,56 +31,15 @@ def new_contacts(
     """
     width = np.dtype(dtype)["lanes"].shape[0]
     rows = min(among, pairs.most * width) + surfaces + 1
-    count = len(pairs.reach)
-    resisted = 1 if pairs.resistance is None else rows
-    arms = 1 if turning is None else rows
-
-    def lanes(*shape: int) -> np.ndarray:
-        return aligned_zeros(shape, dtype)
-
-    def whole(*shape: int) -> np.ndarray:
-        return np.zeros(shape, np.int64)
-
-    return ContactRows(
-        length=whole(2),
-        touching_pairs=whole(count),
-        counts=lanes(2),
-        left_out=lanes(count),
-        pair=whole(rows),
-        body=whole(2 * rows),
-        surface=whole(rows),
-        feature=whole(rows),
-        members=whole(rows),
-        loose=whole(rows) if among else None,  # type: ignore[arg-type]
-        only=whole(rows),
-        touching=whole(rows),
-        late=whole(rows),
-        tilts=whole(rows) if among else None,  # type: ignore[arg-type]
-        particle=lanes(4 * rows),
-        weight=lanes(4 * rows),
-        normal=lanes(rows, 3),
-        gap=lanes(rows),
-        start=lanes(rows),
-        shift=lanes(rows),
-        share=lanes(rows),
-        place=lanes(rows, 3),
-        arm=lanes(4 * arms, 3),
-        approach=lanes(rows),
-        gain=lanes(4 * rows),
-        inverse_mass=lanes(rows),
-        impulse=lanes(rows),
-        friction=lanes(rows, 3),
-        couple=lanes(resisted, 3),
-        taper=lanes(rows, 3),
-        tilt=lanes(2 * rows, 3),
-        height=lanes(rows),
-        crossed=lanes(rows),
-        grips=lanes(rows),
-        losses=lanes(bodies, 3),
-        going=lanes(1),
-        change=lanes(1),
-        turning=turning,
-    )
+    extents = {
+        "pairs": len(pairs.reach),
+        "bodies": bodies,
+        "rows": rows,
+        "couples": 1 if pairs.resistance is None else rows,
+        "arms": 1 if turning is None else rows,
+    }
+    of_bodies = {} if among else {"loose": None, "tilts": None}
+    return allocate(ContactRows, extents, dtype, turning=turning, **of_bodies)
 
 
 @compiled

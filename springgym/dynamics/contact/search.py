@@ -26,20 +26,11 @@ from typing import TypeAlias
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Number, Numbers, Rows, Vector
-from springgym.core.language.lanes import (
-    any_lane,
-    filled,
-    load,
-    load_each,
-    maximum,
-    minimum,
-    select,
-    sqrt,
-    store,
-)
-from springgym.core.language.vectors import TINY, choose, cross, dot, row, row_each, set_row, unit, vec
+from springgym.core.language.lanes import any_lane, filled, maximum, minimum, select, sqrt
+from springgym.core.language.memory import load, load_each, store
+from springgym.core.language.vectors import GUARD, choose, cross, dot, row, row_each, set_row, unit, vec
 from springgym.dynamics.contact.features import (
     ball_ball,
     begin,
@@ -51,19 +42,19 @@ from springgym.dynamics.contact.features import (
     vertex_rods,
 )
 from springgym.dynamics.records import (
-    CLOSE,
     FAR,
-    MET,
-    NONE,
-    WATCHED,
+    NO_ENTRY,
+    ContactCount,
     ContactRows,
     Near,
     Neighbours,
+    PairList,
     Pairs,
     Search,
     Shapes,
     Times,
 )
+from springgym.model.collisions.overlap import BEYOND_ROUNDING
 
 Indices: TypeAlias = "np.ndarray | None"
 """The features of a kind, by the indices of their particles; None if no body has any."""
@@ -79,26 +70,33 @@ WIDEST = 1e3
 """Largest search distance of contacts [m], less than `FAR`. If a pair moves farther in half a step, one
 contact is counted as left out."""
 
-ROUNDING = 1.001
-"""Features are listed up to this many search distances, so that rounding has no effect."""
-
 MARGIN = 1.0
-"""Margin of lists that are reused, in Δ, if it is expected to last for"""
+"""Margin of lists that are reused, in Δ."""
 
 LASTING = 3.0
-"""this many steps."""
+"""Least number of steps for which a margin must be expected to last; else lists have none."""
 
 ROOMY = 0.25
-"""The margin of watched pairs is, for each body, this fraction of its box's longest side,"""
+"""Least margin of a body in watched pairs, as a fraction of its box's longest side: until a body has moved by
+its margin, no other pairs are checked."""
 
 PATIENT = 20.0
-"""or, if larger, its motion in this many steps: until a body has moved by it, no other pairs are checked."""
+"""Least number of steps in which a body moves by its margin in watched pairs."""
 
 SKEW = 1e-3
 """Least sin² of the angle between two edges for which the distance of their lines is used."""
 
-VERTICES, TRIANGLES, EDGES, CANDIDATES = range(4)
-"""Kinds of lists."""
+VERTICES = 0
+"""Index of the list of vertices."""
+
+TRIANGLES = 1
+"""Index of the list of triangles."""
+
+EDGES = 2
+"""Index of the list of edges."""
+
+CANDIDATES = 3
+"""Index of the list of candidates, in `Neighbours.used`."""
 
 
 @compiled
@@ -141,8 +139,8 @@ def find(x: Rows, w: Rows, span: Times, pairs: Pairs, lists: Neighbours, contact
         begin_lists(x, fresh, pairs, lists)
     store(contacts.counts, 0, 0.0)
     count = 0
-    contacts.length[MET] = 0
-    for n in range(lists.length[CLOSE]):
+    contacts.length[ContactCount.PAIRS] = 0
+    for n in range(lists.length[PairList.CLOSE]):
         p = lists.close[n]
         a = pairs.first[p]
         b = pairs.second[p]
@@ -150,15 +148,15 @@ def find(x: Rows, w: Rows, span: Times, pairs: Pairs, lists: Neighbours, contact
         before = count
         store(contacts.left_out, p, select(near.reach > WIDEST, 1.0 + 0.0 * near.reach, 0.0))
         brief = relist and list_features(near, span, seen, shapes.triangles, shapes.edges)
-        needed = relist or any_lane(load(lists.nearest, p) < ROUNDING * near.reach)
+        needed = relist or any_lane(load(lists.nearest, p) < BEYOND_ROUNDING * near.reach)
         if needed and (is_listed(VERTICES, p, lists) or is_listed(EDGES, p, lists)):
             locate(p, seen, shapes.triangles, shapes.edges)
             if relist:
                 list_candidates(p, brief, seen, shapes.triangles, shapes.edges)
             count = compare(count, near, seen, shapes.triangles, shapes.edges)
         if count > before or any_lane(load(contacts.left_out, p) > 0.0):
-            contacts.touching_pairs[contacts.length[MET]] = p
-            contacts.length[MET] += 1
+            contacts.touching_pairs[contacts.length[ContactCount.PAIRS]] = p
+            contacts.length[ContactCount.PAIRS] += 1
     return count
 
 
@@ -207,14 +205,14 @@ def watch(x: Rows, w: Rows, span: Times, pairs: Pairs, lists: Neighbours) -> Non
             store(lists.listed, p, (gap - ahead) + (load(lists.moved, a) + load(lists.moved, b)))
             lists.watched[count] = p
             count += 1
-    lists.length[WATCHED] = count
+    lists.length[PairList.WATCHED] = count
 
 
 @compiled
 def near_enough(p: int, a: int, b: int, pairs: Pairs) -> Number:
     """Return the distance [m] below which two bodies are checked."""
     radius = pairs.shapes.radius[a] + pairs.shapes.radius[b]
-    return ROUNDING * ((SPARE + FARTHEST) * pairs.reach[p] + radius)
+    return BEYOND_ROUNDING * ((SPARE + FARTHEST) * pairs.reach[p] + radius)
 
 
 @compiled
@@ -264,7 +262,7 @@ def lists_hold(w: Rows, span: Times, pairs: Pairs, lists: Neighbours) -> bool:
     averaged = False
     shifted = False
     close = 0
-    for n in range(lists.length[WATCHED]):
+    for n in range(lists.length[PairList.WATCHED]):
         p = lists.watched[n]
         a = pairs.first[p]
         b = pairs.second[p]
@@ -281,14 +279,14 @@ def lists_hold(w: Rows, span: Times, pairs: Pairs, lists: Neighbours) -> bool:
             way = minimum(span.out * approach(a, b, lists.mean, lists.turning), WIDEST)
             far = SPARE * reach + way + radius
             store(lists.reach, p, far)
-            if any_lane(listed - moved <= ROUNDING * far):  # unless both moved together
+            if any_lane(listed - moved <= BEYOND_ROUNDING * far):  # unless both moved together
                 if not shifted:
                     average(lists.shift, shapes, lists.mean_shift, lists.bend)
                     shifted = True
                 moved = approach(a, b, lists.mean_shift, lists.bend)
-                hold = hold and not any_lane(listed - moved <= ROUNDING * far)
+                hold = hold and not any_lane(listed - moved <= BEYOND_ROUNDING * far)
             store(lists.nearest, p, load(lists.gap, p) - moved)
-    lists.length[CLOSE] = close
+    lists.length[PairList.CLOSE] = close
     return hold
 
 
@@ -331,7 +329,7 @@ def begin_lists(x: Rows, fresh: bool, pairs: Pairs, lists: Neighbours) -> None:
     shapes = pairs.shapes
     lists.kept[0] = True
     empty(lists)
-    for n in range(lists.length[WATCHED]):
+    for n in range(lists.length[PairList.WATCHED]):
         p = lists.watched[n]
         for kind in range(3):
             for side in range(3):
@@ -371,7 +369,7 @@ def list_features(near: Near, span: Times, seen: Search, triangles: Indices, edg
     p = near.pair
     a, b = near.bodies
     margin = MARGIN * seen.pairs.reach[p]
-    wide = ROUNDING * near.reach + margin
+    wide = BEYOND_ROUNDING * near.reach + margin
     gap = outside(row(lists.low, a), row(lists.high, a), b, lists)
     brief = False
     if any_lane(gap < wide):
@@ -387,7 +385,7 @@ def list_features(near: Near, span: Times, seen: Search, triangles: Indices, edg
                 list_kind(EDGES, side, wide, brief, near, seen, edges)
     store(lists.gap, p, gap)
     store(lists.nearest, p, gap)
-    far = ROUNDING * ((SPARE + FARTHEST) * seen.pairs.reach[p] + near.radius)  # as in `lists_hold`
+    far = BEYOND_ROUNDING * ((SPARE + FARTHEST) * seen.pairs.reach[p] + near.radius)  # as in `lists_hold`
     store(lists.listed, p, minimum(maximum(gap, minimum(wide, far)), 0.5 * FAR))
     return brief
 
@@ -465,11 +463,11 @@ def list_kind(
                     rows = grown(rows, have)
         for m in range(first, first + rows):
             there = have > 1.0 * (m - first)
-            n = load(of, m)
-            store(of, m, select(there, n, NONE))
-            n = filled(there, n)
+            feature = load(of, m)
+            store(of, m, select(there, feature, NO_ENTRY))
+            feature = filled(there, feature)
             for k in range(count):
-                store(particles, count * m + k, load_each(members, (n, k)))
+                store(particles, count * m + k, load_each(members, (feature, k)))
         lists.used[kind] = lists.ends[p, kind, side + 1] = first + rows
 
 
@@ -502,14 +500,14 @@ def locate(p: int, seen: Search, triangles: Indices, edges: Indices) -> None:
             set_row(lists.first, k, u)
             set_row(lists.second, k, q)
             set_row(lists.normal, k, across)
-            square = select(load(lists.triangle, k) < 0.0, NONE, dot(across, across))
+            square = select(load(lists.triangle, k) < 0.0, NO_ENTRY, dot(across, across))
             store(lists.square, k, square)
             uu = dot(u, u)
             uw = dot(u, q)
             ww = dot(q, q)
             third = uu - 2.0 * uw + ww
-            inverse = 1.0 / (square + TINY)
-            of_sides = 1.0 / (uu * ww * third + TINY)
+            inverse = 1.0 / (square + GUARD)
+            of_sides = 1.0 / (uu * ww * third + GUARD)
             set_row(lists.products, k, vec(uu, uw, ww))
             set_row(lists.sizes, k, vec(inverse, of_sides, maximum(maximum(uu, ww), third)))
     if edges is not None:

@@ -24,11 +24,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Mask, Number, Numbers, Rows, Vector
-from springgym.core.language.lanes import any_lane, load, load_each, maximum, minimum, select, sqrt, store
+from springgym.core.language.lanes import any_lane, maximum, minimum, select, sqrt
+from springgym.core.language.memory import load, load_each, store
 from springgym.core.language.vectors import (
-    TINY,
+    GUARD,
     choose,
     cross,
     dot,
@@ -57,20 +58,13 @@ from springgym.dynamics.contact.movers import (
 )
 from springgym.dynamics.contact.totals import add_to, clear_current, set_fastest, set_least_gap, set_touching
 from springgym.dynamics.records import (
-    COARSE,
-    CONTACT,
-    ENERGY,
     FAR,
-    FRICTION,
-    IMPULSE,
     LEAST,
-    MET,
-    MISSES,
-    OVERFLOW,
     PASSES,
-    ROWS,
+    ContactCount,
     ContactRows,
     Ends,
+    PairTotal,
     Problem,
     Resistance,
     Shapes,
@@ -81,10 +75,12 @@ LOW = 0.02
 """A gap below this fraction of Δ at a step's beginning counts as a missed contact, and is raised to it:
 residuals of sweeps can bring contacts nearer than solved for, and their energy is unbounded."""
 
-ROLLED, TAKEN = 1e-5, 0.2
-"""A gap of a rolling contact below the first fraction of Δ is raised to the second, others remain: its point
-of contact moved so far over the skin in a step, as on a coin that falls flat, that it is behind the surface.
-So it is pushed out gently, and not within a step."""
+ROLLED = 1e-5
+"""A gap of a rolling contact below this fraction of Δ is raised, others remain: its point of contact moved so
+far over the skin in a step, as on a coin that falls flat, that it is behind the surface."""
+
+TAKEN = 0.2
+"""The fraction of Δ to which such a gap is raised: it is pushed out gently, and not within a step."""
 
 
 # --- What rows follow from ----------------------------------------------------------------------------
@@ -115,7 +111,7 @@ def prepare(k: int, free: Rows, problem: Problem) -> None:
     else:
         before = d - span.lead * u0
     missed = before < low
-    add_to(problem.totals, contacts.pair[k], MISSES, select(missed, 1.0 + 0.0 * u0, 0.0))
+    add_to(problem.totals, contacts.pair[k], PairTotal.MISSES, select(missed, 1.0 + 0.0 * u0, 0.0))
     if contacts.late[k] == 1:
         taken = select(before < ROLLED * reach_of(k, problem), TAKEN * reach_of(k, problem), before)
     else:
@@ -165,8 +161,8 @@ def solve(v: Rows, sweeps: int, enough: float, tapers: bool, problem: Problem) -
     contacts = problem.contacts
     for turn in range(sweeps):
         store(contacts.change, 0, 0.0)
-        for m in range(contacts.length[ROWS]):
-            k = contacts.length[ROWS] - 1 - m if turn % 2 == 1 else m
+        for m in range(contacts.length[ContactCount.ROWS]):
+            k = contacts.length[ContactCount.ROWS] - 1 - m if turn % 2 == 1 else m
             solve_row(v, k, problem)
         if turn == 0 and tapers:
             taper(v, problem, problem.pairs.shapes)
@@ -195,7 +191,7 @@ def solve_row(v: Rows, k: int, problem: Problem) -> None:
         beta = beta_of(k, inverse, problem, problem.pairs.loss)
         gaps = start, free, select(old > 0.0, last, 0.0)
         change, _ = solve_gap(gaps, span, c, reach, beta, meets)
-        new = select(meets, change / (inverse + TINY), 0.0)
+        new = select(meets, change / (inverse + GUARD), 0.0)
         new = select(going > 0.5, new, old)
         store(contacts.impulse, k, new)
         push(v, k, (new - old) * n, problem)
@@ -263,9 +259,9 @@ def stop_slip(v: Rows, k: int, limit: Number, acts: Mask, problem: Problem) -> N
     contacts = problem.contacts
     friction = row(contacts.friction, k)
     slip = slip_of(v, k, contacts.late[k], problem)
-    along = 1.0 / (sqrt(dot(slip, slip)) + TINY) * slip
+    along = 1.0 / (sqrt(dot(slip, slip)) + GUARD) * slip
     inverse = inverse_mass_along(along, k, problem)
-    change = within_cone(friction - 1.0 / (inverse + TINY) * slip, limit) - friction
+    change = within_cone(friction - 1.0 / (inverse + GUARD) * slip, limit) - friction
     change = choose(acts, change, 0.0 * change)
     set_row(contacts.friction, k, friction + change)
     push_across(v, k, change, problem)
@@ -302,11 +298,11 @@ def begin_to_hold(
         if any_lane(fresh):
             slip = slip_of(v, k, contacts.late[k], problem)
             slip = without_rolling(slip, spin_between(v, k, problem, turning), k, problem)
-            along = 1.0 / (sqrt(dot(slip, slip)) + TINY) * slip
+            along = 1.0 / (sqrt(dot(slip, slip)) + GUARD) * slip
             whole = inverse_mass_along(along, k, problem)
             by_rolling = without_rolling(0.0 * along, spun_by(along, True, k, problem, turning), k, problem)
             inverse = maximum(whole + dot(along, by_rolling), LEAST * whole)
-            j = within_cone(-1.0 / (inverse + TINY) * slip, limit)
+            j = within_cone(-1.0 / (inverse + GUARD) * slip, limit)
             j = choose(fresh, j, 0.0 * j)
             push_across(v, k, j, problem)
             set_row(contacts.friction, k, friction + j)
@@ -325,8 +321,8 @@ def without_rolling(slip: Vector, rate: Vector, k: int, problem: Problem) -> Vec
 @compiled
 def couple_against(rate: Vector, k: int, problem: Problem) -> Vector:
     """Return the couple that stops an angular velocity along its own direction."""
-    direction = 1.0 / (sqrt(dot(rate, rate)) + TINY) * rate
-    gives = dot(direction, spun_by(direction, False, k, problem, problem.contacts.turning)) + TINY
+    direction = 1.0 / (sqrt(dot(rate, rate)) + GUARD) * rate
+    gives = dot(direction, spun_by(direction, False, k, problem, problem.contacts.turning)) + GUARD
     return -1.0 / gives * rate
 
 
@@ -342,10 +338,10 @@ def stop_turning(
         n = 1.0 / sqrt(dot(n, n)) * n
         for part in range(2):
             old = row(contacts.couple, k)
-            rate, held, limit = part_resisted(
+            rate, resisting, limit = part_resisted(
                 part, spin_between(v, k, problem, turning), old, n, pressed, resistance, contacts.pair[k]
             )
-            change = within_cone(held + couple_against(rate, k, problem), limit) - held
+            change = within_cone(resisting + couple_against(rate, k, problem), limit) - resisting
             change = choose(acts, change, 0.0 * change)
             set_row(contacts.couple, k, old + change)
             push_turning(v, k, 0.0 * change, change, problem, turning)
@@ -362,7 +358,7 @@ def taper(v: Rows, problem: Problem, shapes: Shapes | None) -> None:
     """Apply the force of the gradient of Φ, where edges touch."""
     if shapes is not None:
         contacts = problem.contacts
-        for k in range(problem.contacts.length[ROWS]):
+        for k in range(problem.contacts.length[ContactCount.ROWS]):
             share = load(contacts.share, k)
             partly = select(share < 1.0, share, 0.0) > 0.0
             if contacts.members[k] == 4 and any_lane(partly):
@@ -412,14 +408,14 @@ def gradient_of_share(k: int, on: Mask, problem: Problem) -> Ends:
     s1 = smooth((1.0 - s) * la)
     t0 = smooth(t * lb)
     t1 = smooth((1.0 - t) * lb)
-    both = 1.0 / (aa * bb + TINY)
+    both = 1.0 / (aa * bb + GUARD)
     angle = square * both * sine
     turned = smooth(angle)
     by_s = (steepness(s * la) * s1 - s0 * steepness((1.0 - s) * la)) * la * t0 * t1 * turned
     by_t = (steepness(t * lb) * t1 - t0 * steepness((1.0 - t) * lb)) * lb * s0 * s1 * turned
     by_angle = -2.0 * ab * both * (s0 * s1 * t0 * t1 * steepness(angle) * sine)
-    by_a = by_angle * (b - ab / (aa + TINY) * a)
-    by_b = by_angle * (a - ab / (bb + TINY) * b)
+    by_a = by_angle * (b - ab / (aa + GUARD) * a)
+    by_b = by_angle * (a - ab / (bb + GUARD) * b)
     # derivatives of Φ, through s and t, by D·a and D·b
     along_a = -(bb * by_s + ab * by_t) * inverse
     along_b = (ab * by_s + aa * by_t) * inverse
@@ -512,10 +508,10 @@ def add_totals(v: Rows, problem: Problem, changing: np.ndarray) -> None:
     contacts = problem.contacts
     totals = problem.totals
     clear_current(True, totals, changing)
-    for n in range(contacts.length[MET]):
-        p = contacts.touching_pairs[n]
-        add_to(totals, p, OVERFLOW, load(contacts.left_out, p))
-    for k in range(problem.contacts.length[ROWS]):
+    for m in range(contacts.length[ContactCount.PAIRS]):
+        p = contacts.touching_pairs[m]
+        add_to(totals, p, PairTotal.OVERFLOW, load(contacts.left_out, p))
+    for k in range(problem.contacts.length[ContactCount.ROWS]):
         p = contacts.pair[k]
         impulse = load(contacts.impulse, k)
         n = row(contacts.normal, k)
@@ -528,20 +524,21 @@ def add_totals(v: Rows, problem: Problem, changing: np.ndarray) -> None:
         touches = impulse > 0.0
         before = barrier_energy(first, c, reach)
         after = barrier_energy(last, c, reach)
-        add_to(totals, p, IMPULSE, impulse)
+        add_to(totals, p, PairTotal.IMPULSE, impulse)
         set_least_gap(select(there, last, FAR), p, totals)
         if contacts.surface[k] < 0:
             set_touching(touches, p, totals)
-            add_to(totals, p, ENERGY, select(there, after, 0.0))
+            add_to(totals, p, PairTotal.ENERGY, select(there, after, 0.0))
         # without loss they differ by the residual of the sweeps, an error that is not entered
         lossy = select(there, beta_of(k, impulse, problem, problem.pairs.loss), 0.0) > 0.0
         lost = select(lossy, before - after - 0.5 * impulse * (u0 + u1), 0.0)
         rubbed = lost_to_friction(v, k, problem, problem.pairs.friction)
-        add_loss(k, CONTACT, lost, problem)
-        add_loss(k, FRICTION, rubbed, problem)
+        add_losses(k, lost, rubbed, problem)
         fast = select(touches, maximum(u0, -u0), 0.0)
         set_fastest(fast, p, totals)
-        add_to(totals, p, COARSE, select(fast > problem.pairs.coarse_from[p], 1.0 + 0.0 * impulse, 0.0))
+        add_to(
+            totals, p, PairTotal.COARSE, select(fast > problem.pairs.coarse_from[p], 1.0 + 0.0 * impulse, 0.0)
+        )
 
 
 @compiled
@@ -569,14 +566,20 @@ def lost_to_couple(v: Rows, k: int, problem: Problem, resistance: Resistance | N
 
 
 @compiled
-def add_loss(k: int, entry: int, energy: Number, problem: Problem) -> None:
-    """Add a loss [J] to a contact's pair, and half of it to each body (at a surface, all to the body)."""
+def add_losses(k: int, lost: Number, rubbed: Number, problem: Problem) -> None:
+    """Add the losses of contact k to restitution and to friction [J] to its pair and to its bodies.
+
+    Each of two bodies takes half; at a surface the body takes all.
+    """
     contacts = problem.contacts
-    add_to(problem.totals, contacts.pair[k], entry, energy)
+    add_to(problem.totals, contacts.pair[k], PairTotal.CONTACT, lost)
+    add_to(problem.totals, contacts.pair[k], PairTotal.FRICTION, rubbed)
     among = contacts.surface[k] < 0
+    share = 0.5 if among else 1.0
     for side in range(2 if among else 1):
-        at = (contacts.body[2 * k + side], entry - CONTACT)
-        store(contacts.losses, at, load(contacts.losses, at) + (0.5 if among else 1.0) * energy)
+        body = contacts.body[2 * k + side]
+        store(contacts.losses, (body, 0), load(contacts.losses, (body, 0)) + share * lost)
+        store(contacts.losses, (body, 1), load(contacts.losses, (body, 1)) + share * rubbed)
 
 
 @compiled
@@ -585,7 +588,7 @@ def start_totals(fresh: Mask, problem: Problem, changing: np.ndarray) -> None:
     contacts = problem.contacts
     totals = problem.totals
     clear_current(fresh, totals, changing)
-    for k in range(problem.contacts.length[ROWS]):
+    for k in range(problem.contacts.length[ContactCount.ROWS]):
         p = contacts.pair[k]
         d = load(contacts.gap, k)
         reach = reach_of(k, problem)
@@ -594,4 +597,4 @@ def start_totals(fresh: Mask, problem: Problem, changing: np.ndarray) -> None:
         energy = select(there, barrier_energy(gap, strength_of(k, problem), reach), 0.0)
         set_touching(energy > 0.0, p, totals)
         set_least_gap(select(there, gap, FAR), p, totals)
-        add_to(totals, p, ENERGY, energy)
+        add_to(totals, p, PairTotal.ENERGY, energy)

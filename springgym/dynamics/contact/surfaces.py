@@ -10,10 +10,11 @@ from typing import Any, TypeAlias
 
 from numba.extending import overload
 
-from springgym.core.compiler.compiling import OPTIONS, compiled
+from springgym.core.compiler.decorators import OPTIONS, compiled
 from springgym.core.language.kinds import Number, Numbers, Vector
-from springgym.core.language.lanes import epsilon, load, minimum, sqrt
-from springgym.core.language.vectors import TINY, dot, plus_scaled, row
+from springgym.core.language.lanes import epsilon, minimum, sqrt
+from springgym.core.language.memory import load
+from springgym.core.language.vectors import GUARD, dot, plus_scaled, row
 from springgym.dynamics.contact.law import barrier_energy
 from springgym.dynamics.records import Facing, Kinds, Surfaces
 from springgym.dynamics.terms import Particles
@@ -97,7 +98,7 @@ def _mean_gradient_of_first(kind: Any) -> Overload:
         n = gradient(plus_scaled(begin, 0.5, way), k, kinds[0])
         missing = height(end, k, kinds[0]) - start - dot(n, way)
         n = plus_scaled(n, missing / (dot(way, way) + least * least), way)
-        return n, dot(n, n) + TINY, start
+        return n, dot(n, n) + GUARD, start
 
     return of_plane if getattr(kind, "flat", bool)() else of_way
 

@@ -6,27 +6,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled, kernel
+from springgym.core.compiler.decorators import compiled, kernel
 from springgym.core.language.blocks import numbers, set_copies, to_copies
 from springgym.core.language.kinds import Mask, Number, Numbers
-from springgym.core.language.lanes import any_lane, load, maximum, minimum, select, store
-from springgym.dynamics.records import (
-    COARSE,
-    ENERGY,
-    ENTRIES,
-    FAR,
-    FASTEST,
-    GAP,
-    MET,
-    MISSES,
-    OVERFLOW,
-    TOUCHING,
-    Collisions,
-    ContactRows,
-)
+from springgym.core.language.lanes import any_lane, maximum, minimum, select
+from springgym.core.language.memory import load, store
+from springgym.dynamics.records import FAR, PAIR_TOTALS, Collisions, ContactCount, ContactRows, PairTotal
 
 RESOLVED = 1.0
 """Largest motion of a contact in a step, in Δ: a faster one passes the barrier before it acts."""
+
+AT_THE_NODE = (PairTotal.TOUCHING, PairTotal.ENERGY)
+"""The totals that hold for the last node alone."""
 
 
 class PairReadings(NamedTuple):
@@ -76,14 +67,14 @@ def list_changing(contacts: ContactRows, totals: Numbers, changing: np.ndarray) 
     count = 0
     for n in range(1, entry_of(changing, 0) + 1):
         p = entry_of(changing, n)
-        touching = load(totals, p * ENTRIES + TOUCHING)
-        energy = load(totals, p * ENTRIES + ENERGY)
+        touching = load(totals, p * PAIR_TOTALS + PairTotal.TOUCHING)
+        energy = load(totals, p * PAIR_TOTALS + PairTotal.ENERGY)
         # an energy that is NaN counts as contact
         if any_lane(select(energy <= 0.0, touching, 1.0 + 0.0 * touching) > 0.5):
             count += 1
             set_entry(changing, count, p)
     at = 1
-    for n in range(contacts.length[MET]):
+    for n in range(contacts.length[ContactCount.PAIRS]):
         p = contacts.touching_pairs[n]
         while at <= count and entry_of(changing, at) < p:
             at += 1
@@ -97,18 +88,18 @@ def list_changing(contacts: ContactRows, totals: Numbers, changing: np.ndarray) 
 
 @compiled
 def clear_current(where: Mask, totals: Numbers, changing: np.ndarray) -> None:
-    """Set the entries that hold for one node alone, `TOUCHING` and `ENERGY`, to 0 in the copies ``where``."""
+    """Set `AT_THE_NODE` to 0 in the copies ``where``."""
     for m in range(1, entry_of(changing, 0) + 1):
         p = entry_of(changing, m)
-        for entry in (TOUCHING, ENERGY):
-            n = p * ENTRIES + entry
+        for entry in AT_THE_NODE:
+            n = p * PAIR_TOTALS + entry
             store(totals, n, select(where, 0.0, load(totals, n)))
 
 
 @compiled
 def add_to(totals: Numbers, pair: int, entry: int, value: Number) -> None:
     """Add ``value`` to the total ``entry`` of a pair, in its unit."""
-    n = pair * ENTRIES + entry
+    n = pair * PAIR_TOTALS + entry
     store(totals, n, load(totals, n) + value)
 
 
@@ -116,21 +107,21 @@ def add_to(totals: Numbers, pair: int, entry: int, value: Number) -> None:
 def set_fastest(speed: Number, pair: int, totals: Numbers | None) -> None:
     """Set the largest normal speed of a pair [m/s] to ``speed`` in the copies where that is larger."""
     if totals is not None:
-        n = pair * ENTRIES + FASTEST
+        n = pair * PAIR_TOTALS + PairTotal.FASTEST
         store(totals, n, maximum(load(totals, n), speed))
 
 
 @compiled
 def set_touching(touches: Mask, pair: int, totals: Numbers) -> None:
     """Mark a pair as touching in the copies where ``touches`` holds."""
-    n = pair * ENTRIES + TOUCHING
+    n = pair * PAIR_TOTALS + PairTotal.TOUCHING
     store(totals, n, select(touches, 1.0, load(totals, n)))
 
 
 @compiled
 def set_least_gap(gap: Number, pair: int, totals: Numbers) -> None:
     """Set the least gap of a pair [m] to ``gap`` in the copies where that is smaller."""
-    n = pair * ENTRIES + GAP
+    n = pair * PAIR_TOTALS + PairTotal.GAP
     store(totals, n, minimum(load(totals, n), gap))
 
 
@@ -140,8 +131,8 @@ def set_least_gap(gap: Number, pair: int, totals: Numbers) -> None:
 def read_pairs(totals: np.ndarray | None, copies: int, pairs: int | None = None) -> PairReadings:
     """Return the totals of the first ``pairs`` of some copies; of all pairs if None."""
     if totals is None:
-        return PairReadings(*np.zeros((ENTRIES, copies, 0)))
-    values = to_copies(totals, copies).reshape(copies, -1, ENTRIES)[:, :pairs].astype(float)
+        return PairReadings(*np.zeros((PAIR_TOTALS, copies, 0)))
+    values = to_copies(totals, copies).reshape(copies, -1, PAIR_TOTALS)[:, :pairs].astype(float)
     entries = dict(zip(PairReadings._fields, np.moveaxis(values, -1, 0), strict=True))
     least = entries["min_gap"]
     return PairReadings(
@@ -157,7 +148,7 @@ def mark_unresolved(
     """Mark the copies, ``found`` (copies,), with contacts that a step [s] cannot resolve.
 
     Set ``coarse`` (copies,) to the number of contacts that were too fast to keep their restitution. The first
-    block of ``totals`` (blocks, pairs × `ENTRIES`, copies of a block) begins with the first of
+    block of ``totals`` (blocks, pairs × `PAIR_TOTALS`, copies of a block) begins with the first of
     these copies; ``reach`` (pairs,) is Δ [m].
     """
     width = totals.shape[2]
@@ -167,10 +158,10 @@ def mark_unresolved(
         found[copy] = False
         coarse[copy] = 0
         for p in range(reach.size):
-            entry = p * ENTRIES
-            coarse[copy] += int(own[entry + COARSE, lane])
-            wrong = own[entry + MISSES, lane] + own[entry + OVERFLOW, lane] > 0.0
-            if wrong or own[entry + FASTEST, lane] > RESOLVED / step * reach[p]:
+            entry = p * PAIR_TOTALS
+            coarse[copy] += int(own[entry + PairTotal.COARSE, lane])
+            wrong = own[entry + PairTotal.MISSES, lane] + own[entry + PairTotal.OVERFLOW, lane] > 0.0
+            if wrong or own[entry + PairTotal.FASTEST, lane] > RESOLVED / step * reach[p]:
                 found[copy] = True
 
 
@@ -179,22 +170,22 @@ def count_overlaps(collisions: Collisions, first: int, found: np.ndarray) -> Non
     lanes = numbers(collisions.totals)
     for n, pair in np.argwhere(found).tolist():
         block, lane = divmod(first + n, lanes.shape[-1])
-        lanes[block, pair * ENTRIES + MISSES, lane] += 1.0
+        lanes[block, pair * PAIR_TOTALS + PairTotal.MISSES, lane] += 1.0
 
 
 def forget_pairs(totals: np.ndarray) -> None:
-    """Reset the totals of all pairs, except for `TOUCHING` and the `ENERGY` of barriers."""
+    """Reset the totals of all pairs, except for `AT_THE_NODE`."""
     totals = numbers(totals)
-    for entry in range(ENTRIES):
-        if entry not in (TOUCHING, ENERGY):
-            totals[:, entry::ENTRIES] = FAR if entry == GAP else 0.0
+    for entry in range(PAIR_TOTALS):
+        if entry not in AT_THE_NODE:
+            totals[:, entry::PAIR_TOTALS] = FAR if entry == PairTotal.GAP else 0.0
 
 
 def find_changing(collisions: Collisions) -> None:
     """Rebuild the list of pairs that may touch from the totals, after these were set."""
     changing = numbers(collisions.changing)[:, :, 0]
     totals = numbers(collisions.totals)
-    touching, energy = (totals[:, entry::ENTRIES] for entry in (TOUCHING, ENERGY))
+    touching, energy = (totals[:, entry::PAIR_TOTALS] for entry in AT_THE_NODE)
     for row, apart in zip(changing, (touching <= 0.0) & (energy <= 0.0), strict=True):
         pairs = np.flatnonzero(~apart.all(axis=-1))
         row[0] = len(pairs)
@@ -204,7 +195,7 @@ def find_changing(collisions: Collisions) -> None:
 def empty_totals(collisions: Collisions, index: np.ndarray | slice) -> None:
     """Reset the totals of some copies (k,), and mark these copies as fresh."""
     row = np.zeros(collisions.totals.shape[1])
-    row[GAP::ENTRIES] = FAR
+    row[PairTotal.GAP :: PAIR_TOTALS] = FAR
     for array, value in ((collisions.totals, row), (collisions.fresh, np.ones(1))):
         if isinstance(index, slice):
             numbers(array)[:] = value[:, None]

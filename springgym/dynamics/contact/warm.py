@@ -17,14 +17,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Mask, Number, Rows, Vector
-from springgym.core.language.lanes import any_lane, load, load_each, maximum, rounded, select, store
+from springgym.core.language.lanes import any_lane, maximum, rounded, select
+from springgym.core.language.memory import load, load_each, store
 from springgym.core.language.vectors import choose, dot, row, row_each, set_row, set_row_each
 from springgym.dynamics.contact.features import put_where
 from springgym.dynamics.contact.friction import crosses, push_across
 from springgym.dynamics.contact.movers import push, push_turning
-from springgym.dynamics.records import FAR, ROWS, Pairs, Problem, WarmStart
+from springgym.dynamics.records import FAR, ContactCount, Pairs, Problem, WarmStart
 
 ROWS_OF_A_BODY = 32
 """Least number of rows of the table per body: three times the contacts of a cube among others."""
@@ -33,8 +34,11 @@ PROBES = 64
 """Number of rows that are probed for a contact: its impulses are stored in the first empty one. If none is
 empty, they are not stored; such a contact starts from zero at each node, and its impulse stays too small."""
 
-OF_PAIR, OF_ENDS = 61.0, (17.0, 7.0, 5.0, 3.0)
-"""Factors of the indices of pair and particles in the hash that spreads contacts over the table."""
+OF_PAIR = 61.0
+"""Factor of a pair's index in the hash that spreads contacts over the table."""
+
+OF_ENDS = (17.0, 7.0, 5.0, 3.0)
+"""Factors of the indices of a contact's four particles in this hash."""
 
 
 class Key(NamedTuple):
@@ -109,7 +113,7 @@ def start_warm(v: Rows, problem: Problem, table: WarmStart | None) -> None:
     """Start each contact with its impulse of the last node, and change the velocities ``v`` (N, 3) by it."""
     if table is not None and any_lane(load(table.in_use, 0) > 0.5):
         contacts = problem.contacts
-        for k in range(problem.contacts.length[ROWS]):
+        for k in range(problem.contacts.length[ContactCount.ROWS]):
             key = key_of(k, problem, table.pair.size)
             place = key.place
             none = 0.0 * key.place
@@ -170,10 +174,10 @@ def keep_impulses(problem: Problem, table: WarmStart | None) -> None:
         rows = table.pair.size
         in_use = load(table.in_use, 0)
         if any_lane(in_use > 0.5):
-            for place in range(rows):
-                store(table.pair, place, 0.0)
+            for entry in range(rows):
+                store(table.pair, entry, 0.0)
         in_use = 0.0 * in_use
-        for k in range(problem.contacts.length[ROWS]):
+        for k in range(problem.contacts.length[ContactCount.ROWS]):
             key = key_of(k, problem, rows)
             impulse = load(contacts.impulse, k)
             place = key.place

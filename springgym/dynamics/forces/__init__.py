@@ -5,9 +5,9 @@ User-defined forces need no change here, see `springgym.model.own_forces`.
 
 from __future__ import annotations
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Ledger, Number, Numbers, Rows
-from springgym.core.language.lanes import load
+from springgym.core.language.memory import load
 from springgym.core.language.vectors import add_row, add_scaled, dot, plus_scaled, row, set_row, vec, vector
 from springgym.dynamics.contact.round import feature_energy, rolls
 from springgym.dynamics.contact.surfaces import contact_energy

@@ -7,9 +7,10 @@ ones are in the `triad` of three particles.
 
 from __future__ import annotations
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Ledger, Number, Numbers, Rows, Vector
-from springgym.core.language.lanes import load, maximum, minimum, select, store
+from springgym.core.language.lanes import maximum, minimum, select
+from springgym.core.language.memory import load, store
 from springgym.core.language.vectors import (
     add_row,
     cross,
@@ -23,7 +24,7 @@ from springgym.core.language.vectors import (
     vec,
     vector,
 )
-from springgym.dynamics.forces.ledger import WORK, record
+from springgym.dynamics.forces.ledger import LedgerEntry, record
 from springgym.dynamics.forces.springs import pull_on
 from springgym.dynamics.terms import Drive, Particles, Springs, Thrust, Wrench
 
@@ -75,7 +76,7 @@ def add_actuation(
             add_row(a, i, row(b, i))
             if ledger is not None:
                 power = load(particles.mass, i) * dot(row(b, i), row(v, i))
-                record(ledger, WORK, weight * power)
+                record(ledger, LedgerEntry.WORK, weight * power)
 
 
 @compiled
@@ -133,14 +134,14 @@ def push(
                 after = before + change
                 set_row(v, i, after)
                 work = work + load(particles.mass, i) * dot(change, before + after)
-        record(ledger, WORK, 0.5 * work)
+        record(ledger, LedgerEntry.WORK, 0.5 * work)
 
 
 @compiled
 def record_holding(v: Rows, force: Rows, drive: Drive | None, ledger: Ledger, weight: Number) -> None:
     """Record ``weight`` [s] times the power of the drive that holds its particle against ``force`` [N]."""
     if drive is not None and drive.particle >= 0:
-        record(ledger, WORK, -weight * dot(row(force, drive.particle), row(v, drive.particle)))
+        record(ledger, LedgerEntry.WORK, -weight * dot(row(force, drive.particle), row(v, drive.particle)))
 
 
 @compiled
@@ -181,4 +182,6 @@ def drive_by(
             speed = select(speed > drive.speed, drive.speed, speed)
             speed = select(speed < -drive.speed, -drive.speed, speed)
             store(v, (drive.particle, axis), speed)
-            record(ledger, WORK, 0.5 * tau * load(force, (drive.particle, axis)) * (before + speed))
+            record(
+                ledger, LedgerEntry.WORK, 0.5 * tau * load(force, (drive.particle, axis)) * (before + speed)
+            )

@@ -16,9 +16,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Ledger, Mask, Number, Rows
-from springgym.core.language.lanes import any_lane, load, select, store
+from springgym.core.language.lanes import any_lane, select
+from springgym.core.language.memory import load, store
 from springgym.dynamics.forces.actuators import push, set_actuation
 from springgym.dynamics.forces.springs import damp
 from springgym.dynamics.terms import Cycle, Terms
@@ -26,8 +27,11 @@ from springgym.dynamics.terms import Cycle, Terms
 FIRST = 1
 """Number of steps after which dampers act in the first of two cycles."""
 
-END, MIDDLE = 1 / 6, 2 / 3
-"""Simpson's rule: fractions of a cycle for which the wrench acts at each end, and in the middle."""
+END = 1 / 6
+"""Fraction of a cycle for which the wrench acts at each end, by Simpson's rule."""
+
+MIDDLE = 2 / 3
+"""Fraction of a cycle for which it acts in the middle."""
 
 
 def cycle(every: int, nodes: bool, blocks: Callable[..., np.ndarray]) -> Cycle:

@@ -6,16 +6,31 @@ A ledger of None records nothing and costs nothing.
 
 from __future__ import annotations
 
-from springgym.core.compiler.compiling import compiled
-from springgym.core.language.kinds import Ledger, Number
-from springgym.core.language.lanes import load, store
+from enum import IntEnum
 
-WORK, DAMPING, CONTACT, FRICTION = range(4)
-ENTRIES = 4
+from springgym.core.compiler.decorators import compiled
+from springgym.core.language.kinds import Ledger, Number
+from springgym.core.language.memory import load, store
+
+
+class LedgerEntry(IntEnum):
+    """The entries of the ledger of a body [J]."""
+
+    WORK = 0
+    """the work of actuators"""
+    DAMPING = 1
+    """the loss to dampers"""
+    CONTACT = 2
+    """the loss to restitution"""
+    FRICTION = 3
+    """the loss to friction"""
+
+
+LEDGER_ENTRIES = len(LedgerEntry)
 
 
 @compiled
-def record(ledger: Ledger, entry: int, energy: Number) -> None:
-    """Add an energy [J] to an entry: `WORK` of actuators, or one of the three losses."""
+def record(ledger: Ledger, entry: LedgerEntry, energy: Number) -> None:
+    """Add an energy [J] to an entry."""
     if ledger is not None:
         store(ledger, entry, load(ledger, entry) + energy)

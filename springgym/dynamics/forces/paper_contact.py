@@ -12,12 +12,13 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Ledger, Number, Numbers, Rows
-from springgym.core.language.lanes import load, maximum, minimum, select, sqrt
-from springgym.core.language.vectors import TINY, add_row, dot, row, set_row
+from springgym.core.language.lanes import maximum, minimum, select, sqrt
+from springgym.core.language.memory import load
+from springgym.core.language.vectors import GUARD, add_row, dot, row, set_row
 from springgym.dynamics.contact.surfaces import count, normal_at
-from springgym.dynamics.forces.ledger import CONTACT, FRICTION, record
+from springgym.dynamics.forces.ledger import LedgerEntry, record
 from springgym.dynamics.records import Facing, Surfaces
 from springgym.dynamics.terms import PaperLaw, Particles
 
@@ -71,13 +72,13 @@ def add_paper_force(
     rate = dot(n, velocity)
     total = select(push > 0.0, maximum(push - law.damping * rate, 0.0), 0.0)
     add_row(at.force, i, total * n)
-    record(at.ledger, CONTACT, at.weight * (push - total) * rate)
+    record(at.ledger, LedgerEntry.CONTACT, at.weight * (push - total) * rate)
     if friction is not None:
         slip = velocity - rate / square * n
-        speed = sqrt(dot(slip, slip) + TINY)
+        speed = sqrt(dot(slip, slip) + GUARD)
         rub = minimum(load(friction, 0) * push, load(particles.mass, i) * speed / (2.0 * law.step))
         add_row(at.force, i, -rub / speed * slip)
-        record(at.ledger, FRICTION, at.weight * rub * speed)
+        record(at.ledger, LedgerEntry.FRICTION, at.weight * rub * speed)
 
 
 @compiled

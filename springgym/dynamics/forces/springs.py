@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Ledger, Mask, Number, Numbers, Rows, Vector
-from springgym.core.language.lanes import inverse_sqrt, load, maximum, select, sqrt
-from springgym.core.language.vectors import TINY, add_scaled, dot, row, set_row, vec
-from springgym.dynamics.forces.ledger import DAMPING, WORK, record
+from springgym.core.language.lanes import inverse_sqrt, maximum, select, sqrt
+from springgym.core.language.memory import load
+from springgym.core.language.vectors import GUARD, add_scaled, dot, row, set_row, vec
+from springgym.dynamics.forces.ledger import LedgerEntry, record
 from springgym.dynamics.terms import Dampers, Decay, Drive, Springs
 
 
@@ -81,7 +82,7 @@ def add_spring_forces(
             i = springs.first[s]
             j = springs.second[s]
             apart = row(x, j) - row(x, i)
-            inverse_length = inverse_sqrt(dot(apart, apart) + TINY)
+            inverse_length = inverse_sqrt(dot(apart, apart) + GUARD)
             k = load(springs.stiffness, s)
             pull = elastic_pull(k, k * load(springs.length, s), inverse_length)
             if v is not None and dampers is not None:
@@ -93,7 +94,7 @@ def add_spring_forces(
             if direction is not None and dampers is not None and directs:
                 set_row(direction, s, inverse_length * apart)
         if v is not None and dampers is not None:
-            record(ledger, DAMPING, weight * power)
+            record(ledger, LedgerEntry.DAMPING, weight * power)
 
 
 @compiled
@@ -157,7 +158,7 @@ def pull_jacobian(
     i = springs.first[s]
     j = springs.second[s]
     apart = row(x, j) - row(x, i)
-    inverse_length = inverse_sqrt(dot(apart, apart) + TINY)
+    inverse_length = inverse_sqrt(dot(apart, apart) + GUARD)
     along = inverse_length * apart
     k = load(springs.stiffness, s)
     slack = in_x * k * load(springs.length, s) * inverse_length
@@ -189,7 +190,7 @@ def pull_on(x: Rows, particle: int, springs: Springs) -> Vector:
         j = springs.second[s]
         if i == particle or j == particle:
             apart = row(x, j) - row(x, i) if i == particle else row(x, i) - row(x, j)
-            inverse_length = inverse_sqrt(dot(apart, apart) + TINY)
+            inverse_length = inverse_sqrt(dot(apart, apart) + GUARD)
             k = load(springs.stiffness, s)
             total = total + elastic_pull(k, k * load(springs.length, s), inverse_length) * apart
     return total
@@ -231,10 +232,10 @@ def damp(
             if drive is not None:
                 impulse = load(decay.impulse, s) * speed
                 if i == drive.particle:
-                    record(ledger, WORK, -1.0 * impulse * dot(along, row(v, i)))
+                    record(ledger, LedgerEntry.WORK, -1.0 * impulse * dot(along, row(v, i)))
                 if j == drive.particle:
-                    record(ledger, WORK, impulse * dot(along, row(v, j)))
+                    record(ledger, LedgerEntry.WORK, impulse * dot(along, row(v, j)))
             # operations on the speed come last: each spring waits for the velocities of the one before
             add_scaled(v, i, speed, load(decay.first, s) * along)
             add_scaled(v, j, -speed, load(decay.second, s) * along)
-        record(ledger, DAMPING, energy)
+        record(ledger, LedgerEntry.DAMPING, energy)

@@ -12,10 +12,10 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from springgym.checks import instance, shown, suggestion
-from springgym.core.compiler.compiling import compiled, is_inner, kernel
-from springgym.core.language.blocks import at
+from springgym.core.compiler.decorators import compiled, is_inner, kernel
+from springgym.core.language.bodies import bodies_of, of_body
 from springgym.core.language.kinds import Nested, Number
-from springgym.core.language.lanes import bodies_of, of_body
+from springgym.core.language.memory import at
 from springgym.dynamics.methods.clock import Clock, tick
 from springgym.dynamics.methods.node import SPRINGS, Space
 from springgym.dynamics.methods.record import Control, Integrator, Phase
@@ -68,7 +68,7 @@ def register(record: Integrator, integrate: Callable[..., None]) -> None:
     record
         The properties of the method, on which checks and steps rely.
     integrate
-        A function, compiled by `springgym.core.compiler.compiling.compiled`:
+        A function, compiled by `springgym.core.compiler.decorators.compiled`:
         ``integrate(x, v, ledger, workspace, h, steps, terms)`` advances one block of copies by ``steps``
         steps. If the record says that the method controls its error, ``h`` is a
         `springgym.dynamics.methods.record.Control`.
@@ -84,7 +84,7 @@ def register(record: Integrator, integrate: Callable[..., None]) -> None:
     if not is_inner(integrate):
         raise TypeError(
             f"integrate is {shown(integrate)}; it must be decorated with "
-            "springgym.core.compiler.compiling.compiled"
+            "springgym.core.compiler.decorators.compiled"
         )
     try:
         inspect.signature(integrate.py_func).bind(*TAKEN)

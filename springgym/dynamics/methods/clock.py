@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 
 
 class Clock(NamedTuple):

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Ledger, Mask, Number, Numbers, Rows
-from springgym.core.language.lanes import any_lane, load, select, sqrt, store
+from springgym.core.language.lanes import any_lane, select, sqrt
+from springgym.core.language.memory import load, store
 from springgym.core.language.vectors import choose, dot, row, set_row
 from springgym.dynamics.forces import derivative
-from springgym.dynamics.forces.ledger import ENTRIES
+from springgym.dynamics.forces.ledger import LEDGER_ENTRIES
 from springgym.dynamics.forces.springs import longest_spring
-from springgym.dynamics.methods.record import REJECTIONS, STEPS, Control, Integrator
+from springgym.dynamics.methods.record import Control, Integrator, StepCount
 from springgym.dynamics.methods.step_control import LEAST, next_step
 from springgym.dynamics.terms import Terms
 
@@ -108,8 +109,8 @@ def advance(
         finish(accepted, x, v, tau, workspace, ledger, power)
         taken = select(accepted, 1.0 + nothing, nothing)
         rejected = select(active, 1.0 - taken, nothing)
-        store(control.counts, STEPS, load(control.counts, STEPS) + taken)
-        store(control.counts, REJECTIONS, load(control.counts, REJECTIONS) + rejected)
+        store(control.counts, StepCount.STEPS, load(control.counts, StepCount.STEPS) + taken)
+        store(control.counts, StepCount.REJECTIONS, load(control.counts, StepCount.REJECTIONS) + rejected)
         remaining = select(accepted, remaining - tau, remaining)
         error = select(error < LEAST, LEAST, error)
         trial = next_step(tau, error, last_error, after_rejection + rejected)
@@ -132,9 +133,9 @@ def evaluate(
     if power is None:
         derivative(x, v, workspace[stage], b, 1.0, None, terms)
     else:
-        for entry in range(ENTRIES):
-            store(power, ENTRIES * stage + entry, 0.0)
-        derivative(x, v, workspace[stage], b, 1.0, power[ENTRIES * stage :], terms)
+        for entry in range(LEDGER_ENTRIES):
+            store(power, LEDGER_ENTRIES * stage + entry, 0.0)
+        derivative(x, v, workspace[stage], b, 1.0, power[LEDGER_ENTRIES * stage :], terms)
     for i in range(x.shape[0]):
         set_row(workspace[7 + stage], i, row(v, i))
 
@@ -177,10 +178,10 @@ def finish(
             ahead = row(workspace[first + STAGES - 1], i)
             set_row(workspace[first], i, choose(accepted, ahead, row(workspace[first], i)))
     if ledger is not None:
-        for entry in range(ENTRIES):
+        for entry in range(LEDGER_ENTRIES):
             total = load(ledger, entry)
             for j in range(STAGES - 1):
-                total = total + tau * A[STAGES - 1, j] * load(power, ENTRIES * j + entry)
+                total = total + tau * A[STAGES - 1, j] * load(power, LEDGER_ENTRIES * j + entry)
             store(ledger, entry, select(accepted, total, load(ledger, entry)))
-            ahead = load(power, ENTRIES * (STAGES - 1) + entry)
+            ahead = load(power, LEDGER_ENTRIES * (STAGES - 1) + entry)
             store(power, entry, select(accepted, ahead, load(power, entry)))

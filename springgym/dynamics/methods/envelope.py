@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import DTypeLike
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.blocks import aligned_zeros
 from springgym.core.language.kinds import Block, Number, Rows, Vector
 from springgym.core.language.vectors import apply, block, cross, dot, row, set_row, vec

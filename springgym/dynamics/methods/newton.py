@@ -6,14 +6,15 @@ from collections.abc import Callable
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Ledger, Number, Rows
-from springgym.core.language.lanes import any_lane, load, select, store
+from springgym.core.language.lanes import any_lane, select
+from springgym.core.language.memory import load, store
 from springgym.core.language.vectors import block, choose, dot, row, set_row, vec
 from springgym.dynamics.forces import accelerate_and_damp, act, actuate
 from springgym.dynamics.forces.springs import longest_spring, pull_jacobian
 from springgym.dynamics.methods.envelope import Envelope, add, factorise, set_block, solve, subtract
-from springgym.dynamics.methods.record import ITERATIONS, Control
+from springgym.dynamics.methods.record import Control, StepCount
 from springgym.dynamics.terms import Dampers, Particles, Springs, Terms
 
 ITERATION_LIMIT = 25
@@ -114,7 +115,7 @@ def solve_stage(
             peak = select(size < peak, peak, size)  # NaN if one is NaN
             set_row(v, i, choose(seeking, row(v, i) + row(change, i), row(v, i)))
         once = select(seeking, 1.0 + 0.0 * bound, 0.0 * bound)
-        store(control.counts, ITERATIONS, load(control.counts, ITERATIONS) + once)
+        store(control.counts, StepCount.ITERATIONS, load(control.counts, StepCount.ITERATIONS) + once)
         largest = select(seeking, peak, largest)
         if not any_lane(largest > bound):
             break

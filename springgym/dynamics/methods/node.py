@@ -18,18 +18,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
+from springgym.core.language.bodies import all_rows, bodies_of, first_row, of_body
 from springgym.core.language.kinds import Ledger, Number, Rows, Vector
-from springgym.core.language.lanes import (
-    all_rows,
-    any_lane,
-    bodies_of,
-    first_row,
-    load,
-    of_body,
-    select,
-    store,
-)
+from springgym.core.language.lanes import any_lane, select
+from springgym.core.language.memory import load, store
 from springgym.core.language.vectors import cross, dot, plus_scaled, row, set_row, vec
 from springgym.dynamics.contact.ground import Grounded, find_ground
 from springgym.dynamics.contact.movers import find_inertia, gather, turned
@@ -40,9 +33,18 @@ from springgym.dynamics.contact.surfaces import coefficient
 from springgym.dynamics.forces import actuate, divide_and_kick, divide_by_mass, drift, set_forces
 from springgym.dynamics.forces.actuators import move_drive, push
 from springgym.dynamics.forces.cycle import count_step, damps_somewhere, relax_in_turn
-from springgym.dynamics.forces.ledger import CONTACT, DAMPING, FRICTION, WORK, record
+from springgym.dynamics.forces.ledger import LedgerEntry, record
 from springgym.dynamics.forces.springs import damp
-from springgym.dynamics.records import MANY, ROWS, ContactRows, Problem, RowSpace, Surfaces, Times, Turning
+from springgym.dynamics.records import (
+    MOST_ITERATED,
+    ContactCount,
+    ContactRows,
+    Problem,
+    RowSpace,
+    Surfaces,
+    Times,
+    Turning,
+)
 from springgym.dynamics.step import Alone, Bodies, Kind
 from springgym.dynamics.terms import Cycle, Dampers, LastNode, Terms
 
@@ -50,8 +52,8 @@ SWEEPS = 2
 """Number of sweeps in which a node finds the impulses of its contacts, in alternating order."""
 
 ENOUGH = 1e-3
-"""Change of a gap, over Δ, below which sweeps end. With more than `MANY` bodies, all `SWEEPS` are made: the
-error of fewer sweeps shakes a pile."""
+"""Change of a gap, over Δ, below which sweeps end. With more than `MOST_ITERATED` bodies, all `SWEEPS` are
+made: the error of fewer sweeps shakes a pile."""
 
 
 class Space(NamedTuple):
@@ -217,9 +219,9 @@ def store_predicted(i: int, half: Vector, last: LastNode | None) -> None:
 def record_cross_work(ledger: Ledger, work: Number, dampers: Dampers | None) -> None:
     """Record the work of actuators and dampers that contact adds, by changing the mean velocity."""
     if dampers is None:
-        record(ledger, WORK, work)
+        record(ledger, LedgerEntry.WORK, work)
     else:
-        record(ledger, DAMPING, -1.0 * work)
+        record(ledger, LedgerEntry.DAMPING, -1.0 * work)
 
 
 # --- Particles that touch surfaces one by one ---------------------------------------------------------------
@@ -276,8 +278,8 @@ def kick_by_surfaces(i: int, free: Vector, span: Times, own: Bodies) -> Vector:
     mean = plus_scaled(kicked, 0.5, others + change)
     gone = plus_scaled(span.lead * start, span.out, after)
     lost = dot(given.force, gone) / span.whole - dot(given.change, mean)
-    record(ledger, CONTACT, select(coefficient(terms.loss, 0.0 * lost) > 0.0, mass * lost, 0.0))
-    record(ledger, FRICTION, -1.0 * mass * dot(given.rub, mean))
+    record(ledger, LedgerEntry.CONTACT, select(coefficient(terms.loss, 0.0 * lost) > 0.0, mass * lost, 0.0))
+    record(ledger, LedgerEntry.FRICTION, -1.0 * mass * dot(given.rub, mean))
     store_predicted(i, 0.5 * change, terms.last)
     return after
 
@@ -325,7 +327,9 @@ def list_ground(
         end = Way(own.x, free, span.out)
         pair = terms.collisions.pairs.among + body
         ground = Grounded(pair, body, first, own.x, begin, end, terms.particles.free, surfaces, contacts)
-        contacts.length[ROWS] = find_ground(contacts.length[ROWS], ground, terms.rounds)
+        contacts.length[ContactCount.ROWS] = find_ground(
+            contacts.length[ContactCount.ROWS], ground, terms.rounds
+        )
 
 
 @compiled
@@ -333,7 +337,7 @@ def join(bodies: Bodies, span: Times, problem: Problem, between: int) -> None:
     """Set the velocities before the node of all bodies that have contacts, in the form of contacts."""
     space = bodies.space.rows
     contacts = space.contacts
-    for k in range(contacts.length[ROWS]):
+    for k in range(contacts.length[ContactCount.ROWS]):
         first = problem.pairs.first[contacts.pair[k]]
         space.active[first] = True
         if k < between:
@@ -374,7 +378,7 @@ def find_impulses(bodies: Bodies, span: Times, problem: Problem, between: int) -
     """Find all impulses by `SWEEPS` sweeps, or fewer if they change little."""
     space = bodies.space.rows
     store(space.contacts.going, 0, 1.0)
-    enough = ENOUGH if bodies_of(bodies.x) <= MANY else 0.0
+    enough = ENOUGH if bodies_of(bodies.x) <= MOST_ITERATED else 0.0
     solve(space.velocity, SWEEPS, enough, True, problem)
 
 
@@ -439,8 +443,8 @@ def motion_by_contact(
 @compiled
 def record_losses(body: int, ledger: Ledger, contacts: ContactRows) -> None:
     """Record the losses of a body to restitution and friction."""
-    record(ledger, CONTACT, load(contacts.losses, (body, 0)))
-    record(ledger, FRICTION, load(contacts.losses, (body, 1)))
+    record(ledger, LedgerEntry.CONTACT, load(contacts.losses, (body, 0)))
+    record(ledger, LedgerEntry.FRICTION, load(contacts.losses, (body, 1)))
     for entry in range(2):
         store(contacts.losses, (body, entry), 0.0)
 

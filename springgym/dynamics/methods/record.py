@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from dataclasses import dataclass, fields
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -78,8 +79,18 @@ class Integrator:
         return self.adaptive or self.iterative
 
 
-STEPS, REJECTIONS, ITERATIONS = range(3)
-COUNTS = 3
+class StepCount(IntEnum):
+    """What a method that controls its error counts."""
+
+    STEPS = 0
+    """steps taken"""
+    REJECTIONS = 1
+    """steps rejected"""
+    ITERATIONS = 2
+    """Newton iterations"""
+
+
+STEP_COUNTS = len(StepCount)
 
 
 class Phase(NamedTuple):
@@ -110,7 +121,7 @@ class Control(NamedTuple):
     relative: float
     absolute: float
     counts: np.ndarray
-    """(`COUNTS`,) steps taken and rejected, and Newton iterations"""
+    """(`STEP_COUNTS`,) the numbers of a `StepCount`"""
 
 
 def workspace(method: Integrator, scene: Scene, dtype: DTypeLike) -> Nested:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Ledger, Number, Rows
-from springgym.core.language.lanes import load
+from springgym.core.language.memory import load
 from springgym.core.language.vectors import add_row, apply, row, set_row
 from springgym.dynamics.forces import accelerate_and_damp, act, actuate
 from springgym.dynamics.forces.springs import pull_jacobian

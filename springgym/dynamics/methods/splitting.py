@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Ledger, Number, Rows
 from springgym.dynamics.forces import accelerate, act, actuate, drift, kick
 from springgym.dynamics.terms import Terms

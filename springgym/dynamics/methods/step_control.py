@@ -8,7 +8,7 @@ Source: Gustafsson 1991, doi:10.1145/210232.210242.
 
 from __future__ import annotations
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Number
 from springgym.core.language.lanes import select, sqrt
 

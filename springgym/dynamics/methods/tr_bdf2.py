@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Ledger, Rows
 from springgym.core.language.vectors import row, set_row
 from springgym.dynamics.forces import accelerate_and_damp, act, actuate

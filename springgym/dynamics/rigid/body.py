@@ -10,9 +10,9 @@ reads particles reads rigid bodies, too.
 
 from __future__ import annotations
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Block, Numbers, Rows
-from springgym.core.language.lanes import load
+from springgym.core.language.memory import load
 from springgym.core.language.vectors import (
     angular_momentum,
     apply,

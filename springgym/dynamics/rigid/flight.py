@@ -14,9 +14,9 @@ doi:10.1063/1.474310.
 
 from __future__ import annotations
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Block, Number, Numbers, Vector
-from springgym.core.language.lanes import load
+from springgym.core.language.memory import load
 from springgym.core.language.vectors import vec, vector
 from springgym.dynamics.rigid.rotation import normalised, product, rotation_vector, sine_cosine, turn
 from springgym.dynamics.rigid.solid import Rigid, State

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Ledger, Number, Numbers, Vector
 from springgym.core.language.vectors import apply, block, cross, dot, row, vector
-from springgym.dynamics.forces.ledger import WORK, record
+from springgym.dynamics.forces.ledger import LedgerEntry, record
 from springgym.dynamics.rigid.flight import angular_velocity, combine
 from springgym.dynamics.rigid.rotation import turn, turn_back
 from springgym.dynamics.rigid.solid import Solid, State
@@ -47,8 +47,8 @@ def kick(
         if rigid.pivot < 0:
             force = tau * combine(solid.axes, turn(q, force))
             push = push + force
-            record(ledger, WORK, dot(velocity + 0.5 / total * push, force))
-        record(ledger, WORK, dot(angular_velocity(momentum + 0.5 * twist, rigid), torque))
+            record(ledger, LedgerEntry.WORK, dot(velocity + 0.5 / total * push, force))
+        record(ledger, LedgerEntry.WORK, dot(angular_velocity(momentum + 0.5 * twist, rigid), torque))
     return State(q, momentum + twist, position, velocity + 1.0 / total * push)
 
 

@@ -19,9 +19,9 @@ from typing import Any
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
+from springgym.core.language.bodies import bodies_of, of_body
 from springgym.core.language.kinds import Number, Rows
-from springgym.core.language.lanes import bodies_of, of_body
 from springgym.dynamics.methods import kernel_of
 from springgym.dynamics.methods.record import Phase
 from springgym.dynamics.rigid.body import read_state, set_particles

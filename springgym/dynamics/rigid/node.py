@@ -14,33 +14,25 @@ which the mean velocity along n is the displacement over the time: its work is t
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from enum import IntEnum
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
+from springgym.core.language.bodies import all_rows, bodies_of, first_row, of_body
 from springgym.core.language.kinds import Block, Mask, Number, Rows, Vector
-from springgym.core.language.lanes import (
-    all_rows,
-    any_lane,
-    bodies_of,
-    epsilon,
-    first_row,
-    load,
-    maximum,
-    of_body,
-    select,
-    store,
-)
+from springgym.core.language.lanes import any_lane, epsilon, maximum, select
+from springgym.core.language.memory import load, store
 from springgym.core.language.vectors import apply, choose, cross, dot, plus_scaled, row, set_row, vec
+from springgym.dynamics.arrays import of_copies
 from springgym.dynamics.contact.ground import Grounded, ahead_of, find_ground
 from springgym.dynamics.contact.movers import spin, velocity_between
 from springgym.dynamics.contact.round import Way
 from springgym.dynamics.contact.solver import prepare_row, reach_of, solve
-from springgym.dynamics.forces.ledger import WORK, record
+from springgym.dynamics.forces.ledger import LedgerEntry, record
 from springgym.dynamics.methods.node import record_losses
-from springgym.dynamics.records import MANY, Problem, RowSpace, Surfaces, Times
-from springgym.dynamics.records import ROWS as CONTACTS
+from springgym.dynamics.records import MOST_ITERATED, ContactCount, Problem, RowSpace, Surfaces, Times
 from springgym.dynamics.rigid.body import read_state, set_particles
 from springgym.dynamics.rigid.flight import angular_velocity, combine, fly, turned
 from springgym.dynamics.rigid.kick import load_of_actuators, weight
@@ -48,27 +40,42 @@ from springgym.dynamics.rigid.solid import Motion, Rigid, Solid, State, Twin
 from springgym.dynamics.step import Bodies, Kind
 from springgym.dynamics.terms import Thrust, Wrench
 
-SWEEPS, FLIGHTS = 80, 40
-"""Largest number of sweeps in an iteration, and of iterations that find flights and impulses from each other.
-If they do not suffice, the next step continues from their impulses."""
+SWEEPS = 80
+"""Largest number of sweeps in an iteration. If it does not suffice, the next step continues from the
+impulses."""
+
+FLIGHTS = 40
+"""Largest number of iterations, which find flights and impulses from each other. If it does not suffice, the
+next step continues from the impulses."""
 
 AGREED = 1e-9
 """Sweeps and iterations end when one changes no gap by more than this fraction of Δ."""
 
 FEW = 4
-"""Largest number of sweeps in an iteration, and of iterations, with more than `MANY` bodies in a scene. The
-next node continues from their impulses (`springgym.dynamics.contact.warm`). If sweeps ended at 1e-3 Δ
-instead, their error would differ from node to node and shake a pile."""
+"""Largest number of sweeps in an iteration, and of iterations, with more than `MOST_ITERATED` bodies in a
+scene. The next node continues from their impulses (`springgym.dynamics.contact.warm`). If sweeps ended at
+1e-3 Δ instead, their error would differ from node to node and shake a pile."""
 
 STILL = 1e-3
 """Rotation of a body in a step, over Δ [rad/m], below which `look_ahead` moves no lever arm. Paths are then
 curved by less than 1e-10 Δ. The quotient of this curve and the rotation is rounding, and would shake bodies
 at rest."""
 
-AXES, MOMENTUM, POSITION, VELOCITY, CENTRE, MASS = 0, 3, 4, 5, 6, 7
-"""Rows of a body at the node: its `State` and `Solid`; the row of its mass also has 1/mass."""
 
-ROWS = 8
+class BodyRow(IntEnum):
+    """Rows of a body at the node: its `State` and `Solid`."""
+
+    AXES = 0
+    """the first of the three principal axes, a row each"""
+    MOMENTUM = 3
+    POSITION = 4
+    VELOCITY = 5
+    CENTRE = 6
+    MASS = 7
+    """mass, 1/mass and 0"""
+
+
+BODY_ROWS = BodyRow.MASS + 1
 
 
 class RigidNode(NamedTuple):
@@ -95,18 +102,18 @@ class RigidNode(NamedTuple):
 class Workspace(NamedTuple):
     """The arrays in which a thread computes rigid bodies."""
 
-    bodies: np.ndarray
-    """(bodies, `ROWS`, 3) the state of each body at the node; `AXES` to `MASS` name its rows"""
-    loads: np.ndarray
-    """(bodies, 2, 3) force and torque of the actuators, in body coordinates"""
-    begin: Rows
-    """(N, 3) positions of all particles where the step begins [m]"""
-    here: Rows
-    """(N, 3) positions at the node [m]"""
-    end: Rows
-    """(N, 3) positions at the end of the step, with the current impulses [m]"""
-    idle: Rows
-    """(N, 3) workspace"""
+    bodies: Annotated[np.ndarray, of_copies("bodies", BODY_ROWS, 3)]
+    """the state of each body at the node, by `BodyRow`"""
+    loads: Annotated[np.ndarray, of_copies("bodies", 2, 3)]
+    """force and torque of the actuators, in body coordinates"""
+    begin: Annotated[Rows, of_copies("particles", 3)]
+    """positions of all particles where the step begins [m]"""
+    here: Annotated[Rows, of_copies("particles", 3)]
+    """positions at the node [m]"""
+    end: Annotated[Rows, of_copies("particles", 3)]
+    """positions at the end of the step, with the current impulses [m]"""
+    idle: Annotated[Rows, of_copies("particles", 3)]
+    """workspace"""
     rows: RowSpace
     """the workspace of contacts"""
 
@@ -189,24 +196,26 @@ def keep_state(state: State, solid: Solid, rows: Rows) -> None:
     """Store the state and the `Solid` of a body at the node."""
     axes = turned(solid.axes, state.q)
     for n in range(3):
-        set_row(rows, AXES + n, axes[n])
-    set_row(rows, MOMENTUM, state.momentum)
-    set_row(rows, POSITION, state.position)
-    set_row(rows, VELOCITY, state.velocity)
-    set_row(rows, CENTRE, solid.centre)
-    set_row(rows, MASS, vec(solid.total, solid.lightness, 0.0 * solid.total))
+        set_row(rows, BodyRow.AXES + n, axes[n])
+    set_row(rows, BodyRow.MOMENTUM, state.momentum)
+    set_row(rows, BodyRow.POSITION, state.position)
+    set_row(rows, BodyRow.VELOCITY, state.velocity)
+    set_row(rows, BodyRow.CENTRE, solid.centre)
+    set_row(rows, BodyRow.MASS, vec(solid.total, solid.lightness, 0.0 * solid.total))
 
 
 @compiled
 def kept_state(rows: Rows, twin: Twin) -> tuple[State, Solid]:
     """Return the stored `State` of a body at the node, and its `Solid`."""
     rigid, asymmetry, terms = twin
-    mass = row(rows, MASS)
+    mass = row(rows, BodyRow.MASS)
     zero = 0.0 * mass[0]
-    axes = (row(rows, AXES), row(rows, AXES + 1), row(rows, AXES + 2))
-    solid = Solid(rigid, asymmetry, axes, row(rows, CENTRE), mass[0], mass[1], terms)
+    axes = (row(rows, BodyRow.AXES), row(rows, BodyRow.AXES + 1), row(rows, BodyRow.AXES + 2))
+    solid = Solid(rigid, asymmetry, axes, row(rows, BodyRow.CENTRE), mass[0], mass[1], terms)
     q = (1.0 + zero, zero, zero, zero)
-    return State(q, row(rows, MOMENTUM), row(rows, POSITION), row(rows, VELOCITY)), solid
+    return State(
+        q, row(rows, BodyRow.MOMENTUM), row(rows, BodyRow.POSITION), row(rows, BodyRow.VELOCITY)
+    ), solid
 
 
 @compiled
@@ -351,7 +360,9 @@ def list_ground(body: int, bodies: Bodies, span: Times, surfaces: Surfaces | Non
         fly_on(body, bodies, span, bodies.space, twin)
         contacts = bodies.space.rows.contacts
         own = grounded(body, bodies)
-        contacts.length[CONTACTS] = find_ground(contacts.length[CONTACTS], own, twin[2].rounds)
+        contacts.length[ContactCount.ROWS] = find_ground(
+            contacts.length[ContactCount.ROWS], own, twin[2].rounds
+        )
 
 
 @compiled
@@ -374,15 +385,15 @@ def iterate_flights(
     contacts = space.rows.contacts
     going = 1.0 + 0.0 * span.out
     enough = AGREED + 64 * epsilon(going)
-    sweeps, flights = (SWEEPS, FLIGHTS) if bodies_of(bodies.x) <= MANY else (FEW, FEW)
-    for turn in range(1 if surfaces is None or contacts.length[CONTACTS] == between else flights):
+    sweeps, flights = (SWEEPS, FLIGHTS) if bodies_of(bodies.x) <= MOST_ITERATED else (FEW, FEW)
+    for turn in range(1 if surfaces is None or contacts.length[ContactCount.ROWS] == between else flights):
         store(contacts.going, 0, going)
         solve(space.rows.velocity, sweeps, enough, turn == 0, problem)
-        if surfaces is not None and turn < flights - 1 and contacts.length[CONTACTS] > between:
+        if surfaces is not None and turn < flights - 1 and contacts.length[ContactCount.ROWS] > between:
             for body in range(bodies_of(bodies.x)):
                 fly_on(body, bodies, span, space, of_body(bodies.twins, body))
             moved = 0.0 * span.out
-            for k in range(between, contacts.length[CONTACTS]):
+            for k in range(between, contacts.length[ContactCount.ROWS]):
                 own = grounded(contacts.body[2 * k], bodies)
                 ahead = ahead_of(k, own, of_body(bodies.twins, contacts.body[2 * k])[2].rounds)
                 moved = maximum(moved, look_ahead(k, going > 0.5, ahead, space.rows.velocity, problem))
@@ -438,7 +449,7 @@ def leave(body: int, bodies: Bodies, span: Times) -> None:
         node, solid = node_of(body, span, space, twin)
         change = change_by_contact(body, node, space)
         middle = sum_of(sum_of(node.before, span.lead, node.rate), 0.5, sum_of(node.thrown, 1.0, change))
-        record(ledger, WORK, product_of(node.thrown, middle, solid))
+        record(ledger, LedgerEntry.WORK, product_of(node.thrown, middle, solid))
         x = of_body(bodies.x, body)
         v = of_body(bodies.v, body)
         set_particles(x, v, state_after(node, change, solid), solid)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Number, Vector
 from springgym.core.language.lanes import rounded, sqrt
-from springgym.core.language.vectors import TINY, cross, dot, vec
+from springgym.core.language.vectors import GUARD, cross, dot, vec
 
 PI_HIGH = 3.1415925025939941  # 22 bits: a few times it is exact
 PI_LOW = 1.5099579909783765e-07
@@ -73,7 +73,7 @@ def turn_back(q: Vector, u: Vector) -> Vector:
 @compiled
 def rotation_vector(u: Vector, scale: Number) -> Vector:
     """Return the rotation about ``u`` by the angle ``scale`` × |u|."""
-    size = sqrt(dot(u, u) + TINY)
+    size = sqrt(dot(u, u) + GUARD)
     sine, cosine = sine_cosine((0.5 * scale) * size)
     s = sine / size
     return cosine, s * u[0], s * u[1], s * u[2]

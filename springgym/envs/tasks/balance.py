@@ -9,7 +9,7 @@ import gymnasium as gym
 import numpy as np
 
 from springgym.checks import flag
-from springgym.core.compiler.compiling import compiled, kernel
+from springgym.core.compiler.decorators import compiled, kernel
 from springgym.dynamics.measures import Measures
 from springgym.envs.arrows import across, torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
@@ -35,20 +35,27 @@ CROWN = 6
 """Index of the plate's particle in the middle of its upper side, after those of the ring."""
 
 PERIOD = 0.02  # [s]
-RADIUS, HEIGHT = 0.5, 0.25  # of the plate, and of its upper side above the pinned tip [m]
-PLATE_MASS, BALL_MASS = 1.0, 0.2  # [kg]
+RADIUS = 0.5  # of the plate [m]
+HEIGHT = 0.25  # of its upper side above the pinned tip [m]
+PLATE_MASS = 1.0  # [kg]
+BALL_MASS = 0.2  # [kg]
 BALL_RADIUS = 0.06  # [m]
-TORQUE, WEAK_TORQUE = 3.0, 1.5  # the latter with hard=True [N·m]
+TORQUE = 3.0  # [N·m]
+WEAK_TORQUE = 1.5  # with hard=True [N·m]
 FRICTION = 0.5  # between both
-REACH, STRENGTH = 5e-3, 1e-4  # of the contact: Δ [m], c [N·m²]
+REACH = 5e-3  # Δ of the contact [m]
+STRENGTH = 1e-4  # c of the contact [N·m²]
 ORBIT = (0.05, 0.2)  # radius of the circle that the place moves on [m]
-RATE, HARD_RATE = (0.4, 1.2), (1.2, 2.0)  # its angular velocity [rad/s]
+RATE = (0.4, 1.2)  # its angular velocity [rad/s]
+HARD_RATE = (1.2, 2.0)  # with hard=True [rad/s]
 FAR = 0.25  # where the ball starts, at most, from the axis [m]
 TOUCHING = 0.02  # a ball higher above the plate has left it [m]
 HIGH = 0.3  # where an episode ends [m]
 TIPPED = 0.7  # tilt of the plate [rad]
-WAY_UNIT, SPEED_UNIT = 0.2, 0.5  # units of the features: distances [m], speeds [m/s]
-TILT_UNIT, TURNING_UNIT = 0.2, 1.0  # of the axis [1], of the plate's angular velocity [rad/s]
+WAY_UNIT = 0.2  # unit of distances among the features [m]
+SPEED_UNIT = 0.5  # of speeds [m/s]
+TILT_UNIT = 0.2  # of the axis [1]
+TURNING_UNIT = 1.0  # of the plate's angular velocity [rad/s]
 
 
 @compiled

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal, Unpack
 import gymnasium as gym
 import numpy as np
 
-from springgym.core.compiler.compiling import compiled, kernel
+from springgym.core.compiler.decorators import compiled, kernel
 from springgym.dynamics.measures import Measures
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, Situation
@@ -29,19 +29,26 @@ from springgym.theory.contact import rest_height
 CUE, OBJECT = 0, 1
 """Indices of the bodies in the scene."""
 
-PERIOD, PERIODS = 0.02, 100  # control period [s], and number of periods in an episode
-RADIUS, MASS = 0.03, 0.17  # of a ball [m], [kg]
+PERIOD = 0.02  # control period [s]
+PERIODS = 100  # number of periods in an episode
+RADIUS = 0.03  # of a ball [m]
+MASS = 0.17  # of a ball [kg]
 FORCE = 20.0  # of a stroke along each axis, for a period: it gives a ball 2.3 m/s [N]
 FRICTION = 0.05
 RESTITUTION = 0.95
-REACH, STRENGTH = 4e-3, 8e-5  # of all contacts: Δ [m], c [N·m²]
+REACH = 4e-3  # Δ of all contacts [m]
+STRENGTH = 8e-5  # c of all contacts [N·m²]
 POCKET = 0.06  # largest distance of the centres at which a ball falls in [m]
-APART, WAY = (0.5, 0.8), (0.4, 0.7)  # from ball to ball, and from the second one to the pocket [m]
+APART = (0.5, 0.8)  # from ball to ball [m]
+WAY = (0.4, 0.7)  # from the second one to the pocket [m]
 CUT = 0.7  # the largest angle between the two ways [rad]
 ARENA = 7.0  # radius of the drawn table, larger than the range of any stroke [m]
-SOFT, SLOWING = 200.0, 25.0  # of the net in the pocket: stiffness and damping per mass [1/s²], [1/s]
+SOFT = 200.0  # stiffness of the net in the pocket, per mass [1/s²]
+SLOWING = 25.0  # damping of the net, per mass [1/s]
 FRAMED = 1.5  # part of the table that pictures show, along x and y [m]
-FELT, CUSHION, WOOD = (146, 182, 196), (104, 144, 162), (158, 116, 80)  # colours of the table
+FELT = (146, 182, 196)  # colour of the table
+CUSHION = (104, 144, 162)  # colour of its cushions
+WOOD = (158, 116, 80)  # colour of its frame
 WHITE = (240, 240, 235)  # colour of the first ball
 WAY_UNIT = 0.5  # of the observation [m]
 

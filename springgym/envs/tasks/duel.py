@@ -11,7 +11,7 @@ import gymnasium as gym
 import numpy as np
 
 from springgym.checks import apart, chosen, hides, shown
-from springgym.core.compiler.compiling import compiled, kernel
+from springgym.core.compiler.decorators import compiled, kernel
 from springgym.dynamics.measures import Measures
 from springgym.envs import observation as observing
 from springgym.envs.base import SpringEnv, SpringVectorEnv
@@ -31,7 +31,11 @@ from springgym.theory.contact import rest_height
 FIRST, SECOND = 0, 1
 """Indices of the bodies in the scene, and of the players."""
 
-RING, RADIUS, HEIGHT, MASS, STIFFNESS = 12, 0.5, 0.5, 10.0, 2e5  # of each top
+RING = 12  # number of particles of the ring of each top
+RADIUS = 0.5  # of each top [m]
+HEIGHT = 0.5  # of each top [m]
+MASS = 10.0  # of each top [kg]
+STIFFNESS = 2e5  # of its springs [N/m]
 BOWL = 4.0  # radius of the bowl [m]
 RIM = 1.1  # distance of the centre of mass from the middle at which a top is out [m]
 FALLEN = 0.7  # tilt [rad]; at 0.79 it lies on its side
@@ -40,10 +44,14 @@ APART = 0.65  # initial distance of each top from the middle [m]
 LARGEST = 1.6  # largest scale by randomisation, which also moves tops apart
 SPINS = (22.0, 30.0)  # [rad/s], of either sign
 FORCE = 40.0  # on the crown [N]
-GRIP, REBOUND = 0.02, 0.2  # friction and restitution between both
-REACH, STRENGTH = 0.02, 0.08  # of all contacts: Δ [m], c [N·m²]
-WAY_UNIT, TILT_UNIT, SPIN_UNIT, MOMENTUM_UNIT = 0.5, 0.2, 25.0, 6.0
-"""Units of the features: distances [m], axis [1], spins [rad/s], momenta [kg·m²/s]."""
+GRIP = 0.02  # friction between both
+REBOUND = 0.2  # restitution between both
+REACH = 0.02  # Δ of all contacts [m]
+STRENGTH = 0.08  # c of all contacts [N·m²]
+WAY_UNIT = 0.5  # unit of distances among the features [m]
+TILT_UNIT = 0.2  # of the axis [1]
+SPIN_UNIT = 25.0  # of spins [rad/s]
+MOMENTUM_UNIT = 6.0  # of momenta [kg·m²/s]
 SEEN = 11  # number of observed values of each top
 SHAPED = 2e-3  # largest reward of a step that does not decide the duel
 

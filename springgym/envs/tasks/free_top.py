@@ -9,7 +9,7 @@ import gymnasium as gym
 import numpy as np
 
 from springgym.checks import chosen, flag
-from springgym.core.compiler.compiling import kernel
+from springgym.core.compiler.decorators import kernel
 from springgym.dynamics.measures import Measures
 from springgym.envs.arrows import torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv

@@ -10,7 +10,7 @@ import gymnasium as gym
 import numpy as np
 
 from springgym.checks import flag
-from springgym.core.compiler.compiling import kernel
+from springgym.core.compiler.decorators import kernel
 from springgym.dynamics.measures import Measures
 from springgym.envs.arrows import across, torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
@@ -29,7 +29,8 @@ from springgym.scenes import film
 
 TORQUE = 20.0  # [N·m]
 IMPULSE = 0.8  # largest component a control period [N·s]: 20 N·m at the arm of the head
-CLOSE, CALM = 0.1, 0.3  # for success: angle to the target [rad], angular velocity across the axis [rad/s]
+CLOSE = 0.1  # angle to the target, for success [rad]
+CALM = 0.3  # angular velocity across the axis, for success [rad/s]
 USUAL = 35.0  # spin [rad/s]
 SPIN = Entry("spin", 1, 20.0, about=USUAL)  # [rad/s]
 FASTEST = 100.0  # largest initial spin as a reset option [rad/s]

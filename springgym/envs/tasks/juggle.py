@@ -10,7 +10,7 @@ import gymnasium as gym
 import numpy as np
 
 from springgym.checks import flag, whole
-from springgym.core.compiler.compiling import compiled, kernel
+from springgym.core.compiler.decorators import compiled, kernel
 from springgym.dynamics.measures import Measures
 from springgym.envs.arrows import across, torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
@@ -33,22 +33,31 @@ CROWN = 6
 """Index of the paddle's particle in the middle of its upper side, after those of the ring."""
 
 FALL = -GRAVITY[2]  # [m/s²]
-RADIUS, HEIGHT = 0.3, 0.25  # of the paddle, and of its upper side above its tip [m]
-PADDLE_MASS, BALL_MASS = 1.0, 0.03  # [kg]
+RADIUS = 0.3  # of the paddle [m]
+HEIGHT = 0.25  # of its upper side above its tip [m]
+PADDLE_MASS = 1.0  # [kg]
+BALL_MASS = 0.03  # [kg]
 BALL_RADIUS = 0.05  # [m]
-FORCE, TORQUE = 30.0, 1.5  # beside the force that carries the paddle [N], [N·m]
+FORCE = 30.0  # beside the force that carries the paddle [N]
+TORQUE = 1.5  # [N·m]
 FRICTION = 0.3  # between paddle and ball, and between balls
-REACH, STRENGTH = 0.01, 1e-3  # of the contact: Δ [m], c [N·m²]
+REACH = 0.01  # Δ of the contact [m]
+STRENGTH = 1e-3  # c of the contact [N·m²]
 STRUCK = 0.9 * REACH  # gap below which a ball is being hit; it rests at 0.985 Δ [m]
-WANTED, HARD_WANTED = (0.4, 0.7), (0.4, 1.0)  # wanted heights [m]
+WANTED = (0.4, 0.7)  # wanted heights [m]
+HARD_WANTED = (0.4, 1.0)  # with hard=True [m]
 DROPPED = (0.3, 0.7)  # initial height of the ball [m]
 HOME = 0.25  # largest distance of the paddle from home, vertical and horizontal [m]
 TIPPED = 0.8  # and its tilt [rad]
 COLUMN = 0.12  # distance of the verticals of two balls from home [m]
 ASIDE = 0.5  # largest distance of a ball from its vertical [m]
-WAY_UNIT, SPEED_UNIT = 0.1, 1.0  # units of the features: paddle [m], [m/s]
-BALL_WAY_UNIT, BALL_SPEED_UNIT, SPIN_UNIT = 0.25, 2.0, 10.0  # of the ball [m], [m/s], [rad/s]
-TILT_UNIT, TURNING_UNIT = 0.2, 3.0  # of the axis [1], of the paddle's angular velocity [rad/s]
+WAY_UNIT = 0.1  # unit of the paddle's distances among the features [m]
+SPEED_UNIT = 1.0  # of its speeds [m/s]
+BALL_WAY_UNIT = 0.25  # of the ball's distances [m]
+BALL_SPEED_UNIT = 2.0  # of its speeds [m/s]
+SPIN_UNIT = 10.0  # of its spin [rad/s]
+TILT_UNIT = 0.2  # of the axis [1]
+TURNING_UNIT = 3.0  # of the paddle's angular velocity [rad/s]
 
 
 @compiled

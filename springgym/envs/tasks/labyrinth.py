@@ -12,7 +12,7 @@ import gymnasium as gym
 import numpy as np
 
 from springgym.checks import flag
-from springgym.core.compiler.compiling import compiled, kernel
+from springgym.core.compiler.decorators import compiled, kernel
 from springgym.dynamics.measures import Measures
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
@@ -30,28 +30,41 @@ from springgym.theory.contact import rest_height
 
 PERIOD = 0.02  # [s]
 HALF = 0.36  # half of a side of the board [m]
-RADIUS, MASS = 0.025, 0.15  # of the ball [m], [kg]
-HOLE, WIDE_HOLE = 0.055, 0.06  # radius of a hole, also with hard=True: a ball falls with its centre above [m]
-REACH, STRENGTH = 5e-4, 2e-7  # of the contact: Δ [m], c [N·m²]
+RADIUS = 0.025  # of the ball [m]
+MASS = 0.15  # of the ball [kg]
+HOLE = 0.055  # radius of a hole: a ball falls with its centre above [m]
+WIDE_HOLE = 0.06  # with hard=True [m]
+REACH = 5e-4  # Δ of the contact [m]
+STRENGTH = 2e-7  # c of the contact [N·m²]
 TILT = 0.15  # the largest angle of the board [rad]
-RATE, SLOW_RATE = 0.4, 0.24  # how fast it changes, also with hard=True [rad/s]
-CELLS, LEGS = 4, 12  # cells along a side of the board; legs of the way from the middle of one to the next
+RATE = 0.4  # how fast it changes [rad/s]
+SLOW_RATE = 0.24  # with hard=True [rad/s]
+CELLS = 4  # along a side of the board
+LEGS = 12  # of the way, from the middle of a cell to that of the next
 MIDDLES = (0.5 / CELLS - 0.5) * 2 * HALF + 2 * HALF / CELLS * np.array([*product(range(CELLS), repeat=2)])
 """Centres of the cells (CELLS², 2), before they are shifted [m]."""
 SHIFT = 0.015  # largest shift of a cell's centre along x and y [m]
 LATEST = 0.6  # largest fraction of the first leg that is left out
 HOLES = 18
 CLOSE = 0.05  # distance at which a point of the path counts as passed [m]
-SEEN, NEAR = 4, 4  # numbers of observed points, from the last one passed, and of nearest holes
-WAY_UNIT, SPEED_UNIT, TURNING_UNIT, TILT_UNIT, HOLE_UNIT, LEFT_UNIT = 0.2, 0.3, 12.0, 0.1, 0.1, 1.0
-"""Units of the features: distance [m], speed [m/s], angular velocity [rad/s], tilt [rad], distance
-of holes [m], remaining path length [m]."""
+SEEN = 4  # number of observed points, from the last one passed
+NEAR = 4  # number of observed holes, the nearest ones
+WAY_UNIT = 0.2  # unit of distances among the features [m]
+SPEED_UNIT = 0.3  # of the speed [m/s]
+TURNING_UNIT = 12.0  # of the angular velocity [rad/s]
+TILT_UNIT = 0.1  # of the tilt [rad]
+HOLE_UNIT = 0.1  # of the distance of holes [m]
+LEFT_UNIT = 1.0  # of the remaining path length [m]
 
 FIRST_HOLE = 2 * (LEGS + 1)
+"""First column of the goal with the holes. The points of the path come before them; the ball starts at the
+first."""
+
 LEANING = FIRST_HOLE + 2 * HOLES
+"""First column of the goal with the board's angles."""
+
 PASSED = LEANING + 2
-"""Columns of the goal with the holes, the board's angles and the number of completed legs. The points of the
-path come before them; the ball starts at the first."""
+"""Column of the goal with the number of completed legs."""
 
 WOOD: Color = (226, 202, 160)
 LINE: Color = (160, 124, 78)
@@ -315,7 +328,9 @@ class SpringLabyrinth(Task, kernels=(evaluate, observe_features, move)):
 
 # --- The board, as it is drawn --------------------------------------------------------------------------
 
-THICK, LIFT, BROAD = 0.02, 5e-4, 0.004  # of the board; of drawings on it; half-width of the line [m]
+THICK = 0.02  # of the board [m]
+LIFT = 5e-4  # of drawings on it [m]
+BROAD = 0.004  # half-width of the line [m]
 CORNERS = 24  # of a hole
 HANDLE = (0.47, 0.0, 0.0)  # position of the arrow of the action, beside the board [m]
 

@@ -9,7 +9,7 @@ import gymnasium as gym
 import numpy as np
 
 from springgym.checks import flag, shown
-from springgym.core.compiler.compiling import kernel
+from springgym.core.compiler.decorators import kernel
 from springgym.dynamics.measures import Measures
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.goals import GoalTolerance
@@ -29,8 +29,10 @@ ACCELERATION = 3.0  # of the trolley [m/s²]
 LOAD_RADIUS = 0.34  # as it is drawn [m]
 SPEED = 3.0  # of the trolley [m/s]
 LOST = 10.0  # horizontal distance of the load from its target at which an episode ends [m]
-CLOSE, SLOW = 0.1, 0.1  # of the load, for success [m], [m/s]
-WAY_UNIT, SPEED_UNIT = 2.0, 2.0  # units of the features [m], [m/s]
+CLOSE = 0.1  # distance of the load, for success [m]
+SLOW = 0.1  # speed of the load, for success [m/s]
+WAY_UNIT = 2.0  # unit of distances among the features [m]
+SPEED_UNIT = 2.0  # of speeds [m/s]
 
 
 @kernel

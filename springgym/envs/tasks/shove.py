@@ -10,7 +10,7 @@ import gymnasium as gym
 import numpy as np
 
 from springgym.checks import flag
-from springgym.core.compiler.compiling import compiled, kernel
+from springgym.core.compiler.decorators import compiled, kernel
 from springgym.dynamics.measures import Measures
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.goals import GoalTolerance
@@ -40,14 +40,18 @@ MASS = 1.0  # of each of both [kg]
 RADIUS = 0.1  # of the pusher [m]
 FORCE = 12.0  # on the pusher; pushing the box takes 5 N [N]
 SLIPPERY = 0.2  # friction between both
-REACH, STRENGTH = 0.015, 0.003  # of all contacts: Δ [m], c [N·m²]
-CLOSE, ALIGNED, SLOW = 0.08, 0.2, 0.1
-"""For success: distance to its place [m], angle to its heading [rad], speed and turning [m/s]."""
+REACH = 0.015  # Δ of all contacts [m]
+STRENGTH = 0.003  # c of all contacts [N·m²]
+CLOSE = 0.08  # distance to its place, for success [m]
+ALIGNED = 0.2  # angle to its heading, for success [rad]
+SLOW = 0.1  # speed and turning, for success [m/s]
 TURNING_ARM = 0.2  # factor by which angular velocity counts as speed [m]
 ARENA = 1.8  # where an episode ends [m]
-WAY_UNIT, SPEED_UNIT, NEAR_UNIT, TURNING_UNIT = 0.5, 0.5, 0.3, 2.0
-"""Units of the features: distances [m], speeds [m/s], distance to the box [m], turning [rad/s]."""
-PUSHER_SPEED = 1.0  # the same of the pusher's velocity [m/s]
+WAY_UNIT = 0.5  # unit of distances among the features [m]
+SPEED_UNIT = 0.5  # of speeds [m/s]
+NEAR_UNIT = 0.3  # of the distance to the box [m]
+TURNING_UNIT = 2.0  # of turning [rad/s]
+PUSHER_SPEED = 1.0  # of the pusher's velocity [m/s]
 
 Level: TypeAlias = Sequence[float] | np.ndarray
 """x and y of a place [m]."""

@@ -10,7 +10,7 @@ import gymnasium as gym
 import numpy as np
 
 from springgym.checks import apart
-from springgym.core.compiler.compiling import compiled, kernel
+from springgym.core.compiler.decorators import compiled, kernel
 from springgym.dynamics.measures import Measures
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
@@ -42,8 +42,10 @@ BLOCK, SHELF = 2, 3
 """Indices of the bodies in the scene; pusher and box are those of SpringShove."""
 
 BLOCKS = CORNERS + 8
+"""Index of the first particle of the block; `CORNERS` is that of the box."""
+
 SHELFS = BLOCKS + 8
-"""Indices of the first particle of the block and of the shelf; `CORNERS` is that of the box."""
+"""Index of the first particle of the shelf."""
 
 SHELF_SIDES = (1.7, 1.9, 0.15)  # [m]
 SMALLEST = 0.7  # least scale of bodies by randomisation: the ball keeps its size
@@ -52,9 +54,8 @@ FRICTION = 0.4  # of all contacts
 GAPS = (0.08, 0.1)  # between shelf and block [m]
 SUNK = 0.1  # height of the middle above the block's, below which box or ball has fallen [m]
 HOLD = 12  # steps for which the box must lie on the block
-BEST, HELD = 0, 1
-"""Columns of the memory: the largest nearness so far, and the number of steps that the box has lain on the
-block."""
+BEST = 0  # column of the memory: the largest nearness so far
+HELD = 1  # column of the memory: the number of steps that the box has lain on the block
 
 
 @compiled

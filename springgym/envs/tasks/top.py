@@ -10,7 +10,7 @@ import gymnasium as gym
 import numpy as np
 
 from springgym.checks import flag
-from springgym.core.compiler.compiling import kernel
+from springgym.core.compiler.decorators import kernel
 from springgym.dynamics.measures import Measures
 from springgym.envs.arrows import across, torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
@@ -26,9 +26,11 @@ from springgym.rendering.look import GREEN, RED
 from springgym.scenes import film
 
 WANTED = 50.0  # spin [rad/s]
-TORQUE, WEAK_TORQUE = 15.0, 10.0  # largest component, and that of hard=True [N·m]
+TORQUE = 15.0  # largest component [N·m]
+WEAK_TORQUE = 10.0  # that of hard=True [N·m]
 IMPULSE = 0.3  # largest component a control period [N·s]
-ACROSS_UNIT, SPIN_UNIT = 2.0, 20.0  # units of angular velocities among the features [rad/s]
+ACROSS_UNIT = 2.0  # unit of angular velocities across the axis among the features [rad/s]
+SPIN_UNIT = 20.0  # of the spin [rad/s]
 FALLEN = 1.2  # tilt [rad]
 PAPER_MOMENT = 9.0  # mass times height of the centre of mass of the paper's top, 1 m high [kg·m]
 SOLID = {"radius": 0.61, "height": 1.0}  # of a solid top that stands upright from the same spin on [m]

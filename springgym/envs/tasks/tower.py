@@ -10,7 +10,7 @@ import gymnasium as gym
 import numpy as np
 
 from springgym.checks import whole
-from springgym.core.compiler.compiling import compiled, kernel
+from springgym.core.compiler.decorators import compiled, kernel
 from springgym.dynamics.measures import Measures
 from springgym.envs.arrows import torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
@@ -28,22 +28,28 @@ from springgym.rendering.look import BLUE, GREEN, ORANGE, RED, STEEL, TEAL
 from springgym.scenes import film
 from springgym.theory.contact import rest_height
 
-SIDES, MASS = (0.16, 0.16, 0.24), 1.0  # of a block [m], [kg]
+SIDES = (0.16, 0.16, 0.24)  # of a block [m]
+MASS = 1.0  # of a block [kg]
 CORNERS = 8
 UPPER = (0, 1, 2, 3)  # the corners by which a block hangs
 FORCE = 6.0  # of the crane along each axis, besides `CARRIED` [N]
 CARRIED = 0.9  # fraction of a block's weight that the crane always carries
 LET_GO = 0.5  # the action above which it lets go
 FRICTION = 0.6
-REACH, STRENGTH = 0.015, 0.003  # of all contacts: Δ [m], c [N·m²]
+REACH = 0.015  # Δ of all contacts [m]
+STRENGTH = 0.003  # c of all contacts [N·m²]
 AROUND = (0.45, 0.7)  # initial distance of the other blocks from the lowest [m]
 ARENA = 2.0  # largest distance of a block from the middle, and height [m]
 SUNK = 0.05  # depth below its place at which a block has fallen [m]
 UPRIGHT = 0.8  # least cosine of the tilt of a block that has not fallen
 HELD = 0.25  # reward of a held block relative to that after it was let go
-CLOSE, CALM = 0.06, 0.1  # for success: horizontal distance from the block below [m], speed [m/s]
-WAY_UNIT, SPEED_UNIT, TILT_UNIT, TURNING_UNIT, TOWER_UNIT = 0.3, 0.5, 0.2, 2.0, 0.5
-"""Units of the features: way [m], speed [m/s], tilt [1], turning [rad/s], tower's places [m]."""
+CLOSE = 0.06  # horizontal distance from the block below, for success [m]
+CALM = 0.1  # speed, for success [m/s]
+WAY_UNIT = 0.3  # unit of the way among the features [m]
+SPEED_UNIT = 0.5  # of the speed [m/s]
+TILT_UNIT = 0.2  # of the tilt [1]
+TURNING_UNIT = 2.0  # of turning [rad/s]
+TOWER_UNIT = 0.5  # of the tower's places [m]
 
 
 @compiled

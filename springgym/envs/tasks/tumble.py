@@ -9,7 +9,7 @@ import gymnasium as gym
 import numpy as np
 
 from springgym.checks import flag, whole
-from springgym.core.compiler.compiling import compiled, kernel
+from springgym.core.compiler.decorators import compiled, kernel
 from springgym.dynamics.measures import Measures
 from springgym.envs.arrows import torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
@@ -31,10 +31,13 @@ MASSES = (1.2, 1.0, 1.1, 1.3)  # [kg]
 CENTRE_MASS = 2.4  # [kg]
 DAMPING = 150.0  # [kg/s]: a sixth to half of what is critical, so that no corner rings for long
 REACH = 0.012  # Δ of the floor [m]: the fastest corners fly through it in five steps
-FORCE, WEAK_FORCE = 35.0, 28.0  # half of the weight, and with hard=True [N]
-TORQUE, WEAK_TORQUE = 9.0, 7.5  # [N·m]
-CLOSE, FLAT, SLOW = 0.1, 0.97, 0.15
-"""For success: distance to the target [m], cosine of face and straight down, speed of a particle [m/s]."""
+FORCE = 35.0  # half of the weight [N]
+WEAK_FORCE = 28.0  # with hard=True [N]
+TORQUE = 9.0  # [N·m]
+WEAK_TORQUE = 7.5  # with hard=True [N·m]
+CLOSE = 0.1  # distance to the target, for success [m]
+FLAT = 0.97  # cosine of the angle between face and straight down, for success
+SLOW = 0.15  # speed of a particle, for success [m/s]
 TURNING_UNIT = 4.0  # unit of angular velocities among the features [rad/s]
 ARENA = 4.0  # where an episode ends [m]
 FACES = ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))

@@ -26,9 +26,12 @@ from springgym.model.bodies.elastic import Cable, Elastic
 from springgym.model.bodies.round import Round, weights
 from springgym.model.records import ReadOnly, read_only
 
-MOST_PARTICLES, MOST_SPRINGS = 1000, 20_000
-"""Limits on the size of a body. The check of its shape and the largest stable step need matrices of (3 N)²
-numbers, in a time that grows as N³. At this limit it is half a minute."""
+MOST_PARTICLES = 1000
+"""Largest number of particles of a body. The check of its shape and the largest stable step need matrices of
+(3 N)² numbers, in a time that grows as N³. At this limit it is half a minute."""
+
+MOST_SPRINGS = 20_000
+"""Largest number of springs of a body."""
 
 EXACT = 400
 """Largest number of particles for which zero-energy modes are counted to double precision."""

@@ -30,8 +30,11 @@ EDGE = 3e-3
 """Least ratio of the smallest to the largest semi-axis. The lowest point of a thinner feature jumps from side
 to side when it lies flat, and no step can follow that."""
 
-SMALLEST, LARGEST = 1e-14, 1e14
-"""Bounds of a semi-axis [m], whose square is checked."""
+SMALLEST = 1e-14
+"""Least semi-axis [m], whose square is checked."""
+
+LARGEST = 1e14
+"""Largest semi-axis [m], whose square is checked."""
 
 FLAT = 1e-9
 """Relative extent of the carriers below which they count as coplanar, and carry nothing."""

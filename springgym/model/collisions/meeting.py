@@ -12,7 +12,7 @@ from springgym.checks import instance, refusing_unknown, shown, whole
 from springgym.model.bodies import Body
 from springgym.model.collisions.shape import check_shape, shape
 from springgym.model.records import ReadOnly
-from springgym.model.surfaces import REACH, Contact, PaperContact, derived_strength
+from springgym.model.surfaces import DEFAULT_REACH, Contact, PaperContact, derived_strength
 from springgym.model.surfaces.contact import strength_of_impact
 
 ALL = "all"
@@ -28,8 +28,8 @@ class Pair:
     first, second
         Names of the bodies, or their indices.
     contact
-        Parameters of their contact; by default those of the scene's contact. By default Δ is `REACH` times
-        the smaller body's `Body.swept`, and c is the `derived_strength` of the softer body's largest
+        Parameters of their contact; by default those of the scene's contact. By default Δ is `DEFAULT_REACH`
+        times the smaller body's `Body.swept`, and c is the `derived_strength` of the softer body's largest
         stiffness and the reduced mass. The springs of spheres and of bodies that are all pinned do not count:
         contacts do not strain them. If no others are left, c is that of `strength_of_impact`.
 
@@ -117,7 +117,7 @@ class BodyRef(NamedTuple):
     body: Body
     moves: bool
     """whether any of its particles is free"""
-    held: bool = False
+    partly_pinned: bool = False
     """whether some of them are pinned, and others not"""
 
 
@@ -213,14 +213,14 @@ def _meetings(
         return np.array(values)[first], np.array(values)[second]
 
     reach = given("reach")
-    derived = REACH * np.minimum(*of_both([named.body.swept for named in bodies]))
+    derived = DEFAULT_REACH * np.minimum(*of_both([named.body.swept for named in bodies]))
     reach = np.where(np.isnan(reach), derived, reach)
     farthest = np.zeros(len(bodies))
     for of in (first, second):
         np.maximum.at(farthest, of, reach)
     for named, most in zip(bodies, farthest.tolist(), strict=True):
         if most > 0:
-            check_shape(named.name, named.body, most, named.held)
+            check_shape(named.name, named.body, most, named.partly_pinned)
     kept = [shape(of.body).turns or not of.moves for of in bodies]  # in shape: contacts do not strain these
     each = zip(bodies, kept, strict=True)
     stiff = [np.inf if rigid else float(of.body.stiffness.max(initial=0.0)) or np.inf for of, rigid in each]
@@ -267,7 +267,7 @@ def _not_turned(named: BodyRef) -> str:
         return f"{named.name!r} is floppy, and a couple cannot turn it"
     if len(named.body.masses) < 4:
         return f"{named.name!r} has too few particles to be turned by a couple"
-    if named.held:
+    if named.partly_pinned:
         return f"only some particles of {named.name!r} are pinned; pin all or none"
     return ""
 

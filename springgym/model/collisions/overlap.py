@@ -22,8 +22,8 @@ CHUNK = 100_000
 BOXES = 1_000_000
 """Number of pairs of boxes that are processed at once: some 100 MB of numbers."""
 
-ROUNDING = 1.001
-"""Boxes are enlarged a little more than needed, so that rounding has no effect."""
+BEYOND_ROUNDING = 1.001
+"""Factor by which a search goes farther than needed, so that rounding has no effect."""
 
 
 class Found(NamedTuple):
@@ -74,7 +74,9 @@ def check_apart(
     reaches = np.zeros(len(shapes))
     for of in (met.first, met.second):
         np.maximum.at(reaches, of, met.reach)
-    wide = (ROUNDING * (np.array([shape.radius for shape in shapes]) + 0.5 * NEAREST * reaches))[:, None]
+    wide = (BEYOND_ROUNDING * (np.array([shape.radius for shape in shapes]) + 0.5 * NEAREST * reaches))[
+        :, None
+    ]
     low = np.minimum.reduceat(x, starts[:-1], axis=1) - wide
     high = np.maximum.reduceat(x, starts[:-1], axis=1) + wide
     pair, copy = overlapping(met, low, high)

@@ -112,25 +112,25 @@ def as_met(
     return positions
 
 
-def check_shape(name: str, body: Body, reach: float, held: bool = False) -> None:
-    """Raise ValueError if a body cannot collide with a margin Δ [m]; ``held``: only part of it is pinned.
+def check_shape(name: str, body: Body, reach: float, partly_pinned: bool = False) -> None:
+    """Raise ValueError if a body, of which maybe only part is pinned, cannot collide with a margin Δ [m].
 
     Raises
     ------
     ValueError
         The message names the body and the reason.
     """
-    if reason := _unfit(body, reach, held):
+    if reason := _unfit(body, reach, partly_pinned):
         raise ValueError(
             f"body {name!r} cannot collide: {reason}. Leave it out of the scene's collisions, or say "
             "collisions=None to let all bodies pass through each other"
         )
 
 
-def _unfit(body: Body, reach: float, held: bool) -> str | None:
+def _unfit(body: Body, reach: float, partly_pinned: bool) -> str | None:
     """Return why a body cannot collide with a margin Δ [m]; None if it can."""
     given = shape(body)
-    if given.skin and held:
+    if given.skin and partly_pinned:
         return "it is round, and only some of its particles are pinned; pin all or none"
     if given.turns:
         if given.radius == 0:

@@ -9,9 +9,9 @@ from collections.abc import Callable
 
 from springgym.model.surfaces.bowl import Bowl as Bowl
 from springgym.model.surfaces.checking import check_gradient as check_gradient
+from springgym.model.surfaces.contact import DEFAULT_REACH as DEFAULT_REACH
 from springgym.model.surfaces.contact import IMPACT as IMPACT
 from springgym.model.surfaces.contact import NEAREST as NEAREST
-from springgym.model.surfaces.contact import REACH as REACH
 from springgym.model.surfaces.contact import SOFTEST as SOFTEST
 from springgym.model.surfaces.contact import STIFFEST as STIFFEST
 from springgym.model.surfaces.contact import Contact as Contact

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from springgym.checks import array, instance, refusing_unknown
 from springgym.core.language.blocks import block_array, numbers, set_copies, to_copies
-from springgym.core.language.lanes import store
+from springgym.core.language.memory import store
 from springgym.core.language.vectors import row, set_row
 from springgym.model.own_forces import reason_of
 from springgym.model.surfaces.surface import Surface, packed_kind
@@ -21,9 +21,12 @@ CLOSE = 1e-9
 """Tolerance of equal heights, relative to the extent. Rounding causes far smaller differences, and mistakes
 cause far larger ones."""
 
-STEP, STEEP = 1e-6, 1e-4
-"""Slopes are differences of heights over this fraction of the extent, with errors up to `STEEP`. Rounding
-makes an error of 1e-10. Where the surface bends over a fraction s of the extent, the error is 1e-12/s²."""
+STEP = 1e-6
+"""Slopes are differences of heights over this fraction of the extent. Rounding makes an error of 1e-10. Where
+the surface bends over a fraction s of the extent, the error is 1e-12/s²."""
+
+STEEP = 1e-4
+"""Largest error of a slope."""
 
 NEWTON = 20
 """Number of Newton iterations from a place to the surface."""

@@ -17,19 +17,23 @@ from springgym.model.surfaces.round import heights
 from springgym.model.surfaces.surface import Surface
 from springgym.theory.contact import rest_height
 
-REACH = 0.01
+DEFAULT_REACH = 0.01
 """The default contact margin Δ, as a fraction of `Body.swept`."""
 
 NEAREST = 1e-3
 """The least height at the start, in units of Δ. Below it the energy c/h of the barrier is too large."""
 
-SOFTEST, STIFFEST = 0.005, 0.05
-"""The least and the largest derived strength c, in units of k Δ³. At the edge of the barrier the stiffness of
-contact is 2 c/Δ³, a hundredth to a tenth of a spring's. So impacts do not excite the springs."""
+SOFTEST = 0.005
+"""The least derived strength c, in units of k Δ³. At the edge of the barrier the stiffness of contact, 2
+c/Δ³, is then a hundredth of a spring's."""
+
+STIFFEST = 0.05
+"""The largest derived strength c, in units of k Δ³. At the edge of the barrier the stiffness of contact is
+then a tenth of a spring's, so that impacts do not excite the springs."""
 
 IMPACT = 10.0
-"""Between these, the derived c is the least at which a corner of a block that strikes at this speed [m/s]
-stays a tenth of Δ away."""
+"""Between `SOFTEST` and `STIFFEST`, the derived c is the least at which a corner of a block that strikes at
+this speed [m/s] stays a tenth of Δ away."""
 
 RESISTANCES = ("rolling_resistance", "torsional_resistance")
 """Names of the options of a `Contact` that concern only round features."""
@@ -48,7 +52,7 @@ class Contact:
         e, rebound speed divided by impact speed, from 0 to 1, of impacts far above w, 4 mm/s. Slower ones
         rebound with more, see `springgym.theory.contact.rebound`, and resting contact is damped.
     strength, reach
-        c [N·m²] and Δ [m]. By default Δ is `REACH` of `Body.swept`, and c is `derived_strength`.
+        c [N·m²] and Δ [m]. By default Δ is `DEFAULT_REACH` of `Body.swept`, and c is `derived_strength`.
     rolling_resistance, torsional_resistance
         ρ and τ [m] of round features on surfaces and on other bodies. With the push J, a couple of at most
         ρ J opposes turning about tangents of the surface (rolling), and one of at most τ J turning about its
@@ -179,7 +183,7 @@ def scales(contact: Contact | PaperContact, body: Body) -> tuple[float, float]:
     reach = contact.reach
     strength = contact.strength
     if reach is None:
-        reach = REACH * body.swept
+        reach = DEFAULT_REACH * body.swept
     if strength is None:
         strength = float(derived_strength(float(body.stiffness.max(initial=0.0)), body.mass, reach))
     if not (reach > 0 and strength > 0):

@@ -20,9 +20,10 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from springgym.checks import TINY, array, number, refusing_unknown, whole
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Number, Vector
-from springgym.core.language.lanes import load, load_each, maximum, minimum, rounded, sqrt
+from springgym.core.language.lanes import maximum, minimum, rounded, sqrt
+from springgym.core.language.memory import load, load_each
 from springgym.core.language.vectors import row, vec
 from springgym.model.identity import digest
 from springgym.model.surfaces.surface import Surface, points

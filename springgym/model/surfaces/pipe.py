@@ -9,9 +9,10 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from springgym.checks import TINY, array, direction, number, refusing_unknown
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Number, Vector
-from springgym.core.language.lanes import load, sqrt
+from springgym.core.language.lanes import sqrt
+from springgym.core.language.memory import load
 from springgym.core.language.vectors import dot, plus_scaled, row, unit
 from springgym.model.surfaces.surface import Surface, points
 

@@ -11,9 +11,9 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from springgym.checks import array, direction, number, refusing_unknown
-from springgym.core.compiler.compiling import compiled
+from springgym.core.compiler.decorators import compiled
 from springgym.core.language.kinds import Number, Vector
-from springgym.core.language.lanes import load
+from springgym.core.language.memory import load
 from springgym.core.language.vectors import dot, row
 from springgym.model.records import read_only
 from springgym.model.surfaces.surface import Surface, points
