@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -95,20 +96,20 @@ def of_environment(env_id: str, options: dict[str, Any]) -> list[Any] | str:
     return chosen(lambda: gym.make(env_id, disable_env_checker=True, **given))
 
 
+def of_scene(name: str, dynamics: str) -> list[Any] | str:
+    return chosen(lambda: record(load(name), dynamics=dynamics))
+
+
 def cases() -> dict[str, Callable[[], list[Any] | str]]:
     """What chooses steps, by name."""
     found: dict[str, Callable[[], list[Any] | str]] = {}
     for env_id in ALL_IDS:
         for name, options in OPTIONS.items() if env_id in IDS else [("default", {})]:
-            found[f"{env_id}, {name}"] = lambda env_id=env_id, options=options: of_environment(
-                env_id, options
-            )
+            found[f"{env_id}, {name}"] = partial(of_environment, env_id, options)
     for name in names():
         for dynamics in ("springs", "rigid"):
-            found[f"{name}, {dynamics}"] = lambda name=name, dynamics=dynamics: chosen(
-                lambda: record(load(name), dynamics=dynamics)
-            )
-    return found | {f"simulator: {name}": lambda make=make: chosen(make) for name, make in SIMULATORS.items()}
+            found[f"{name}, {dynamics}"] = partial(of_scene, name, dynamics)
+    return found | {f"simulator: {name}": partial(chosen, make) for name, make in SIMULATORS.items()}
 
 
 @pytest.mark.parametrize(
