@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -97,7 +98,8 @@ def of_environment(env_id: str, options: dict[str, Any]) -> list[Any] | str:
 
 
 def of_scene(name: str, dynamics: str) -> list[Any] | str:
-    return chosen(lambda: record(load(name), dynamics=dynamics))
+    """The default step, be there another in the file."""
+    return chosen(lambda: record(replace(load(name), step=None), dynamics=dynamics))
 
 
 def cases() -> dict[str, Callable[[], list[Any] | str]]:
