@@ -39,7 +39,7 @@ class StepPlan(NamedTuple):
     cycle: int
     """number of steps in a cycle of dampers and wrench, see `springgym.dynamics.forces.cycle`"""
     limit: float
-    """stability limit of the scene as it was made [s]"""
+    """stability limit [s] of the scene as it was made; of a task, with the fastest bodies of its ranges"""
 
 
 class StepRequirements(NamedTuple):
@@ -213,7 +213,6 @@ def _fastest(scene: Scene, ranges: Mapping[str, Sequence[float]], kind: Dynamics
     """Return a scene with the stiffest and lightest bodies of ranges (low, high) of factors, and of 1."""
     if not ranges:
         return scene
-
     least = {name: min(low, 1.0) for name, (low, _) in ranges.items()}
     most = {name: max(high, 1.0) for name, (_, high) in ranges.items()}
 
