@@ -21,7 +21,7 @@ import numpy as np
 from springgym.checks import TINY, number
 from springgym.cli import guarded, significant
 from springgym.dynamics.methods import METHODS
-from springgym.dynamics.stepping import DYNAMICS
+from springgym.dynamics.stepping import plan_steps
 from springgym.model.bodies import Body, softened, solid_top, start
 from springgym.model.bodies.elastic import Elastic
 from springgym.model.bodies.precession import heavy_top, precession_gap
@@ -125,7 +125,10 @@ def needed(plan: Plan, wanted: float, implicit: Sequence[str] = ("tr_bdf2",), du
         cost = _cost(simulator, max(1, round(0.1 * duration / simulator.step)))
         return Model(dynamics, integrator, factor, simulator.step, error, cost)
 
-    models = [tried("rigid", DYNAMICS["rigid"].default(scene)), real := tried("springs", "verlet")]
+    models = [
+        tried("rigid", plan_steps(scene, dynamics="rigid").method.name),
+        real := tried("springs", "verlet"),
+    ]
     factor = _softest(scene, steady, wanted)
     if factor > 1.01:
         models.append(tried("springs", "verlet", factor))

@@ -29,7 +29,8 @@ from benchmarks.problems import PROBLEMS, Problem
 from benchmarks.timing import SAMPLES, Rung, Stepper, row_of, rows_of, rung_of
 from springgym.dynamics.methods import integrator
 from springgym.dynamics.methods.record import StepCount
-from springgym.dynamics.stability import automatic_step, largest_step, steps_in
+from springgym.dynamics.stability import largest_step
+from springgym.dynamics.stepping import plan_steps
 from springgym.model.bodies.distances import largest_distance
 from springgym.model.scene import Scene
 from springgym.model.surfaces import Contact
@@ -70,8 +71,7 @@ def edge(problem: Problem, scene: Scene, name: str) -> int:
 
 def default_count(problem: Problem, scene: Scene) -> int:
     """Return the steps of the default method at its automatic step."""
-    step = automatic_step(scene, integrator("verlet"))
-    return SAMPLES * math.ceil(problem.seconds / step / SAMPLES)
+    return SAMPLES * math.ceil(problem.seconds / plan_steps(scene).step / SAMPLES)
 
 
 def _simulator(
@@ -166,12 +166,17 @@ def model_error(problem: Problem) -> dict[str, Any]:
 # --- Chaotic motion -----------------------------------------------------------------------------------
 
 
+def automatic_count(period: float, scene: Scene) -> int:
+    """Return the steps of the default method in a control period [s]."""
+    return math.ceil(period / plan_steps(scene).step - 1e-9)
+
+
 def local_errors(problem: Problem, scene: Scene, quick: bool) -> list[dict[str, Any]]:
     """Return the error over one control period by steps, each from the same states along a run."""
     assert problem.period is not None
     method = integrator("verlet")
     first = math.ceil(problem.period / (0.98 * largest_step(scene, method)))
-    automatic = steps_in(problem.period, automatic_step(scene, method, problem.period))
+    automatic = automatic_count(problem.period, scene)
     counts = sorted({automatic, *(first * 2**n for n in range(4 if quick else 7))})
     finest = _simulator(scene, "verlet", problem.period / (8 * counts[-1]))
     states = []
@@ -235,7 +240,7 @@ def measure(name: str, quick: bool = False, peers: bool = True) -> dict[str, Any
     scene = problem.scene(problem.stiffness)
     result: dict[str, Any] = {"problem": name, "what": problem.what, "seconds": problem.seconds}
     if problem.period is not None:
-        step = automatic_step(scene, integrator("verlet"), problem.period)
+        step = problem.period / automatic_count(problem.period, scene)
         return result | {
             "kind": f"local error in {1e3 * problem.period:g} ms",
             "default": {"method": "verlet", "step": step},

@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from springgym.dynamics import rigid
+from springgym.dynamics.stepping import plan_steps
 from springgym.model.bodies import Body, box, cube, rigid_velocities, rope, rotation, start, top
 from springgym.model.scene import DriveActuator, Scene, ThrustActuator, WrenchActuator
 from springgym.model.surfaces import PaperContact, floor
@@ -445,12 +446,11 @@ def test_state_survives_restoring_and_pickling() -> None:
 
 
 def test_automatic_step_follows_the_start() -> None:
-    record = rigid.integrator("suzuki")
     still = Scene(TOP, pinned=(TIP,))
     spun = Scene(TOP, *start(TOP, spin=100.0, pinned=(TIP,), stretched=False), pinned=(TIP,))
-    assert rigid.automatic_step(still, record) == rigid.LONGEST
-    assert rigid.automatic_step(spun, record) == pytest.approx(rigid.TURN / 100.0)
-    assert rigid.automatic_step(Scene(BRICK, gravity=None), record) == rigid.LONGEST
+    assert plan_steps(still, dynamics="rigid").step == rigid.LONGEST
+    assert plan_steps(spun, dynamics="rigid").step == pytest.approx(rigid.TURN / 100.0)
+    assert plan_steps(Scene(BRICK, gravity=None), dynamics="rigid").step == rigid.LONGEST
 
 
 def test_a_step_beyond_the_limit_of_the_swing_is_refused_and_one_below_it_is_stable() -> None:

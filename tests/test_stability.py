@@ -9,6 +9,7 @@ import pytest
 
 from springgym.dynamics import stability
 from springgym.dynamics.methods import METHODS, integrator
+from springgym.dynamics.stepping import StepRequirements, plan_steps
 from springgym.model.bodies import Body, cube, rope
 from springgym.model.scene import Scene
 from springgym.simulator import Simulator
@@ -49,8 +50,8 @@ def lost(scene: Scene, step: float | None) -> float:
 def test_it_is_a_share_of_the_stability_limit_and_a_whole_part_of_the_period() -> None:
     scene = Scene(cube())
     expected = stability.SAFETY * stability.largest_step(scene, VERLET)
-    assert stability.automatic_step(scene, VERLET) == expected
-    assert stability.automatic_step(scene, VERLET, 0.01) == 0.01 / math.ceil(0.01 / expected)
+    assert plan_steps(scene).step == expected
+    assert plan_steps(scene, task=StepRequirements(0.01)).step == 0.01 / math.ceil(0.01 / expected)
 
 
 def test_the_longest_steps_that_are_taken_are_stable_and_the_limit_is_refused() -> None:
@@ -92,7 +93,7 @@ def test_only_methods_that_split_the_dampers_off_are_held_back() -> None:
     rate = stability.highest_decay_rate(scene)
     for name in METHODS:
         method = integrator(name)
-        step = stability.automatic_step(scene, method)
+        step = stability.usual_step(scene, method)
         if name in ("verlet", "symplectic_euler"):
             assert step == stability.DECAY / rate
         elif method.implicit:
@@ -102,10 +103,10 @@ def test_only_methods_that_split_the_dampers_off_are_held_back() -> None:
 
 
 def test_weak_dampers_do_not_matter() -> None:
-    assert stability.automatic_step(hung(30.0), VERLET) == stability.automatic_step(hung(0.0), VERLET)
+    assert plan_steps(hung(30.0)).step == plan_steps(hung(0.0)).step
 
 
 def test_a_body_without_springs_has_no_frequency() -> None:
     ball = Body("ball", np.zeros((1, 3)), np.ones(1), np.zeros((0, 2), int), 1.0, 0.0)
     assert str(stability.highest_frequency(Scene(ball))) == "0.0"  # not −0.0
-    assert stability.automatic_step(Scene(ball), VERLET) == 1e-3
+    assert plan_steps(Scene(ball)).step == 1e-3

@@ -1,4 +1,4 @@
-"""The largest stable step, and the default step."""
+"""The largest stable step, the default step without impacts, and harmless cycles of dampers."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from springgym.checks import TINY, array, flag, instance, number, whole
 from springgym.dynamics.forces.cycle import FIRST
 from springgym.dynamics.methods.record import Integrator
 from springgym.model.bodies.elasticity import spring_force_and_jacobian
-from springgym.model.resolution import longest_step
 from springgym.model.scene import Scene
 
 SAFETY = 0.7
@@ -103,22 +102,15 @@ def is_unstable(step: float, limit: float) -> bool:
     return number("step", step) > REFUSED * number("limit", limit, 0.0, math.inf)
 
 
-def automatic_step(
-    scene: Scene, integrator: Integrator, period: float | None = None, *, impacts: bool = True
-) -> float:
-    """Return the default step [s], of which ``period`` is a whole number.
+def usual_step(scene: Scene, integrator: Integrator) -> float:
+    """Return the default step [s], which may be too long for impacts, see `springgym.model.resolution`.
 
     It is at most `SAFETY` × the stability limit and, if dampers are split off, at most `DECAY` / their rate.
-    If ``impacts``, it also resolves contacts, see `springgym.model.resolution`.
     """
     step = SAFETY * largest_step(scene, integrator)
     if integrator.splits_dampers and (rate := highest_decay_rate(scene)) > 0:
         step = min(step, DECAY / rate)
-    if not math.isfinite(step):
-        step = 1e-3
-    if flag("impacts", impacts) and integrator.meets_surfaces:
-        step = min(step, longest_step(scene))
-    return step if period is None else number("period", period, TINY) / math.ceil(period / step - 1e-9)
+    return step if math.isfinite(step) else 1e-3
 
 
 class Vibrations(NamedTuple):

@@ -80,9 +80,8 @@ class _Common(Stateful):
             if settings.step is not None:
                 raise ValueError("step and tolerance are both given; a tolerance chooses the step")
             self.chosen = chosen_for(task, copies, tolerance, settings)
-            settings = settings._replace(integrator=self.chosen.integrator)
-            pace = task.period / self.chosen.steps
-            self.episodes = Episodes(task, copies, settings, given, pace, SAFETY * self.chosen.error)
+            bound = SAFETY * self.chosen.error
+            self.episodes = Episodes(task, copies, settings, given, self.chosen.plan, bound)
         self.episodes.each_period = self._show_period if self.render_mode else None
         if self.episodes.goals is not None:
             self.compute_reward = self.episodes.goals.compute_reward

@@ -15,23 +15,22 @@ from numba.extending import is_jitted
 from numpy.random import Generator
 
 from springgym import checks
-from springgym.checks import HUGE, TINY, chosen, instance, suggestion, sum_of_squares
+from springgym.checks import HUGE, suggestion, sum_of_squares
 from springgym.core.compiler.decorators import SameTypes, kernel
-from springgym.dynamics import measures, stability
+from springgym.dynamics import measures
 from springgym.dynamics.measures import Measures
 from springgym.dynamics.stability import steps_in
-from springgym.dynamics.stepping import DYNAMICS, Dynamics
+from springgym.dynamics.stepping import StepPlan, StepRequirements, plan_steps
 from springgym.envs import observation, randomisation
 from springgym.envs.error import StepError
 from springgym.envs.goals import Goals, mark_reached
 from springgym.envs.goals import bound as bound_goals
 from springgym.envs.observation import Situation
 from springgym.envs.options import Settings, mapping
-from springgym.envs.randomisation import NOMINAL, RANDOMIZABLE
+from springgym.envs.randomisation import NOMINAL
 from springgym.envs.task import SUCCESS, TERMINATED, Task
-from springgym.model.bodies import Body
 from springgym.model.identity import check_same, check_sealed, sealed
-from springgym.model.scene import Scene, squared_lengths
+from springgym.model.scene import squared_lengths
 from springgym.rendering import Marks
 from springgym.simulator import STRAIN_LIMIT, Simulator, copies_in, most_copies
 
@@ -43,12 +42,6 @@ NOT_BEGUN = "no episode has begun"
 
 BROKEN_OFF = "the last step or reset broke off in the middle"
 """Reason why copies must be reset before another step."""
-
-LONGEST = 0.9
-"""Largest step, relative to the stability limit, if bodies touch nothing."""
-
-MOST_STEPS = 100_000
-"""Largest number of steps in a control period, which take up to about 0.1 s of computing."""
 
 
 class Step(NamedTuple):
@@ -108,6 +101,26 @@ class OptionsProbe(dict[str, Any]):
         return False
 
 
+def plan_of(task: Task, settings: Settings, wanted: float | None = None) -> StepPlan:
+    """Return how the scene of a task takes its steps; they are at most ``wanted`` seconds, if that is given.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a setting is not possible, see `springgym.dynamics.stepping.plan_steps`.
+    """
+    ranges = randomisation.checked_ranges(settings.randomize, settings.dynamics)
+    return plan_steps(
+        task.scene,
+        dynamics=settings.dynamics,
+        integrator=settings.integrator,
+        step=settings.step,
+        damping_every=settings.damping_every,
+        varying=randomisation.varying(ranges, task.scene),
+        task=StepRequirements(task.period, task.finest, task.damping_every, ranges, wanted),
+    )
+
+
 class Episodes:
     """Copies of a task, each in its own episode, which are stepped together."""
 
@@ -117,7 +130,7 @@ class Episodes:
         copies: int,
         settings: Settings,
         arguments: Mapping[str, Any] | None = None,
-        wanted_step: float | None = None,
+        plan: StepPlan | None = None,
         error_bound: float | None = None,
     ) -> None:
         self.task = task
@@ -135,23 +148,18 @@ class Episodes:
             )
         self.goals = _goals_of(task, sparse) if checks.flag("goals", settings.goals) else None
         """the goals, if observations have them as separate entries; else None"""
-        kind = DYNAMICS[chosen("dynamics", settings.dynamics, DYNAMICS)]
+        self.plan = plan_of(task, settings) if plan is None else plan
         self.ranges = randomisation.checked_ranges(settings.randomize, settings.dynamics)
         scene = task.scene
         made: dict[str, Any] = {
-            **{name: getattr(settings, name) for name in ("dynamics", "integrator", "dtype", "threads")},
+            **{name: getattr(settings, name) for name in ("dynamics", "dtype", "threads")},
+            "integrator": self.plan.method.name,
             "copies": copies,
             "varying": randomisation.varying(self.ranges, scene),
         }
-        step, every = self._step_settings(scene, kind, settings, wanted_step)
-        self.simulator = Simulator(scene, step=step, damping_every=every, **made)
+        self.simulator = Simulator(scene, step=self.plan.step, damping_every=self.plan.cycle, **made)
         self.error = StepError(self.simulator, **made) if checks.flag("error", settings.error) else None
-        self.steps = steps_in(task.period, self.simulator.step)
-        if self.steps % every:
-            raise ValueError(
-                f"damping_every is {every}; it must divide the {self.steps} steps of a control "
-                "period, because actions change at its end"
-            )
+        self.steps = steps_in(task.period, self.plan.step)
         self.goal = np.zeros((copies, task.goal_size))
         self.memory = np.zeros((copies, len(task.memory)))
         self.strength = np.ones((copies, 1))
@@ -191,97 +199,6 @@ class Episodes:
         }
         """the identity of a state, besides that of the simulator"""
         self._use_kernels()
-
-    def _step_settings(
-        self, scene: Scene, kind: Dynamics, settings: Settings, wanted: float | None
-    ) -> tuple[float, int]:
-        """Return the step [s] and the steps of a damper cycle: given, automatic, or about as ``wanted``.
-
-        The step suits the stiffest and lightest body of the randomisation, and cycles suit all bodies.
-
-        Raises
-        ------
-        ValueError
-            If a given one is unstable for that body, or more than `MOST_STEPS` make a control period.
-        """
-        step = settings.step
-        every = settings.damping_every
-        integrator = settings.integrator
-        if integrator is not None:
-            instance("integrator", integrator, str)
-        period = self.task.period
-        factor = dict.fromkeys(RANDOMIZABLE, (1.0, 1.0))
-        for name, (low, high) in self.ranges.items():  # the simulator also has the nominal body
-            factor[name] = min(low, 1.0), max(high, 1.0)
-
-        def fastest(body: Body) -> Body:
-            return body.with_(
-                stiffness=body.stiffness * factor["stiffness"][1],
-                damping=body.damping * factor["damping"][1],
-                masses=body.masses * factor["masses"][0],
-            )
-
-        if self.ranges:
-            bodies = (replace(placed, body=fastest(placed.body)) for placed in scene.bodies)
-            scene = scene.with_(bodies=tuple(bodies))
-        if kind.rigid and scene.gravity is not None:  # a body swings about its pin as √(g/l)
-            pull = factor["gravity"][1] / factor["scale"][0]
-            scene = scene.with_(gravity=tuple((pull * np.array(scene.gravity)).tolist()))
-        method = kind.integrator(kind.default(scene) if integrator is None else integrator)
-        if reason := kind.refusal(method, scene, randomisation.varying(self.ranges, scene)):
-            raise ValueError(reason)
-        each = kind.rigid or stability.damps_each_step(scene, method)
-        vibrations = None if each else stability.varied(stability.vibrations(self.task.scene), self.ranges)
-        ranges = f" with randomize={self.ranges}" if self.ranges else ""
-        if step is not None:
-            step = checks.number("step", step, TINY)
-            if stability.is_unstable(step, limit := kind.largest_step(scene, method)):
-                given, most = checks.apart(step, stability.REFUSED * limit)
-                raise ValueError(
-                    f"a step of {given} s is unstable: {method.name} on this body{ranges} allows at most "
-                    f"{most} s. Take a smaller one"
-                )
-            if period / step > MOST_STEPS:
-                raise ValueError(
-                    f"step is {step:g} s, {period / step:.3g} per control period of {period:g} s; "
-                    f"there must be at most {MOST_STEPS:,}"
-                )
-            steps = steps_in(period, step)
-            if every is None and vibrations:
-                every = self._cycles_in(vibrations, steps, exactly=True)[1]
-            return step, 1 if every is None else every
-        by_contact = math.isinf(self.task.finest)  # else the task has chosen the step for its impacts
-        automatic = min(kind.automatic_step(scene, method, impacts=by_contact), self.task.finest)
-        if wanted is not None:
-            automatic = min(
-                wanted, automatic if scene.can_touch else LONGEST * kind.largest_step(scene, method)
-            )
-        if not period <= MOST_STEPS * automatic:
-            raise ValueError(
-                f"{method.name} needs steps of {automatic:.3g} s on this body{ranges}, more than "
-                f"{MOST_STEPS:,} per control period of {period:g} s: {_fastest(scene, kind)}"
-            )
-        steps = math.ceil(period / automatic - 1e-9)
-        # With surfaces, sweeps of dampers alternate in direction. After an even number, copies that began in
-        # different periods have the same direction, and a block needs one sweep for all.
-        if scene.surfaces and not kind.rigid:
-            steps += steps % 2
-        if every is None and vibrations:
-            steps, every = self._cycles_in(vibrations, steps, exactly=False)
-        elif every is not None:
-            every = checks.whole("damping_every", every, 1, stability.LONGEST_CYCLE)
-            steps += -steps % every
-        return period / steps, 1 if every is None else every
-
-    def _cycles_in(self, of: stability.Vibrations, steps: int, exactly: bool) -> tuple[int, int]:
-        """Return the number of steps in a control period, and in a cycle: with contact, the task's."""
-        if not self.task.scene.can_touch:
-            return stability.cycles_in(of, self.task.period, steps, exactly)
-        every = self.task.damping_every
-        whole = steps if exactly else steps + -steps % (2 * every)
-        if whole % every or not stability.cycles_harmless(of, self.task.period / whole, every):
-            return steps, 1
-        return whole, every
 
     # --- Episodes ---------------------------------------------------------------------------------
 
@@ -745,28 +662,6 @@ def _locked(array: np.ndarray) -> np.ndarray:
     view = array.view()
     view.flags.writeable = False
     return view
-
-
-def _fastest(scene: Scene, kind: Dynamics) -> str:
-    """Return a description of what limits the step most."""
-    if kind.rigid:
-        return "it starts to turn too fast"
-    found = []
-    for placed in scene.bodies:
-        body = placed.body
-        stiffness = np.zeros(len(body.masses))
-        damping = np.zeros(len(body.masses))
-        for end in body.springs.T:
-            np.add.at(stiffness, end, body.stiffness)
-            np.add.at(damping, end, body.damping)
-        rate = np.maximum(np.sqrt(stiffness / body.masses), damping / body.masses) * placed.free
-        n = int(np.argmax(rate))
-        what = (
-            f"particle {n} of {body.masses[n]:.3g} kg is held by springs of {stiffness[n]:.3g} N/m and "
-            f"dampers of {damping[n]:.3g} kg/s in all"
-        )
-        found.append((float(rate[n]), what))
-    return max(found)[1]
 
 
 def _goals_of(task: Task, sparse: bool) -> Goals:

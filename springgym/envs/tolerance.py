@@ -17,7 +17,8 @@ import numpy as np
 
 from springgym import checks
 from springgym.checks import TINY
-from springgym.envs.episodes import Episodes
+from springgym.dynamics.stepping import StepPlan
+from springgym.envs.episodes import Episodes, plan_of
 from springgym.envs.options import Settings
 from springgym.envs.task import Task
 
@@ -44,9 +45,9 @@ PAYS = 2
 
 
 class Choice(NamedTuple):
-    """A method, its steps, and the largest error observed with them."""
+    """How to take steps, and the largest error observed with them."""
 
-    integrator: str
+    plan: StepPlan
     steps: int
     """number of steps in a control period"""
     error: float
@@ -80,7 +81,7 @@ def chosen_for(task: Task, copies: int, tolerance: object, settings: Settings) -
         tried = settings._replace(
             integrator=name, sparse=False, goals=False, max_episode_steps=None, error=True
         )
-        return Episodes(task, min(copies, EPISODES), tried, wanted_step=step)
+        return Episodes(task, min(copies, EPISODES), tried, plan=plan_of(task, tried, step))
 
     usual = trial(settings.integrator)
     found = [fewest_steps(wanted, usual, trial)]
@@ -98,7 +99,7 @@ def chosen_for(task: Task, copies: int, tolerance: object, settings: Settings) -
         least = min(found, key=lambda choice: choice.error)
         raise ValueError(
             f"tolerance is {wanted:g}; the smallest possible one is {least.error * SAFETY:.2g}, with "
-            f"{least.steps} steps of {least.integrator} per control period"
+            f"{least.steps} steps of {least.plan.method.name} per control period"
         )
     return min(enough, key=lambda choice: choice.cost)
 
@@ -117,7 +118,7 @@ def fewest_steps(wanted: float, usual: Episodes, trial: Callable[[str, int], Epi
     episodes = usual
     for _ in range(TRIALS):
         tried = Choice(
-            method.name, episodes.steps, largest_error(episodes), episodes.steps * method.evaluations
+            episodes.plan, episodes.steps, largest_error(episodes), episodes.steps * method.evaluations
         )
         if best is None or tried.error < best.error:
             best = tried

@@ -49,7 +49,7 @@ from springgym.dynamics.measures import Markers, Measures, Reading, Readout
 from springgym.dynamics.methods.clock import Clock
 from springgym.dynamics.methods.record import STEP_COUNTS, Control, Phase
 from springgym.dynamics.packing import PARAMETERS, Options, Packed, pack
-from springgym.dynamics.stepping import DYNAMICS, StepSettings
+from springgym.dynamics.stepping import DYNAMICS, StepPlan, plan_steps
 from springgym.model.identity import check_same, check_sealed, sealed
 from springgym.model.resolution import (
     GROSS,
@@ -200,22 +200,24 @@ class Simulator:
     ) -> None:
         self._guard = Guard()
         self.scene = checks.instance("scene", scene, Scene)
-        self.dynamics = checks.chosen("dynamics", dynamics, DYNAMICS)
-        self._kind = DYNAMICS[dynamics]
-        if integrator is not None:
-            checks.instance("integrator", integrator, str)
-        self.integrator = self._kind.integrator(
-            self._kind.default(scene) if integrator is None else integrator
-        )
         varying = _checked_names(varying)
-        if reason := self._kind.refusal(self.integrator, scene, varying):
-            raise ValueError(reason)
-        self.largest_step = self._kind.largest_step(scene, self.integrator)
-        """stability limit [s]"""
-        self.step = self._checked_step(step)
-        particles = len(scene.positions)
-        self.damping_every = self._checked_cycle(damping_every)
+        plan = plan_steps(
+            scene,
+            dynamics=dynamics,
+            integrator=integrator,
+            step=step,
+            damping_every=damping_every,
+            varying=varying,
+        )
+        self.dynamics = dynamics
+        self._kind = DYNAMICS[dynamics]
+        self.integrator = plan.method
+        self.step = plan.step
+        self.damping_every = plan.cycle
         """number of steps in a cycle of dampers and wrench"""
+        self.largest_step = plan.limit
+        """stability limit [s]"""
+        particles = len(scene.positions)
         self.copies = checks.whole("copies", copies, 1, most_copies(scene))
         self.threads = checks.whole("threads", threads, 1, MOST_THREADS)
         self.dtype = _checked_dtype(dtype)
@@ -595,9 +597,9 @@ class Simulator:
             parts = [rows] * len(given) if shared else np.split(rows, ends[1:-1], axis=1)
             for own, shape, part in zip(given, shapes, parts, strict=True):
                 own[name] = part if shape or shared else part[:, 0]
-        settings = StepSettings(self.integrator, self.step, self.largest_step)
+        plan = StepPlan(self.integrator, self.step, self.damping_every, self.largest_step)
         follows = [
-            self._kind.follow(packed, index, own, settings)
+            self._kind.follow(packed, index, own, plan)
             for packed, own in zip(self._packed, given, strict=True)
         ]
         for packed, own, of in zip(self._packed, given, follows, strict=True):
@@ -1227,35 +1229,6 @@ class Simulator:
         self._workspace = self._workspaces()
         self._actuators = self._actuated()
         self._advance = self._kernel()
-
-    def _checked_step(self, step: float | None) -> float:
-        if step is None:
-            return self._kind.automatic_step(self.scene, self.integrator)
-        step = checks.number("step", step, low=TINY)
-        if not stability.is_unstable(step, self.largest_step):
-            return step
-        given, limit = checks.apart(step, stability.REFUSED * self.largest_step)
-        most = f"at most {limit} s"
-        if self.integrator.controlled:
-            raise ValueError(
-                f"a step of {given} s is unstable: {self.integrator.name} chooses its own steps of at most "
-                f"that length, which must be {most} on this body. To go farther "
-                "in one call, advance by more steps"
-            )
-        raise ValueError(
-            f"a step of {given} s is unstable: {self.integrator.name} on this body allows {most}. Take a "
-            f"smaller step{'' if self._kind.rigid else ', softer springs or heavier particles'}"
-        )
-
-    def _checked_cycle(self, every: int) -> int:
-        one = stability.damps_each_step(self.scene, self.integrator)
-        every = checks.whole("damping_every", every, 1, stability.LONGEST_CYCLE)
-        if every > 1 and every % 2:
-            raise ValueError(f"damping_every is {every}; it must be 1 or even, because a cycle has a middle")
-        if every > 1 and (one or self._kind.rigid):
-            reason = "rigid bodies have no dampers" if self._kind.rigid else one
-            raise ValueError(f"damping_every is {every}; it must be 1: {reason}")
-        return every
 
 
 def most_copies(scene: Scene) -> int:

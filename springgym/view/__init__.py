@@ -24,7 +24,7 @@ from typing import Any
 from springgym.checks import instance, number, printable
 from springgym.cli import check_new, whole_file
 from springgym.core.extras import missing
-from springgym.dynamics.stability import automatic_step
+from springgym.dynamics.stepping import plan_steps
 from springgym.envs.registration import nearest_id
 from springgym.scenes import load, names
 from springgym.scenes.film import SLOWEST, told
@@ -135,9 +135,8 @@ def simulated(scene: str, changes: Changes) -> Motion:
     """
     plan = load(scene, changes)
     if plan.step is not None and changes:
-        from springgym.dynamics.methods import integrator
-
-        plan = replace(plan, step=min(plan.step, automatic_step(plan.scene, integrator(plan.integrator))))
+        longest = plan_steps(plan.scene, integrator=plan.integrator).step
+        plan = replace(plan, step=min(plan.step, longest))
     return of_recording(record(plan, contacts=True))
 
 

@@ -318,11 +318,7 @@ METHODS = [
         {"step": 1.0, "limit": 1.0},
         {"step": ANY, "limit": f"inf; 1e40; inf inside; 1e+40 inside; {NOT_NEGATIVE}"},
     ),
-    Call(
-        stability.automatic_step,
-        {"scene": SCENE, "integrator": METHOD, "period": 1.0, "impacts": True},
-        {"period": f"None; {POSITIVE}", "impacts": "True"},
-    ),
+    Call(stability.usual_step, {"scene": SCENE, "integrator": METHOD}),
     Call(stability.vibrations, {"scene": SCENE}),
     Call(stability.varied, {"of": VIBRATIONS, "factors": {"masses": (1.0, 2.0)}}, {"factors": "{}"}),
     Call(stability.damps_each_step, {"scene": SCENE, "integrator": METHOD}),
@@ -346,11 +342,7 @@ METHODS = [
     Call(rigid.integrator, {"name": "verlet"}, {}, {"name": "name|integrator"}),
     Call(rigid.default, {"scene": SCENE}),
     Call(rigid.largest_step, {"scene": SCENE, "method": rigid.integrator("verlet")}),
-    Call(
-        rigid.automatic_step,
-        {"scene": SCENE, "method": rigid.integrator("verlet"), "impacts": True},
-        {"impacts": "True"},
-    ),
+    Call(rigid.usual_step, {"scene": SCENE, "method": rigid.integrator("verlet")}),
     Call(shape, {"body": CUBE}),
 ]
 

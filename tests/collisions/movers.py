@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from springgym.dynamics.stepping import DYNAMICS
+from springgym.dynamics.stepping import plan_steps
 from springgym.model.bodies import (
     Body,
     ball,
@@ -107,8 +107,7 @@ def alone(of: Scene, on: str) -> Scene:
 
 def automatic(of: Scene, dynamics: str) -> float:
     """Return the default step of a scene [s]."""
-    kind = DYNAMICS[dynamics]
-    return float(kind.automatic_step(of, kind.integrator(kind.default(of))))
+    return plan_steps(of, dynamics=dynamics).step
 
 
 def axes_of(on: str, tilt: float) -> np.ndarray:

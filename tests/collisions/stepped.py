@@ -15,12 +15,11 @@ from springgym.checks import HUGE
 from springgym.core.language import ragged
 from springgym.core.language.blocks import numbers, to_copies
 from springgym.core.language.kinds import Each
-from springgym.dynamics import packing
+from springgym.dynamics import packing, stepping
 from springgym.dynamics.contact.round import packed_rounds
 from springgym.dynamics.records import PAIR_TOTALS, Pairs, Turning
-from springgym.dynamics.stability import Vibrations
+from springgym.dynamics.stepping import StepRequirements
 from springgym.dynamics.terms import Drive, Terms, Thrust, Wrench
-from springgym.envs.episodes import Episodes
 from springgym.model.scene import Scene
 from springgym.model.surfaces import Contact, Plane
 from springgym.simulator import Simulator
@@ -113,10 +112,10 @@ def all_kinds_of_terms() -> Iterator[None]:
     make_workspaces = packing.workspaces
     actuators = packing._actuators
     stack = ragged.stacked
-    cycles_in = Episodes._cycles_in
+    cycles_in = stepping._cycles_in
 
-    def in_cycles(self: Episodes, of: Vibrations, steps: int, exactly: bool) -> tuple[int, int]:
-        return (steps, 1) if self.task.scene.can_touch else cycles_in(self, of, steps, exactly)
+    def in_cycles(scene: Scene, task: StepRequirements, steps: int, exactly: bool) -> tuple[int, int]:
+        return (steps, 1) if scene.can_touch else cycles_in(scene, task, steps, exactly)
 
     def pack_whole(scene: Scene, twin: bool, options: packing.Options) -> Any:
         Packing.shares = shares_code(scene, options.method.name, twin)
@@ -202,7 +201,7 @@ def all_kinds_of_terms() -> Iterator[None]:
     with (
         mock.patch.multiple(packing, **changed, stacked=stacked),
         mock.patch.multiple(simulator, pack=pack_whole, stacked=stacked),
-        mock.patch.object(Episodes, "_cycles_in", in_cycles),
+        mock.patch.object(stepping, "_cycles_in", in_cycles),
     ):
         yield
 

@@ -16,9 +16,9 @@ from gymnasium.envs.registration import load_env_creator
 
 import springgym
 from springgym.dynamics.measures import MeasuresOfBodies
+from springgym.dynamics.stepping import MOST_STEPS
 from springgym.envs import tolerance
 from springgym.envs.base import SpringEnv, SpringVectorEnv, _Common
-from springgym.envs.episodes import MOST_STEPS
 from springgym.envs.observation import Situation
 from springgym.envs.options import Settings
 from springgym.envs.registration import ALL_IDS

@@ -39,7 +39,7 @@ def test_errors_stay_below_it(tolerance: float) -> None:
     assert 0 < errors.max() <= env.chosen.error * SAFETY <= tolerance
     assert errors.max() > tolerance / 2**env.episodes.simulator.integrator.order / SAFETY
     assert env.episodes.steps == env.chosen.steps
-    assert env.episodes.simulator.integrator.name == env.chosen.integrator
+    assert env.episodes.simulator.integrator == env.chosen.plan.method
 
 
 @pytest.mark.slow
@@ -74,7 +74,7 @@ def test_it_is_met_at_the_ends_of_ranges() -> None:
 @pytest.mark.slow
 def test_a_given_method_is_kept() -> None:
     env = batch(tolerance=1e-6, integrator="verlet").unwrapped
-    assert env.chosen.integrator == env.episodes.simulator.integrator.name == "verlet"
+    assert env.chosen.plan.method.name == env.episodes.simulator.integrator.name == "verlet"
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from springgym.checks import flag, instance, suggestion
+from springgym.checks import instance, suggestion
 from springgym.core.language.blocks import set_copies
 from springgym.dynamics.methods.record import Integrator
 from springgym.dynamics.rigid import motion
@@ -25,7 +25,6 @@ from springgym.dynamics.rigid.shape import (
     turns,
 )
 from springgym.dynamics.rigid.solid import Rigid
-from springgym.model.resolution import longest_step
 from springgym.model.scene import Scene
 
 __all__ = [
@@ -34,7 +33,6 @@ __all__ = [
     "Rigid",
     "Shape",
     "advance_kernel",
-    "automatic_step",
     "default",
     "integrator",
     "largest_step",
@@ -43,6 +41,7 @@ __all__ = [
     "settled",
     "shape_values",
     "terms",
+    "usual_step",
 ]
 
 TURN = 0.2
@@ -127,11 +126,6 @@ def integrator(name: str) -> Integrator:
     return METHODS[name].record
 
 
-def refusal(method: Integrator, scene: Scene, varying: Collection[str] = ()) -> str | None:
-    """Return None: `check_rigid` refuses scenes without a twin, and methods that do not suit them."""
-    return None
-
-
 def advance_kernel(
     name: str, read: Callable[..., None], surfaces: bool = False, together: bool = False, cycles: bool = False
 ) -> Callable[..., None]:
@@ -152,10 +146,10 @@ def largest_step(scene: Scene, method: Integrator) -> float:
     return method.imaginary_limit / rate if rate > 0 else math.inf
 
 
-def automatic_step(scene: Scene, method: Integrator, *, impacts: bool = True) -> float:
-    """Return the step used when none is given [s]: by `TURN`, `LONGEST`, `LONGEST_TOUCHING` and `CLOSER`.
+def usual_step(scene: Scene, method: Integrator) -> float:
+    """Return the default step [s], which may be too long for impacts, see `springgym.model.resolution`.
 
-    If ``impacts``, it also resolves contacts, see `springgym.model.resolution`.
+    It follows from `TURN`, `LONGEST`, `LONGEST_TOUCHING` and `CLOSER`.
 
     Raises
     ------
@@ -168,8 +162,6 @@ def automatic_step(scene: Scene, method: Integrator, *, impacts: bool = True) ->
     fastest = float(np.linalg.norm(scene.velocities, axis=1).max())
     if scene.meetings and fastest > 0:
         longest = min(longest, CLOSER * float(scene.meetings.reach.min()) / fastest)
-    if flag("impacts", impacts) and method.meets_surfaces:
-        longest = min(longest, longest_step(scene))
     return min(longest, TURN / rate) if rate > 0 else longest
 
 

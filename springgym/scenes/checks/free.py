@@ -8,7 +8,7 @@ from contextlib import suppress
 import numpy as np
 
 from springgym.checks import TINY
-from springgym.dynamics.stability import automatic_step
+from springgym.dynamics.stepping import default_step
 from springgym.model.bodies.body import inertia
 from springgym.model.bodies.precession import heavy_top
 from springgym.scenes.checks import needs
@@ -126,7 +126,7 @@ def energy(recording: Recording) -> list[Check]:
     m = recording.measures
     plan = recording.plan
     drift = float(np.abs(m.balance - m.balance[0]).max())
-    step = automatic_step(plan.scene, recording.integrator)  # a run with larger steps has no larger tolerance
+    step = default_step(plan.scene, recording.integrator)  # a run with larger steps has no larger tolerance
     tolerance = min(BALANCED * at_stake(plan), of_turning(plan, step))
     return [Check("change of energy", 0.0, drift, tolerance, "J")]
 
