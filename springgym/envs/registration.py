@@ -20,7 +20,7 @@ Tasks that are "sparse" are those of the same environments, rewarded only while 
 
 
 class Row(NamedTuple):
-    """An environment: its id, its module and class in `springgym.envs`, and its episodes."""
+    """An environment: its id, its module and class in `springgym.envs.tasks`, and its episodes."""
 
     id: str
     module: str
