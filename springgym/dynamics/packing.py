@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence, Set
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -152,9 +152,10 @@ def _shared(scene: Scene, options: Options) -> Terms:
                 f"{sorted(unused)[0]!r} cannot vary: the scene has no surfaces"
                 + ("" if unused == {"strength"} else ", and no bodies that collide as its contact says")
             )
-        blocks = {name: options.blocks(1) for name in varying & of_pairs}  # `varies` reads these
-        friction = blocks.get("friction")
-        loss = blocks.get("restitution")
+        if "friction" in varying:
+            friction = options.parameter({"friction"}, np.array([contact.friction]))
+        if "restitution" in varying and isinstance(contact, Contact):
+            loss = options.parameter({"restitution"}, loss_factor([contact.restitution]))
     else:
         kinds = (packed_kind(kind, [surfaces[n] for n in same]) for kind, same in by_kind(surfaces).items())
         packed = Surfaces(tuple(kinds), np.zeros(1), 1.0, math.inf, None, coupled(surfaces) or None)
@@ -461,7 +462,12 @@ def values(packed: Packed, name: str, index: np.ndarray) -> np.ndarray:
     if not varies(packed, name):
         of_body = getattr(packed.scene.body, name)
         return np.broadcast_to(of_body, (len(index), len(of_body)))
-    found = get_copies(PARAMETERS[name].stored(packed.terms), index).astype(float)
+    return in_order(packed, name, get_copies(PARAMETERS[name].stored(packed.terms), index))
+
+
+def in_order(packed: Packed, name: str, stored: np.ndarray) -> np.ndarray:
+    """Return values (k, …) of a parameter in the body's order, from those in the order they are stored in."""
+    found = stored.astype(float)
     if PARAMETERS[name].extent == "springs":
         found[:, packed.order] = found.copy()
     return found
@@ -512,50 +518,9 @@ def shadow_difference(packed: Packed, x: np.ndarray, v: np.ndarray, step: float,
     return np.asarray(step**2 / 24 * of_both)
 
 
-def vary_pairs(
-    collisions: Collisions | None, scene: Scene, index: np.ndarray, given: Sequence[Mapping[str, np.ndarray]]
-) -> None:
-    """Set the contact parameters of all pairs that have the scene's contact, in some copies (k,).
-
-    The values (k,) are ``given`` by name for each body.
-    """
-    contact = scene.contact
-    if collisions is None or not isinstance(contact, Contact) or not _as_the_scene_says(scene).any():
-        return
-    of = _as_the_scene_says(scene)
-    pairs = collisions.pairs
-    arrays = {"friction": pairs.friction, "restitution": pairs.loss, "strength": pairs.strength}
-    for name, array in arrays.items():
-        if name in given[0] and array is not None and array.dtype.names:
-            rows = get_copies(array, index)
-            value = given[0][name]
-            if name == "strength":
-                rows[:, pairs.among :] = np.stack([own[name] for own in given], axis=1)
-            else:
-                rows[:, of] = (loss_factor(value) if name == "restitution" else value)[:, None]
-            set_copies(array, index, rows)
-
-
-def vary(
-    packed: Packed,
-    index: np.ndarray,
-    time: float,
-    given: Mapping[str, np.ndarray],
-    shapes: list[dict[str, np.ndarray]],
-) -> None:
-    """Set parameters of some copies (k,), and the values that follow from them.
-
-    Parameters
-    ----------
-    time
-        Time for which dampers act at once [s].
-    given
-        Checked values by name, each (k, …).
-    shapes
-        `rigid.shape_values` of each copy in rigid dynamics, if masses or lengths are given.
-    """
-    terms = packed.terms
-    renew(terms, index)
+def vary(packed: Packed, index: np.ndarray, given: Mapping[str, np.ndarray]) -> None:
+    """Set parameters of some copies (k,) to checked values by name, each (k, …); then `derive` the rest."""
+    renew(packed.terms, index)
     for name, value in given.items():
         if name == "restitution":
             value = loss_factor(value)
@@ -563,15 +528,57 @@ def vary(
             value = value[:, None]
         elif PARAMETERS[name].extent == "springs":
             value = value[:, packed.order]
-        set_copies(PARAMETERS[name].stored(terms), index, value)
-    if "masses" in given:
-        set_copies(terms.particles.inverse_mass, index, terms.particles.free / given["masses"])
+        set_copies(PARAMETERS[name].stored(packed.terms), index, value)
+
+
+def derive(
+    packed: Packed, index: np.ndarray, time: float, names: Set[str], shapes: list[dict[str, np.ndarray]]
+) -> None:
+    """Set the values of some copies (k,) that follow from parameters that have changed.
+
+    Parameters
+    ----------
+    time
+        Time for which dampers act at once [s].
+    names
+        Names of these parameters.
+    shapes
+        `rigid.shape_values` of each copy in rigid dynamics, if masses or lengths have changed.
+    """
+    terms = packed.terms
+    if "masses" in names:
+        inverse = terms.particles.free / values(packed, "masses", index)
+        set_copies(terms.particles.inverse_mass, index, inverse)
     if packed.twin and shapes:
         rigid.set_shapes(packed.twin, index, shapes)
-    if terms.dampers and given.keys() & {"masses", "damping"}:
+    if terms.dampers and names & {"masses", "damping"}:
         damping = values(packed, "damping", index)
         masses = values(packed, "masses", index)
         of = decays(packed.scene, packed.order, time, damping, masses)
         for arrays, decaying in zip((terms.dampers.half, terms.dampers.whole), of, strict=True):
             for array, value in zip(arrays, decaying, strict=True):
                 set_copies(array, index, value)
+
+
+def derive_pairs(
+    collisions: Collisions | None, scene: Scene, index: np.ndarray, parts: Sequence[Packed], names: Set[str]
+) -> None:
+    """Set the contact parameters of all pairs that have the scene's contact, in some copies (k,).
+
+    They follow from those of the scene and of its bodies, of which some have changed.
+    """
+    contact = scene.contact
+    of = _as_the_scene_says(scene)
+    if collisions is None or not isinstance(contact, Contact) or not of.any():
+        return
+    pairs = collisions.pairs
+    arrays = {"friction": pairs.friction, "restitution": pairs.loss, "strength": pairs.strength}
+    for name, array in arrays.items():
+        if name in names and array is not None and array.dtype.names:
+            rows = get_copies(array, index)
+            own = np.hstack([get_copies(PARAMETERS[name].stored(part.terms), index) for part in parts])
+            if name == "strength":
+                rows[:, pairs.among :] = own
+            else:
+                rows[:, of] = own[:, :1]
+            set_copies(array, index, rows)

@@ -78,7 +78,7 @@ class Dynamics(NamedTuple):
     """returns the positions (k, N, 3) of particles that are placed in copies (k,); None if they do not
     change"""
     follow: Callable[[Packed, np.ndarray, Mapping[str, np.ndarray], StepPlan], Any]
-    """checks parameters for copies (k,), and returns the values that `packing.vary` sets with them"""
+    """checks parameters for copies (k,), and returns the values that `packing.derive` sets with them"""
 
 
 # --- The choice of steps ------------------------------------------------------------------------------------

@@ -17,13 +17,13 @@ from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers import TimeLimit
 from numpy.typing import ArrayLike
 
-from springgym.checks import chosen, hides, indices, instance, refuse_unknown, shown, whole
+from springgym.checks import chosen, flag, hides, indices, instance, refuse_unknown, shown, whole
 from springgym.core.guard import Guard, guarded
 from springgym.envs.episodes import NOT_BEGUN, Episodes, StartedEpisodes
 from springgym.envs.options import Autoreset, Settings, arguments, plain
 from springgym.envs.task import Task
 from springgym.envs.tolerance import SAFETY, Choice, chosen_for
-from springgym.model.identity import check_sealed, sealed
+from springgym.model.identity import check_array, check_keys
 from springgym.rendering import Renderer
 
 
@@ -180,8 +180,8 @@ class _Common(Stateful):
 class SingleEnv(_Common):
     """An environment of one copy, for one agent or several: its state, random generator and pictures."""
 
-    also_stored: ClassVar[tuple[str, ...]] = ()
-    """names of further lists in the state"""
+    also_stored: ClassVar[Mapping[str, Sequence[str]]] = {}
+    """names of further lists in the state, and the names that each may hold"""
     _np_random: np.random.Generator | None = None
     _np_random_seed: int | None = None
 
@@ -235,37 +235,40 @@ class SingleEnv(_Common):
     @guarded
     def get_state(self) -> dict[str, Any]:
         """Return the full state, with clock and random generator, for `set_state`."""
-        return sealed(
-            {
-                "episodes": self.episodes.state(),
-                "rng": self.np_random.bit_generator.state,
-                "seed": self.np_random_seed,
-                "ready": not self.episodes.unready,
-                **{name: list(getattr(self, name)) for name in self.also_stored},
-            }
-        )
+        return {
+            "episodes": self.episodes.state(),
+            "rng": self.np_random.bit_generator.state,
+            "seed": self.np_random_seed,
+            "ready": not self.episodes.unready,
+            **{name: list(getattr(self, name)) for name in self.also_stored},
+        }
 
     @guarded
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Restore a state exactly: the same actions then give bit-identical results.
 
-        Wrappers do not change: the time limit that `gymnasium.make` adds continues to count from where it
-        was. `springgym.set_state` sets it, too.
+        The state may have been edited, see `springgym.set_state`. Wrappers do not change: the time limit that
+        `gymnasium.make` adds continues to count from where it was. `springgym.set_state` sets it, too.
 
         Raises
         ------
-        ValueError
-            If the state was edited, or belongs to an environment that differs in more than its time limit;
-            the message says how. Nothing changes then.
+        TypeError, ValueError
+            If the state belongs to an environment that differs in more than its time limit, or holds what no
+            state can; the message says how. Nothing changes then.
         """
-        _check_keys(state, (*OF_ONE, *self.also_stored))
-        check_sealed(state)
+        check_keys("state", state, (*OF_ONE, *self.also_stored))
+        rng = _restored("state['rng']", state["rng"])
+        seed = whole("state['seed']", state["seed"], -1, high=np.inf)
+        ready = flag("state['ready']", state["ready"])
+        stored = {}
+        for name, known in self.also_stored.items():
+            own = instance(f"state[{name!r}]", state[name], list)
+            stored[name] = [chosen(f"a name in state[{name!r}]", one, known) for one in own]
         self.episodes.restore(state["episodes"])
-        self._np_random = _restored(state["rng"])
-        self._np_random_seed = state["seed"]
-        for name in self.also_stored:
-            setattr(self, name, list(state[name]))
-        self.episodes.unready = "" if state["ready"] else NOT_BEGUN
+        self._np_random = rng
+        self._np_random_seed = seed
+        vars(self).update(stored)
+        self.episodes.unready = "" if ready else NOT_BEGUN
         self._show_begin()
 
     def close(self) -> None:
@@ -568,15 +571,15 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
             If there are no such copies.
         """
         own = self._some(copies)
-        return sealed(
-            {
-                "episodes": self.episodes.state(None if copies is None else own),
-                "rng": [self.np_random[n].bit_generator.state for n in own],
-                "seed": [self.np_random_seed[n] for n in own],
-                "ready": not self.episodes.unready,
-                "ended": self._ended[own],
-            }
-        )
+        generators = self.np_random
+        seeds = self.np_random_seed
+        return {
+            "episodes": self.episodes.state(None if copies is None else own),
+            "rng": [generators[n].bit_generator.state for n in own],
+            "seed": [seeds[n] for n in own],
+            "ready": not self.episodes.unready,
+            "ended": self._ended[own],
+        }
 
     @guarded
     def set_state(self, state: Mapping[str, Any], copies: ArrayLike | None = None) -> None:
@@ -595,9 +598,9 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         Raises
         ------
         TypeError, ValueError
-            If the state was edited, or belongs to an environment that differs in more than its time limit and
-            number of copies; the message says how. If there are no such copies. If no episode has begun in
-            the state, or in copies here that are not set. Nothing changes then.
+            If the state belongs to an environment that differs in more than its time limit and number of
+            copies, or holds what no state can; the message says how. If there are no such copies. If no
+            episode has begun in the state, or in copies here that are not set. Nothing changes then.
         """
         own = self._some(copies)
         single = isinstance(state, Mapping) and set(state) == set(OF_ONE)
@@ -605,24 +608,27 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
             raise ValueError(
                 "the state is that of a single environment; name copies, those that are to continue it"
             )
-        _check_keys(state, OF_ONE if single else (*OF_ONE, "ended"))
+        check_keys("state", state, OF_ONE if single else (*OF_ONE, "ended"))
         where = None if copies is None else own
         count = self.episodes.count_in(state["episodes"], where)
-        check_sealed(state)
         if single:
-            state = {**state, "rng": [state["rng"]], "seed": [state["seed"]], "ended": False}
+            state = {**state, "rng": [state["rng"]], "seed": [state["seed"]], "ended": np.zeros(1, bool)}
+        check_array("ended", state["ended"], (count,), self._ended.dtype)
+        rngs = _list_of(count, "rng", state)
+        known = [whole("state['seed']", seed, -1, high=np.inf) for seed in _list_of(count, "seed", state)]
+        ready = flag("state['ready']", state["ready"])
         if copies is not None:
-            self._check_begun(state["ready"], own)
-        self.episodes.restore(state["episodes"], where)
+            self._check_begun(ready, own)
         generators = list(self.np_random)
         seeds = list(self.np_random_seed)
         for n, copy in enumerate(own):
-            generators[copy] = _restored(state["rng"][n % count])
-            seeds[copy] = state["seed"][n % count]
+            generators[copy] = _restored("state['rng']", rngs[n % count])
+            seeds[copy] = known[n % count]
+        self.episodes.restore(state["episodes"], where)
         self._generators = generators
         self._seeds = seeds
         self._ended[own] = state["ended"]
-        self.episodes.unready = "" if state["ready"] else NOT_BEGUN
+        self.episodes.unready = "" if ready else NOT_BEGUN
         self._show_new(own)
 
     def _some(self, copies: ArrayLike | None) -> np.ndarray:
@@ -675,7 +681,9 @@ def get_state(env: object, copies: ArrayLike | None = None) -> dict[str, Any]:
 def set_state(env: Any, state: Mapping[str, Any], copies: ArrayLike | None = None) -> None:
     """Set the state that `get_state` returned, to the bit, in an environment or in copies of a native batch.
 
-    The same actions then have the same results. The time limit that `gymnasium.make` adds is set, too.
+    The same actions then have the same results. The time limit that `gymnasium.make` adds is set, too. The
+    state may have been edited: the episode then continues from the edited positions, velocities, goals or
+    factors, see `springgym.simulator.Simulator.state`.
 
     Parameters
     ----------
@@ -692,7 +700,7 @@ def set_state(env: Any, state: Mapping[str, Any], copies: ArrayLike | None = Non
     TypeError
         If it is not an environment of springgym, or if it is a loop of Gymnasium's over several; or if
         copies are named, and it is not a native batch.
-    ValueError
+    TypeError, ValueError
         If the state does not fit this environment, see `SingleEnv.set_state`, or there are no such copies.
         Nothing changes then.
     """
@@ -731,24 +739,41 @@ def _named(own: object, copies: ArrayLike | None) -> tuple[ArrayLike, ...]:
     return () if copies is None else (copies,)
 
 
-def _check_keys(state: object, keys: Sequence[str]) -> None:
-    if not isinstance(state, Mapping) or set(state) != set(keys):
-        given = f"is {shown(state)}"
-        if isinstance(state, Mapping):
-            given = f"holds {', '.join(map(str, state)) or 'nothing'}"
-        raise ValueError(
-            f"state does not belong to this environment: it {given}; it must hold {', '.join(keys)}"
-        )
-
-
-OF_ONE = ("episodes", "rng", "seed", "ready", "checksums")
+OF_ONE = ("episodes", "rng", "seed", "ready")
 """The keys in the state of a single environment; the state of a batch has "ended", too."""
 
 
-def _restored(state: Mapping[str, Any]) -> np.random.Generator:
-    """Return a random generator with a given state."""
-    bits = getattr(np.random, state["bit_generator"])(0)
-    bits.state = state
+def _list_of(count: int, name: str, state: Mapping[str, Any]) -> list[Any]:
+    """Return an entry of the state of a batch that is a list with one thing for each copy."""
+    given: list[Any] = instance(f"state[{name!r}]", state[name], list)
+    if len(given) != count:
+        raise ValueError(f"state[{name!r}] has {len(given)} entries; it must have {count}, one for each copy")
+    return given
+
+
+class _Unseeded(np.random.bit_generator.ISeedSequence):
+    """The seed of generators whose state is set at once; to compute one takes several times as long."""
+
+    def generate_state(self, n_words: int, dtype: Any = np.uint32) -> np.ndarray:
+        return np.zeros(n_words, dtype)
+
+
+def _restored(name: str, state: Any) -> np.random.Generator:
+    """Return a random generator with a given state.
+
+    Raises
+    ------
+    ValueError
+        If it is not the state of a generator of NumPy.
+    """
+    try:
+        kind = getattr(np.random, state["bit_generator"])
+        bits: Any = kind(_Unseeded()) if issubclass(kind, np.random.BitGenerator) else None
+        bits.state = state
+    except Exception:  # NumPy raises many kinds
+        raise ValueError(
+            f"{name} is {shown(state)}; it must be the state of a random generator of NumPy"
+        ) from None
     return np.random.Generator(bits)
 
 

@@ -29,7 +29,7 @@ from springgym.envs.observation import Situation
 from springgym.envs.options import Settings, mapping
 from springgym.envs.randomisation import NOMINAL
 from springgym.envs.task import SUCCESS, TERMINATED, Task
-from springgym.model.identity import check_same, check_sealed, sealed
+from springgym.model.identity import check_array, check_keys, check_same
 from springgym.model.scene import squared_lengths
 from springgym.rendering import Marks
 from springgym.simulator import STRAIN_LIMIT, Simulator, copies_in, most_copies
@@ -80,7 +80,11 @@ class Part(NamedTuple):
 
 
 STATE = ("goal", "memory", "time", "factors", "elapsed", "held", "balance", "action", "out", "diverged")
-"""Arrays of `Episodes` that change; the strength of the actuators follows from the factors."""
+"""Arrays of `Episodes` that change; strengths of actuators and parameters of the simulator follow from the
+factors."""
+
+ALWAYS_FINITE = ("time", "factors", "action")
+"""Arrays of `STATE` whose numbers are finite even after divergence."""
 
 OF_PAIRS = ("pairs_touching", "pairs_impulse", "pairs_min_gap", "pairs_late_contacts", "coarse_contacts")
 """Names in ``info`` of the fields of `springgym.dynamics.contacts.PairSums`, in their order."""
@@ -243,7 +247,7 @@ class Episodes:
             )
         if check:
             self._check_strain(positions, drawn)
-        before = [self._drawn(copy) for copy in copies] if self.ranges else []
+        before = list(map(self._drawn, self.factors[copies])) if self.ranges else []
         was = self.unready
         self.unready = BROKEN_OFF
         try:
@@ -507,9 +511,9 @@ class Episodes:
 
     # --- Randomisation ----------------------------------------------------------------------------
 
-    def _drawn(self, copy: int) -> dict[str, float]:
-        """Return the factors of a copy's episode."""
-        return {**NOMINAL, **dict(zip(self.ranges, self.factors[copy], strict=True))}
+    def _drawn(self, factors: np.ndarray) -> dict[str, float]:
+        """Return by name the factors of an episode, of which those with ranges are given."""
+        return {**NOMINAL, **dict(zip(self.ranges, factors, strict=True))}
 
     def _vary(self, copies: np.ndarray, drawn: Sequence[Mapping[str, float]]) -> None:
         """Set the parameters of some copies (k,) by their factors."""
@@ -517,8 +521,6 @@ class Episodes:
             return
         if values := self._parameters(drawn):
             self.simulator.vary(copies, **values)
-            if self.error is not None:
-                self.error.finer.vary(copies, **values)
         self._note(copies, drawn)
 
     def _parameters(self, drawn: Sequence[Mapping[str, float]]) -> dict[str, np.ndarray]:
@@ -526,7 +528,7 @@ class Episodes:
         each = [randomisation.parameters(self.simulator.scene, self.ranges, factors) for factors in drawn]
         return {name: np.stack([own[name] for own in each]) for name in each[0]}
 
-    def _note(self, copies: np.ndarray, drawn: Sequence[Mapping[str, float]]) -> None:
+    def _note(self, copies: np.ndarray | slice, drawn: Sequence[Mapping[str, float]]) -> None:
         """Store the factors of some copies (k,)."""
         self.factors[copies] = [[factors[name] for name in self.ranges] for factors in drawn]
         self.strength[copies] = [[factors["actuator"]] for factors in drawn]
@@ -537,10 +539,13 @@ class Episodes:
         """Return a copy of the state of some copies (k,) or all, with the identity of the environment."""
         own = slice(None) if copies is None else copies
         arrays = {name: getattr(self, name)[own].copy() for name in STATE}
-        return sealed({"of": dict(self._of), **arrays, "simulator": self.simulator.state(copies)})
+        simulator = self.simulator.state(copies, parameters=False)
+        return {"of": dict(self._of), **arrays, "simulator": simulator}
 
     def restore(self, state: Mapping[str, Any], copies: np.ndarray | None = None) -> None:
-        """Restore a state that `state` returned, exactly. The copies are `unready` afterwards, as by `begin`.
+        """Restore a state that `state` returned, exactly, or one that was edited since.
+
+        The copies are `unready` afterwards, as by `begin`.
 
         Parameters
         ----------
@@ -552,26 +557,45 @@ class Episodes:
         Raises
         ------
         TypeError, ValueError
-            If the state belongs to something else, or was edited. Nothing changes then.
+            If the state belongs to something else, or holds what no state can. Nothing changes then.
         """
-        self.count_in(state, copies)
-        check_sealed(state)
+        count = self.count_in(state, copies)
+        for name in STATE:
+            own = getattr(self, name)
+            check_array(name, state[name], (count, *own.shape[1:]), own.dtype, name in ALWAYS_FINITE)
+        for column, most in self.task.counts_in_goal:
+            values = state["goal"][:, column]
+            possible = (values >= 0) & (values <= most) & (values == np.floor(values))
+            if not possible.all():
+                wrong = values[np.argmin(possible)]
+                raise ValueError(
+                    f"state['goal'] has {wrong:g} in column {column}; it must be whole, from 0 to {most}"
+                )
+        chosen = slice(None) if copies is None else copies
+        drawn: list[dict[str, float]] = []
+        if self.ranges and not (self.factors[chosen] == state["factors"]).all():
+            self._check_factors(state["factors"])
+            given = np.broadcast_to(state["factors"], self.factors[chosen].shape)
+            drawn = list(map(self._drawn, given))
         was = self.unready
         self.unready = BROKEN_OFF
         try:
-            self.simulator.restore(state["simulator"], copies)
+            parameters = self._parameters(drawn) if drawn else {}
+            self.simulator.restore(state["simulator"], copies, parameters=parameters)
         except (TypeError, ValueError):  # an option is refused
             self.unready = was
             raise
-        copies = np.arange(self.copies) if copies is None else copies
         for name in STATE:
-            getattr(self, name)[copies] = state[name]
-        if self.ranges:
-            drawn = [self._drawn(copy) for copy in copies.tolist()]
-            self._note(copies, drawn)
-            if self.error is not None and (parameters := self._parameters(drawn)):
-                self.error.finer.vary(copies, **parameters)
+            getattr(self, name)[chosen] = state[name]
+        if drawn:
+            self._note(chosen, drawn)
         self.simulator.read(copies)
+
+    def _check_factors(self, factors: np.ndarray) -> None:
+        """Raise ValueError if a factor (k, factors) is outside of the range that it and 1 are in."""
+        for (name, (low, high)), column in zip(self.ranges.items(), factors.T, strict=True):
+            what = f"state['factors'] of {name!r}"
+            checks.array(what, column, column.shape, low=min(low, 1.0), high=max(high, 1.0))
 
     def count_in(self, state: Mapping[str, Any], copies: np.ndarray | None) -> int:
         """Return the number of copies that a state for copies (k,) may hold: k or 1, or all if None.
@@ -581,8 +605,7 @@ class Episodes:
         TypeError, ValueError
             If the state has neither one nor k copies, or belongs to something else.
         """
-        if not isinstance(state, Mapping) or set(state) != {"of", "simulator", "checksums", *STATE}:
-            raise ValueError("state is not the state of a springgym environment")
+        check_keys("state['episodes']", state, ("of", *STATE, "simulator"))
         check_same("the state", state["of"], self._of)
         return self.copies if copies is None else copies_in(state["simulator"], len(copies))
 

@@ -61,7 +61,7 @@ class ParallelDuel(SingleEnv, ParallelEnv):
     """
 
     task_type = SpringDuel
-    also_stored = ("agents",)
+    also_stored: ClassVar = {"agents": AGENTS}
     metadata: ClassVar[dict[str, Any]] = {
         **SpringEnv.metadata,
         "name": "SpringDuel-v0",

@@ -28,10 +28,10 @@ try:
 except ImportError as error:
     raise ImportError(missing("springgym.envs.sb3", "Stable-Baselines3", "agents")) from error
 
-from springgym.envs.base import SpringVectorEnv, Stateful, _check_keys, _own, get_state, set_state
+from springgym.envs.base import SpringVectorEnv, Stateful, _own, get_state, set_state
 from springgym.envs.options import mapping
 from springgym.envs.starts import spawn_seeds
-from springgym.model.identity import check_sealed, sealed
+from springgym.model.identity import check_array, check_keys
 
 __all__ = ["Monitor", "SB3VecEnv", "StaggeredMonitor", "make_sb3"]
 
@@ -203,18 +203,20 @@ class Monitor(Stateful, VecMonitor):
     def get_state(self) -> dict[str, Any]:
         """Return the state of the vector environment, and the counts of the monitor."""
         counts = {name: getattr(self, name).copy() for name in self.counted}
-        return sealed({"env": get_state(self.venv), **counts})
+        return {"env": get_state(self.venv), **counts}
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Restore a state exactly: the same actions then give bit-identical results.
 
         Raises
         ------
-        ValueError
-            If the state is not one of this environment. Nothing is changed then.
+        TypeError, ValueError
+            If the state is not one of this environment, or holds what no state can. Nothing is changed then.
         """
-        _check_keys(state, ("env", "checksums", *self.counted))
-        check_sealed(state)
+        check_keys("state", state, ("env", *self.counted))
+        for name in self.counted:
+            own = getattr(self, name)
+            check_array(name, state[name], own.shape, own.dtype)
         set_state(self.venv, state["env"])
         for name in self.counted:
             getattr(self, name)[:] = state[name]

@@ -106,6 +106,8 @@ class Task:
     parameters: np.ndarray = np.zeros(0)
     """parameters of the task for ``evaluate`` and ``observe_features``"""
     goal_size: ClassVar[int] = 0
+    counts_in_goal: tuple[tuple[int, int], ...] = ()
+    """(column, largest value) of whole numbers from 0 in the goal, such as indices; no state holds others"""
     memory: ClassVar[Sequence[float]] = ()
     """the K numbers of the memory before the first call of ``remember``"""
     period: ClassVar[float] = 0.02

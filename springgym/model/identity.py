@@ -1,14 +1,15 @@
-"""Identities and checksums, for refusing states of other objects, and states that were edited."""
+"""Identities, for refusing states of other objects, and checks of what states hold."""
 
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
 
-from springgym.checks import shown
+from springgym.checks import instance, shown, sum_of_squares
 
 
 def digest(value: object) -> str:
@@ -56,6 +57,8 @@ def check_same(
     """
     if not isinstance(theirs, Mapping):
         raise ValueError(f"{what} does not say what it belongs to: its 'of' is {shown(theirs)}")
+    if _equal(theirs, own):
+        return
     for name in [*own, *(name for name in theirs if name not in own)]:
         if name not in but and not _equal(given := theirs.get(name), here := own.get(name)):
             raise ValueError(
@@ -63,32 +66,48 @@ def check_same(
             )
 
 
-def sealed(state: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a state with checksums of its entries, by which `check_sealed` detects edits."""
-    return {**state, "checksums": _checksums(state)}
-
-
-def check_sealed(state: Mapping[str, Any]) -> None:
-    """Raise ValueError if a state was edited since it was `sealed`.
+def check_keys(name: str, state: object, keys: Collection[str]) -> None:
+    """Raise an error if a state, or a part of one, is not a mapping with exactly these keys.
 
     Raises
     ------
+    TypeError
+        If it is no mapping.
     ValueError
-        The message names the first entry that differs.
+        If a key is missing, or there is one too many; the message names it.
     """
-    given = state["checksums"]
-    for name, checksum in _checksums(state).items():
-        if not isinstance(given, Mapping) or given.get(name) != checksum:
-            raise ValueError(f"state[{name!r}] was edited; a state can only be set as it was taken")
+    given = instance(name, state, Mapping).keys()
+    if given != set(keys):
+        wrong = sorted(map(str, given ^ set(keys)))[0]
+        has = "holds" if wrong in given else "lacks"
+        raise ValueError(f"{name} {has} {wrong!r}; it must hold {', '.join(keys)}")
 
 
-def _checksums(state: Mapping[str, Any]) -> dict[str, str]:
-    """Return a digest of each entry, or of its checksums; identities are left to `check_same`."""
-    return {
-        name: digest(value.get("checksums", value) if isinstance(value, Mapping) else value)
-        for name, value in state.items()
-        if name not in ("of", "checksums")
-    }
+def check_array(
+    name: str, value: object, shape: tuple[int, ...], dtype: np.dtype[Any], finite: bool = False
+) -> None:
+    """Raise an error if an entry of a state is not an array of a shape and a dtype, of finite numbers if so
+    said.
+
+    Raises
+    ------
+    TypeError
+        If it is no array.
+    ValueError
+        If its shape or dtype is another, or a number is not finite.
+    """
+    if value.__class__ is not np.ndarray:
+        raise TypeError(f"state[{name!r}] is {shown(value)}; it must be an array")
+    array: Any = value
+    if array.shape != shape or array.dtype != dtype:
+        raise ValueError(
+            f"state[{name!r}] is an array of {array.dtype} of shape {array.shape}; "
+            f"it must be one of {dtype} of shape {shape}"
+        )
+    if finite:
+        numbers = array["lanes"] if dtype.names else array
+        if not math.isfinite(sum_of_squares(numbers)) and not np.isfinite(numbers).all():
+            raise ValueError(f"state[{name!r}] holds a number that is not finite")
 
 
 def _equal(one: object, other: object) -> bool:

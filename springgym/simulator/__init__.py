@@ -32,6 +32,7 @@ from springgym.core.language.blocks import (
     chosen_copies,
     flat_numbers,
     get_copies,
+    layout_for,
     numbers,
     put,
     to_copies,
@@ -50,7 +51,7 @@ from springgym.dynamics.methods.clock import Clock
 from springgym.dynamics.methods.record import STEP_COUNTS, Control, Phase
 from springgym.dynamics.packing import PARAMETERS, Options, Packed, pack
 from springgym.dynamics.stepping import DYNAMICS, StepPlan, plan_steps
-from springgym.model.identity import check_same, check_sealed, sealed
+from springgym.model.identity import check_array, check_keys, check_same
 from springgym.model.resolution import (
     GROSS,
     PossibleContacts,
@@ -86,8 +87,34 @@ NEIGHBOURS = 6
 FEWEST = 64
 """Least number of steps of one compiled call at any cost, as a call begins and ends with half a step."""
 
-OF_A_STEP = ("terms.dampers.half", "terms.dampers.whole", "terms.last", "terms.cycle")
+OF_A_STEP = ("terms.last", "terms.cycle")
 """Arrays of `Simulator._changing` that describe the current or the last step."""
+
+FOLLOWING = (
+    "terms.particles.inverse_mass",
+    "terms.dampers.half",
+    "terms.dampers.whole",
+    "terms.collisions.pairs",
+    "terms.collisions.stored",
+    "twin",
+)
+"""Arrays that follow from parameters or from totals of contacts, and so are not part of the state."""
+
+MAY_DIVERGE = (
+    "x",
+    "v",
+    "ledger",
+    "terms.last.half_change",
+    "terms.surfaces.totals",
+    "terms.collisions.totals",
+    "terms.collisions.warm.impulse",
+    "terms.collisions.warm.friction",
+    "terms.collisions.warm.couple",
+)
+"""Arrays of the state that may hold NaN, in copies that have diverged."""
+
+MARKS = ("terms.cycle.marks", "terms.last.sweep", "terms.collisions.fresh", "terms.collisions.warm.in_use")
+"""Arrays of the state whose numbers are 0 or one other: the steps of a cycle, or 1."""
 
 GOES_FORWARD = ("integrator", "step", "damping_every", "tolerance")
 """Names of properties in which a simulator may differ from the one whose state it takes over."""
@@ -268,6 +295,10 @@ class Simulator:
         self._boxes = np.zeros((len(shares), bodies + 1, 2, 3))
         self._shown = np.zeros((self.copies, len(scene.meetings)), bool)
         self._varying = sorted(varying)
+        if self.dtype != np.float64:  # what was packed follows from parameters before they were rounded
+            names = {"masses", "lengths"}.intersection(varying)
+            rounded = [{name: packing.values(own, name, self._all) for name in names} for own in self._packed]
+            self._derive(self._all, self._followed(self._all, rounded))
         self._actuators = self._actuated()
         self._advance = self._kernel()
         self._check_settled(scene.positions[None], scene.velocities[None], np.zeros(1, int))
@@ -594,17 +625,15 @@ class Simulator:
             rows = self._rows(
                 name, value, index, shapes[0] if shared else (int(ends[-1]),), parameter.least, parameter.most
             )
+            if name in ("masses", "lengths"):  # what follows from them must follow from what is stored
+                rows = rows.astype(self.dtype).astype(float)
             parts = [rows] * len(given) if shared else np.split(rows, ends[1:-1], axis=1)
             for own, shape, part in zip(given, shapes, parts, strict=True):
                 own[name] = part if shape or shared else part[:, 0]
-        plan = StepPlan(self.integrator, self.step, self.damping_every, self.largest_step)
-        follows = [
-            self._kind.follow(packed, index, own, plan)
-            for packed, own in zip(self._packed, given, strict=True)
-        ]
-        for packed, own, of in zip(self._packed, given, follows, strict=True):
-            packing.vary(packed, index, self.damping_every * self.step, own, of)
-        packing.vary_pairs(self._terms.collisions, self.scene, index, given)
+        followed = self._followed(index, given)
+        for packed, own in zip(self._packed, given, strict=True):
+            packing.vary(packed, index, own)
+        self._derive(index, followed)
 
     @guarded
     def actuate(self, **values: Any) -> None:
@@ -643,15 +672,19 @@ class Simulator:
             put(lanes, self._all, rows, HUGE)
 
     @guarded
-    def state(self, copies: ArrayLike | None = None) -> dict[str, Any]:
+    def state(self, copies: ArrayLike | None = None, *, parameters: bool = True) -> dict[str, Any]:
         """Return a copy of the state, for `restore` of this simulator or of an equal one.
 
-        Besides the arrays, it holds the `identity` of the simulator and checksums.
+        It holds arrays by name, and as "of" the `identity` of the simulator. ``state["x"]["lanes"]`` are the
+        positions [m], (blocks, N, 3, copies of a block), and ``state["v"]["lanes"]`` the velocities [m/s].
+        You may edit an array: a state holds nothing twice, so the simulation continues from what was edited.
 
         Parameters
         ----------
         copies : (k,), optional
             The copies whose state is returned, as that of a simulator of k copies. The default is all.
+        parameters
+            Whether the state holds the parameters that vary.
 
         Raises
         ------
@@ -660,15 +693,16 @@ class Simulator:
         """
         index = self._index(copies)
         of = dict(self.identity)
+        own = self._changing if parameters else self._moves
         if copies is None:
-            arrays = {name: array.copy() for name, array in self._changing.items()}
+            arrays = {name: array.copy() for name, array in own.items()}
         else:
             of["copies"] = len(index)
             arrays = {
                 name: chosen_copies(array, index) if array.dtype.names else array[index]
-                for name, array in self._changing.items()
+                for name, array in own.items()
             }
-        return sealed({"of": of, **arrays})
+        return {"of": of, **arrays}
 
     @cached_property
     def identity(self) -> dict[str, Any]:
@@ -688,8 +722,14 @@ class Simulator:
         }
 
     @guarded
-    def restore(self, state: Mapping[str, Any], copies: ArrayLike | None = None) -> None:
-        """Restore a state that `state` returned, exactly.
+    def restore(
+        self,
+        state: Mapping[str, Any],
+        copies: ArrayLike | None = None,
+        *,
+        parameters: Mapping[str, ArrayLike] | None = None,
+    ) -> None:
+        """Restore a state that `state` returned, exactly, or one that was edited since.
 
         Parameters
         ----------
@@ -698,82 +738,189 @@ class Simulator:
         copies : (k,), optional
             The copies to set; the others do not change. The state then has k copies, or one for all of
             them. It may come from a simulator with any number of copies.
+        parameters
+            For a state without parameters: their values for `vary`. Those that are left out do not change.
 
         Raises
         ------
         TypeError
-            If ``state`` is not a state; nothing is changed.
+            If ``state`` is not a state, or something in it has the wrong type; nothing is changed.
         ValueError
-            If the state belongs to a different simulator (the message says what differs) or was edited, or
-            there are no such copies; nothing is changed.
+            If the state belongs to a different simulator (the message says what differs), an array has
+            another shape or dtype, a number is not finite except in the motion of a copy that has diverged,
+            `vary` would refuse a parameter, or there are no such copies; nothing is changed.
         """
         index = self._index(copies)
-        but = () if copies is None else ("copies",)
-        own = self._changing
-        names = {"of", "checksums", *own}
+        own = self._changing if parameters is None else self._moves
         given = checks.instance("state", state, Mapping)
         if "of" in given:
-            check_same("the state", given["of"], self.identity, but)
-        if given.keys() != names:
-            wrong = sorted(map(str, given.keys() ^ names))[0]
-            has = "holds" if wrong in given else "lacks"
-            raise ValueError(f"the state {has} {wrong!r}; it must belong to a simulator made like this one")
-        count = self.copies if copies is None else copies_in(state, len(index))
-        check_sealed(state)
-        if copies is None:
-            _set(own.values(), (state[name] for name in own))
+            check_same("the state", given["of"], self.identity, () if copies is None else ("copies",))
+        check_keys("state", given, ("of", *own))
+        count = self.copies if copies is None else copies_in(given, len(index))
+        for name, array in own.items():
+            self._check_array(name, given[name], array, None if copies is None else count)
+        rows = np.zeros(len(index), int) if count == 1 else self._all[:count]
+        if parameters is None:
+            varied = self._differing(index, given, rows)
         else:
-            self._set_some(index, state, count)
+            varied = []
+            if parameters:
+                self.vary(index, **parameters)
+        if copies is None:
+            _set(own.values(), (given[name] for name in own))
+        else:
+            self._set_some(index, given, rows, own)
+        self._derive(index, varied)
         self._recall()
 
-    def _set_some(self, index: np.ndarray, state: Mapping[str, Any], count: int) -> None:
-        """Set some copies (k,) to a state of ``count`` copies, k or one for all of them."""
-        rows = np.zeros(len(index), int) if count == 1 else np.arange(count)
+    def _check_array(self, name: str, value: Any, own: np.ndarray, count: int | None) -> None:
+        """Raise an error if a value cannot be that of an array in a state of ``count`` copies (None: all)."""
+        shape = own.shape
+        dtype = own.dtype
+        if count is not None and dtype.names:
+            shape, dtype = layout_for(own, count)
+        elif count is not None:
+            shape = (count, *shape[1:])
+        check_array(name, value, shape, dtype, name in self._always_finite)
+        if name in self._marks and value.tobytes() != own.tobytes():
+            most = self._marks[name]
+            lanes = numbers(value)
+            if not ((lanes == 0) | (lanes == most)).all():
+                raise ValueError(f"state[{name!r}] holds other numbers than 0 and {most}")
+
+    @cached_property
+    def _always_finite(self) -> frozenset[str]:
+        """Names of the arrays in a state whose numbers are finite even after divergence."""
+        return frozenset(name for name in self._changing if not name.startswith(MAY_DIVERGE))
+
+    @cached_property
+    def _marks(self) -> dict[str, int]:
+        """By the names of `MARKS` in a state, the number other than 0."""
+        return {
+            name: self.damping_every if name.startswith(MARKS[0]) else 1
+            for name in self._changing
+            if name.startswith(MARKS)
+        }
+
+    def _set_some(
+        self, index: np.ndarray, state: Mapping[str, Any], rows: np.ndarray, own: Mapping[str, np.ndarray]
+    ) -> None:
+        """Set some copies (k,) to copies ``rows`` (k,) of a state, in the arrays of our ``own``."""
         arrays = []
         values = []
         where = []
-        for name, array in self._changing.items():
+        for name, array in own.items():
             blocks = array.dtype.names is not None
             arrays.append(by_copies(array) if blocks else array)
             values.append(get_copies(state[name], rows) if blocks else state[name][rows])
             where.append((index // self.width, index % self.width) if blocks else index)
         _set(arrays, values, where)
 
+    def _differing(
+        self, index: np.ndarray, state: Mapping[str, np.ndarray], rows: np.ndarray
+    ) -> list[tuple[Packed, Set[str], Any]]:
+        """Return by body which parameters of copies (k,) a state with copies ``rows`` (k,) changes.
+
+        The rest is as in `_followed`.
+
+        Raises
+        ------
+        ValueError
+            If one is out of bounds, or makes the step unstable.
+        """
+        given: list[dict[str, np.ndarray]] = [{} for _ in self._packed]
+        for name, (key, start) in self._varied.items():
+            parameter = PARAMETERS[name]
+            for n, packed in enumerate(self._packed):
+                stored = state[key] if start is None else state[key][:, start[n] : start[n + 1]]
+                values = get_copies(stored, rows)
+                if not np.array_equal(values, get_copies(parameter.stored(packed.terms), index)):
+                    most = 1.0 if name == "restitution" else parameter.most
+                    checks.array(f"state[{key!r}]", values, values.shape, low=parameter.least, high=most)
+                    given[n][name] = packing.in_order(packed, name, values)
+        if not any(given):
+            return []
+        return self._followed(index, given)
+
+    def _followed(
+        self, index: np.ndarray, given: Sequence[Mapping[str, np.ndarray]]
+    ) -> list[tuple[Packed, Set[str], Any]]:
+        """Return, by body, the names of ``given`` parameters of copies (k,), and what follows from them.
+
+        Raises
+        ------
+        ValueError
+            If they make the step unstable.
+        """
+        plan = StepPlan(self.integrator, self.step, self.damping_every, self.largest_step)
+        return [
+            (packed, own.keys(), self._kind.follow(packed, index, own, plan))
+            for packed, own in zip(self._packed, given, strict=True)
+        ]
+
+    def _derive(self, index: np.ndarray, varied: Sequence[tuple[Packed, Set[str], Any]]) -> None:
+        """Set what follows from parameters of some copies (k,) that have just been set, see `_followed`."""
+        for packed, names, shapes in varied:
+            packing.derive(packed, index, self.damping_every * self.step, names, shapes)
+        names = {name for _, own, _ in varied for name in own}
+        if names:
+            packing.derive_pairs(self._terms.collisions, self.scene, index, self._packed, names)
+
+    @cached_property
+    def _varied(self) -> dict[str, tuple[str, np.ndarray | None]]:
+        """By the names of `PARAMETERS` that vary: the name in a state, and where the rows of bodies start."""
+        names = {id(array): name for name, array in self._changing.items()}
+        stored = {name: PARAMETERS[name].stored(self._terms) for name in self._varying}
+        return {
+            name: (names[id(own.values)], own.start) if isinstance(own, Ragged) else (names[id(own)], None)
+            for name, own in stored.items()
+        }
+
     def _recall(self) -> None:
         """Compute the quantities that follow from a new state, but are not part of the state."""
         if self._terms.collisions is not None:
             totals.find_changing(self._terms.collisions)
+            totals.share_energy(self._terms.collisions)
         self._find_unresolved(0, len(self._x))
 
     @guarded
     def take_over(self, other: Simulator) -> None:
         """Take over the state of another simulator of the same scene, and continue with a different step.
 
-        The state is bit-identical, except for the decay by dampers in a step. This decay follows from the
-        step of this simulator and from `vary`. With contact, or dampers that act once in several steps, the
-        copies start as if they had been placed.
+        The state is bit-identical. With contact, or dampers that act once in several steps, the copies start
+        as if they had been placed.
 
         Raises
         ------
         TypeError, ValueError
-            If the other simulator differs in more than `GOES_FORWARD`; nothing is changed.
+            If the other simulator differs in more than `GOES_FORWARD`, or its parameters make the step of
+            this one unstable; nothing is changed.
         """
         must = "; it must be made like this simulator but for its step"
         made = checks.instance("other", other, Simulator).identity
         check_same("other", made, self.identity, but=GOES_FORWARD, must=must)
         theirs = other._changing
+        varied = self._differing(self._all, theirs, self._all)
         own = {name: array for name, array in self._changing.items() if not name.startswith(OF_A_STEP)}
         _set(own.values(), (theirs[name] for name in own))
+        self._derive(self._all, varied)
         packing.renew(self._terms, self._all)
         self._recall()
 
     @cached_property
     def _changing(self) -> dict[str, np.ndarray]:
-        """Return by name the arrays that change: those of the motion, actuators and varied parameters."""
+        """Return by name the arrays of the state: those of the motion, actuators and varied parameters."""
         found = {"x": self._x, "v": self._v, "time": self.time}
         if self._ledger is not None:
             found["ledger"] = self._ledger
-        return found | dict(_blocks_in("terms", self._terms)) | dict(_blocks_in("twin", self._twin))
+        blocks = _blocks_in("terms", self._terms)
+        return found | {name: array for name, array in blocks if not name.startswith(FOLLOWING)}
+
+    @cached_property
+    def _moves(self) -> dict[str, np.ndarray]:
+        """Return by name the arrays of the state other than parameters that vary."""
+        parameters = {key for key, _ in self._varied.values()}
+        return {name: array for name, array in self._changing.items() if name not in parameters}
 
     # --- Time -------------------------------------------------------------------------------------
 
@@ -1297,7 +1444,7 @@ def copies_in(state: Mapping[str, Any], wanted: int) -> int:
         If the state has another number of copies, or no times of copies.
     """
     time = checks.instance("state", state, Mapping).get("time")
-    count = len(checks.instance("state['time']", time, np.ndarray))
+    count = np.size(checks.instance("state['time']", time, np.ndarray))
     if count not in (1, wanted):
         raise ValueError(
             f"the state holds {count} copies, but copies names {wanted}; it must hold {wanted} copies, or one"

@@ -6,6 +6,7 @@ import _thread
 import copy
 import math
 import pickle
+import re
 import signal
 import threading
 from collections.abc import Callable
@@ -24,7 +25,7 @@ from springgym.core.language.blocks import aligned_zeros, block_dtype, to_copies
 from springgym.dynamics.measures import AT, Measures
 from springgym.dynamics.packing import PARAMETERS as VARYING
 from springgym.model.bodies import cube, rope, top
-from springgym.model.scene import DriveActuator, Scene, ThrustActuator, WrenchActuator
+from springgym.model.scene import DriveActuator, Placed, Scene, ThrustActuator, WrenchActuator
 from springgym.model.surfaces import Contact, floor, loss_factor
 from springgym.simulator import PrecisionWarning, SimulationDivergedError, Simulator
 from tests.api.values import KINDS, NUMBERS, arguments, arrays, attempt, door
@@ -527,17 +528,30 @@ def test_only_one_of_the_same_scene_is_taken_over(options: dict[str, Any], diffe
     assert same(own.state(), before)
 
 
-def test_an_edited_state_is_refused_by_name_and_that_of_a_diverged_copy_returns() -> None:
+def test_nonsense_in_a_state_is_refused_by_name_and_that_of_a_diverged_copy_returns() -> None:
     simulator = everything()
     simulator.advance(2, check=False)
     good = simulator.state()
-    for name, array in good.items():
-        if name not in ("of", "checksums"):
-            wrong = array.copy()
-            (wrong if name == "time" else wrong["lanes"])[..., 4] = -0.1
-            for edited in (wrong, array[:0], array[None], None, array.tolist()):
-                with pytest.raises(ValueError, match=rf"state\['{name}'\] was edited"):
-                    simulator.restore(good | {name: edited})
+    finite = set(good) - {"of", "x", "v", "ledger", "terms.last.half_change", "terms.surfaces.totals"}
+    assert {"time", "terms.particles.mass", "terms.wrench.force", "terms.last.sweep"} < finite
+    for name in good.keys() - {"of"}:
+        array = good[name]
+        lost = array.copy()
+        (lost if name == "time" else lost["lanes"])[..., 4] = np.nan
+        other = array.astype(np.float32) if name == "time" else array["lanes"]
+        for wrong in (
+            array[:0],
+            array[None],
+            other,
+            None,
+            array.tolist(),
+            *([lost] if name in finite else []),
+        ):
+            for copies in (None, range(COPIES)):
+                with pytest.raises(
+                    (ValueError, TypeError), match=rf"state\['{re.escape(name)}'\]|holds 0 cop"
+                ):
+                    simulator.restore(good | {name: wrong}, copies)
                 assert same(simulator.state(), good)
     simulator._x["lanes"][..., 4] = np.nan
     lost = simulator.state()
@@ -545,6 +559,104 @@ def test_an_edited_state_is_refused_by_name_and_that_of_a_diverged_copy_returns(
     simulator.restore(lost)
     assert not np.isfinite(simulator.positions[4]).all()
     assert np.array_equal(simulator.state()["x"]["lanes"], lost["x"]["lanes"], equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "says"),
+    [
+        ("terms.particles.mass", 0.0, "must be a positive number"),
+        ("terms.particles.mass", 1e-9, "make the step of .* s unstable in copy"),
+        ("terms.springs.stiffness", 1e12, "make the step of .* s unstable in copy"),
+        ("terms.dampers.coefficient", -1.0, "must be a number from 0"),
+        ("terms.loss", 1.5, "must be a number from 0 to 1"),
+        ("terms.last.sweep", 0.5, "holds other numbers than 0 and 1"),
+        ("time", np.inf, "holds a number that is not finite"),
+    ],
+)
+def test_numbers_that_a_state_cannot_hold_are_refused(name: str, value: float, says: str) -> None:
+    simulator = everything()
+    simulator.advance(2, check=False)
+    good = simulator.state()
+    wrong = good[name].copy()
+    (wrong if name == "time" else wrong["lanes"])[...] = value
+    with pytest.raises(ValueError, match=says):
+        simulator.restore(good | {name: wrong})
+    assert same(simulator.state(), good)
+
+
+def test_a_simulation_continues_from_edited_positions_and_velocities() -> None:
+    """As from where it was placed: nothing else remembers them."""
+    scene = PLAIN
+    edited = Simulator(scene, copies=3)
+    placed = Simulator(scene, copies=3)
+    edited.advance(10)
+    state = edited.state()
+    x = edited.positions + 0.5
+    v = edited.velocities + np.arange(3)[:, None, None]
+    state["x"]["lanes"][0, ..., :3] = np.moveaxis(x, 0, -1)
+    state["v"]["lanes"][0, ..., :3] = np.moveaxis(v, 0, -1)
+    edited.restore(state)
+    placed.place(x, v)
+    np.testing.assert_array_equal(edited.positions, x)
+    for simulator in (edited, placed):
+        simulator.advance(20, check=False)
+    np.testing.assert_array_equal(edited.positions, placed.positions)
+    np.testing.assert_array_equal(edited.velocities, placed.velocities)
+
+
+BALLS = Scene(
+    bodies=(Placed(CUBE, CUBE.positions + np.eye(3)[2]), Placed(CUBE, CUBE.positions + 3.0)),
+    surfaces=(floor(),),
+    contact=Contact(0.5, 0.5),
+)
+EDITED: dict[str, tuple[Callable[[], Simulator], tuple[str, ...]]] = {
+    "surfaces": (everything, tuple(VARYING)),
+    "single precision": (lambda: everything(dtype=np.float32), tuple(VARYING)),
+    "rigid": (
+        lambda: Simulator(SCENE.with_(drive=None), dynamics="rigid", copies=3, varying=("masses", "lengths")),
+        ("masses", "lengths"),
+    ),
+    "bodies that collide": (lambda: Simulator(BALLS, copies=3, varying=tuple(VARYING)), tuple(VARYING)),
+}
+FACTOR = {"masses": 1.1, "stiffness": 0.9, "damping": 0.7, "lengths": 0.99, "gravity": 0.5, "strength": 0.8}
+
+
+def all_arrays(simulator: Simulator) -> dict[str, np.ndarray]:
+    """Also those that follow from others."""
+    found = {
+        **dict(module._blocks_in("terms", simulator._terms)),
+        **dict(module._blocks_in("twin", simulator._twin)),
+    }
+    return {name: to_copies(array, simulator.copies) for name, array in found.items() if array.size}
+
+
+@pytest.mark.parametrize("scene", EDITED)
+def test_what_follows_from_edited_parameters_is_as_if_they_had_been_varied(scene: str) -> None:
+    """All arrays, to the bit: none is in a state besides what it follows from."""
+    make, names = EDITED[scene]
+    for name in names:
+        varied, edited, other = make(), make(), make()
+        of = varied.scene
+        if name in ("friction", "restitution"):
+            value: Any = 0.25
+        elif name == "strength":
+            value = np.full(len(of.bodies), 0.05) if len(of.bodies) > 1 else 0.05
+        else:
+            value = FACTOR[name] * (np.array(of.gravity) if name == "gravity" else of.of_bodies(name))
+        copies = [0, 2]
+        nominal = all_arrays(edited)
+        varied.vary(copies, **{name: value})
+        changed = {
+            key: array for key, array in varied.state().items() if key in dict(varied._varied.values())
+        }
+        expected = all_arrays(varied)
+        assert any(not np.array_equal(expected[key], nominal[key]) for key in expected)
+        edited.restore(edited.state() | changed)
+        assert same(all_arrays(edited), expected), name
+        other.restore(varied.state(copies), [2, 0])
+        assert same(all_arrays(other), expected), name
+        edited.restore(make().state())
+        assert same(all_arrays(edited), nominal), name
 
 
 @each_other
@@ -566,7 +678,7 @@ def test_a_mangled_state_is_refused_and_changes_nothing() -> None:
     for wrong in (None, {}, before["of"] | {"step": np.zeros(3)}, before["of"] | {"more": 1}):
         with pytest.raises(ValueError, match="the state does not"):
             own.restore(before | {"of": wrong})
-    with pytest.raises(ValueError, match="the state lacks 'time'"):
+    with pytest.raises(ValueError, match="state lacks 'time'; it must hold of, x, v, time,"):
         own.restore({name: array for name, array in before.items() if name != "time"})
     assert same(own.state(), before)
 
@@ -605,7 +717,7 @@ def test_masses_and_damping_are_varied_in_any_order() -> None:
         simulator = everything()
         for values in calls:
             simulator.vary([1, 4], **values)
-        states.append(simulator.state())
+        states.append(all_arrays(simulator))
     assert same(states[0], states[1])
     assert same(states[0], states[2])
 

@@ -39,6 +39,11 @@ def block_layout(
     return (-(-copies // width), *shape), block_dtype(dtype, width)
 
 
+def layout_for(array: np.ndarray, copies: int) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    """Return the shape and type of a block array like another, for a number of copies."""
+    return block_layout(copies, array.shape[1:], numbers(array).dtype)
+
+
 def aligned_zeros(shape: tuple[int, ...], dtype: DTypeLike) -> np.ndarray:
     """Return zeros that start at a cache line, so that no block of a full width straddles two."""
     dtype = np.dtype(dtype)

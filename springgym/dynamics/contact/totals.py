@@ -192,6 +192,18 @@ def find_changing(collisions: Collisions) -> None:
         row[1 : 1 + len(pairs)] = pairs
 
 
+def share_energy(collisions: Collisions) -> None:
+    """Assign half of the energy in each pair's barriers to each of its bodies, after totals were set; as
+    `springgym.dynamics.step` does after steps, in the same order."""
+    pairs = collisions.pairs
+    stored = numbers(collisions.stored)
+    stored[:] = 0.0
+    half = 0.5 * numbers(collisions.totals)[:, PairTotal.ENERGY : pairs.among * PAIR_TOTALS : PAIR_TOTALS]
+    for p in np.flatnonzero((half != 0.0).any(axis=(0, 2))).tolist():
+        stored[:, pairs.first[p]] += half[:, p]
+        stored[:, pairs.second[p]] += half[:, p]
+
+
 def empty_totals(collisions: Collisions, index: np.ndarray | slice) -> None:
     """Reset the totals of some copies (k,), and mark these copies as fresh."""
     row = np.zeros(collisions.totals.shape[1])

@@ -246,6 +246,7 @@ class SpringLabyrinth(Task, kernels=(evaluate, observe_features, move)):
         Entry("holes", 2 * NEAR, HOLE_UNIT),
     )
     goal_size = PASSED + 1
+    counts_in_goal = ((PASSED, LEGS - 1),)
     hold_steps = 25
     checks_starts = False
 

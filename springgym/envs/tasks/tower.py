@@ -156,6 +156,7 @@ class SpringTower(Task, kernels=(evaluate, observe_features, move)):
     def __init__(self, blocks: int = 4, **modes: Unpack[Modes]) -> None:
         super().__init__(**modes)
         self.blocks = whole("blocks", blocks, 2, 5)
+        self.counts_in_goal = ((0, self.blocks),)
         self.block: Body = box(SIDES, MASS, stiffness=4e3, damping=3.0)
         self.entries = (
             Entry("way", 3, WAY_UNIT),

@@ -154,6 +154,7 @@ class SpringTumble(Task, kernels=(evaluate, observe_features, achieve)):
         Entry("axis", 3),
     )
     goal_size = 4
+    counts_in_goal = ((3, len(CORNERS) - 1),)
     finest = 0.02 / 30
     hold_steps = 25
     checks_starts = False
