@@ -623,8 +623,8 @@ the state includes the random generator. To make them differ, reset them with ne
   may differ.
 - A state may be edited before it is set: the episode continues from the edited positions, velocities, goals
   and factors. Positions [m] are in `state["episodes"]["simulator"]["x"]["lanes"]`, velocities [m/s] likewise
-  in `"v"`. Their shape is (blocks, N, 3, environments of a block), or (1, N, 3, 1) for a single environment. A
-  state holds nothing twice: what follows from an entry is computed when the state is set. The state of a
+  in `"v"`. Their shape is (blocks, N, 3, environments of a block), or (1, N, 3, 1) for a single environment.
+  A state holds nothing twice: what follows from an entry is computed when the state is set. The state of a
   `Simulator` also holds the parameters that vary.
 - An entry with a wrong type, shape or dtype, or with numbers that it cannot have, is refused by name.
 - `set_state` sets the whole state, or raises an error and changes nothing.
