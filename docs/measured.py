@@ -347,6 +347,8 @@ F32 = "native, float32"
 NUMBERS: dict[str, Number] = {
     "measured": lambda report: conditions_of(report["kernel"]),
     "commit": lambda report: report["kernel"]["measured"]["commit"],
+    "processor of environments": lambda report: report["environments"]["measured"]["cpu"],
+    "processor of tops": lambda report: report["kernel"]["measured"]["cpu"],
     "measured environments": lambda report: conditions_of(report["environments"]),
     "measured errors": lambda report: conditions_of(report["errors"]),
     "measured curves": lambda report: conditions_of(report["curves"]),
