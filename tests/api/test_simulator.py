@@ -659,6 +659,20 @@ def test_what_follows_from_edited_parameters_is_as_if_they_had_been_varied(scene
         assert same(all_arrays(edited), nominal), name
 
 
+def test_the_energy_between_bodies_that_touch_follows_from_a_state() -> None:
+    """It is that of their pair, half of it each."""
+    scene = Scene(bodies=(Placed(CUBE), Placed(CUBE, CUBE.positions + 1.1 * np.eye(3)[0])), gravity=None)
+    first = Simulator(scene, copies=2)
+    first.place(scene.positions, np.where(np.arange(16)[:, None] < 8, np.eye(3)[0], 0.0))
+    while not first.pairs().energy.all() and first.time[0] < 1:
+        first.advance(first.damping_every)
+    second = Simulator(scene, copies=2)
+    second.restore(first.state())
+    stored = all_arrays(first)["terms.collisions.stored"]
+    assert (stored > 0).all()
+    np.testing.assert_array_equal(all_arrays(second)["terms.collisions.stored"], stored)
+
+
 @each_other
 def test_a_state_of_another_simulator_is_refused_and_changes_nothing(
     options: dict[str, Any], differs: str
