@@ -272,7 +272,7 @@ class Simulator:
         they were placed or counts were reset; writing to it has no effect"""
         self.coarse_contacts = np.zeros(self.copies, int)
         """number (copies,) of contacts, each counted in every step in which it pushes, that were too fast to
-        keep their restitution, see `max_impact_speed`; since copies were placed or counts were reset"""
+        keep the scene's restitution, see `max_impact_speed`; since copies were placed or counts were reset"""
         self._raises = checks.chosen("unresolved", unresolved, UNRESOLVED) == UNRESOLVED[0]
         rows = np.zeros((self.copies, measures.SIZE))
         shape = (self.copies, particles, 3)

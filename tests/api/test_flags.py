@@ -122,6 +122,11 @@ def check(given: bool) -> None:
         simulator.advance(0, check=False)
 
 
+def state_parameters(given: bool) -> None:
+    simulator = Simulator(Scene(CUBE), varying=("masses",))
+    assert ("terms.particles.mass" in simulator.state(parameters=given)) == given
+
+
 TRIED: dict[str, tuple[str, Callable[[bool], None]]] = {
     "WrenchActuator.perpendicular": (
         "If ``perpendicular``, only the component of the world torque perpendicular to the body's axis acts",
@@ -135,6 +140,7 @@ TRIED: dict[str, tuple[str, Callable[[bool], None]]] = {
     "place.check": ("Whether to call `Scene.check_start`", place_check),
     "place.read": ("Whether to `read` them afterwards", place_read),
     "advance.read": ("Whether to `read` the copies afterwards", advance_read),
+    "state.parameters": ("Whether the state holds the parameters that vary", state_parameters),
     "advance.check": ("Whether to check that no copy has diverged", check),
 }
 """The claim in the docstring of what has each flag, and a trial of this claim."""
