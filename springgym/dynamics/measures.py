@@ -54,11 +54,11 @@ class Measures(NamedTuple):
     centre: np.ndarray
     """centre of mass [m]"""
     centre_velocity: np.ndarray
-    """its velocity [m/s]"""
+    """velocity of the centre of mass [m/s]"""
     momentum: np.ndarray
-    """[kg·m/s]"""
+    """momentum [kg·m/s]"""
     angular_momentum: np.ndarray
-    """about the pivot of the body if there is one, else about the centre of mass [kg·m²/s]"""
+    """angular momentum about the body's pivot if there is one, else about the centre of mass [kg·m²/s]"""
     angular_velocity: np.ndarray
     """angular velocity ω of a rigid body with the same inertia I and angular momentum, I ω = L [rad/s]
 
@@ -71,13 +71,13 @@ class Measures(NamedTuple):
     work: np.ndarray
     """work done by the actuators since the start [J]; without a ledger, this and all losses are 0"""
     damping_loss: np.ndarray
-    """lost to the springs' dampers since the start [J]"""
+    """energy lost to the springs' dampers since the start [J]"""
     contact_loss: np.ndarray
-    """lost in inelastic contact since the start [J]"""
+    """energy lost in inelastic contact since the start [J]"""
     friction_loss: np.ndarray
-    """lost to friction since the start [J]"""
+    """energy lost to friction since the start [J]"""
     energy: np.ndarray
-    """kinetic and potential [J]"""
+    """kinetic and potential energy [J]"""
     balance: np.ndarray
     """energy, plus losses, minus work: constant except for the integrator's error [J]"""
 
@@ -139,9 +139,9 @@ class Readout(NamedTuple):
     rows: np.ndarray
     """(copies, `SIZE`) measures of all bodies together, see `view`"""
     positions: np.ndarray
-    """(copies, N, 3) [m]"""
+    """(copies, N, 3) positions of the particles [m]"""
     velocities: np.ndarray
-    """(copies, N, 3) [m/s]"""
+    """(copies, N, 3) velocities of the particles [m/s]"""
     bodies: np.ndarray
     """(copies, bodies, `SIZE`) measures of each body; for one body, the same numbers as ``rows``"""
 
@@ -150,7 +150,7 @@ class Markers(NamedTuple):
     """The particles that define pivot and triad, for one body or for each."""
 
     pivot: np.ndarray
-    """the pinned one, or −1"""
+    """index of the pinned particle, or −1"""
     triad: np.ndarray
     """(3,) the markers of the body's triad"""
 

@@ -25,11 +25,11 @@ class Times(NamedTuple):
     """The times of a node [s]: of the drifts before and after it."""
 
     lead: Number
-    """h/2; 0 where `springgym.dynamics.step` searches before the first step"""
+    """the time before the node, h/2; 0 where `springgym.dynamics.step` searches before the first step"""
     out: Number
-    """h/2"""
+    """the time after the node, h/2"""
     whole: Number
-    """the sum"""
+    """the sum of both times"""
 
 
 class Surfaces(NamedTuple):
@@ -37,13 +37,13 @@ class Surfaces(NamedTuple):
 
     kinds: Kinds
     strength: np.ndarray
-    """c [N·m²], (1,)"""
+    """(1,) the strength c of the barrier [N·m²]"""
     reach: float
-    """Δ [m]"""
+    """the contact margin Δ [m]"""
     coarse_from: float
     """the normal speed above which a contact counts as coarse [m/s], see `springgym.model.resolution`"""
     radius: float | None
-    """[m] of balls and rods, whose gaps count from their skin; None if all bodies are made of points"""
+    """the radius of balls and rods [m], whose gaps count from their skin; None if all bodies are of points"""
     coupled: bool | None
     """True if `springgym.model.surfaces.coupled`; else None, so that no iteration is compiled"""
     totals: Numbers | None = None
@@ -55,20 +55,21 @@ class Resistance(NamedTuple):
     """Coefficients of rolling and torsional resistance, of surfaces (1,) or of pairs of bodies (pairs,)."""
 
     rolling: np.ndarray
-    """ρ [m]"""
+    """the coefficient ρ of rolling resistance [m]"""
     torsional: np.ndarray
-    """τ [m]"""
+    """the coefficient τ of torsional resistance [m]"""
 
 
 class SurfaceImpulse(NamedTuple):
-    """The impulses of surfaces on a particle at a node, as changes of its velocity."""
+    """The changes of a particle's velocity by surfaces at the node of a step."""
 
     change: Vector
     """change of velocity by normal impulses [m/s]"""
     rub: Vector
     """change of velocity by friction [m/s]"""
     force: Vector
-    """Σ J n without loss [m/s]: its product with the displacement, over the time, is the barriers' work"""
+    """change of velocity by normal impulses without loss, Σ J n [m/s]: its product with the displacement,
+    over the time, is the barriers' work"""
 
 
 MOST_ITERATED = 10
@@ -90,15 +91,15 @@ class Rounds(NamedTuple):
     first: np.ndarray
     """(features,) index of the first carrier of each feature in the arrays of carriers below"""
     behind: np.ndarray
-    """(features,) and where they end"""
+    """(features,) index after the last carrier of each feature"""
     particle: np.ndarray
-    """(carriers,)"""
+    """(carriers,) index of the particle of each carrier"""
     base: np.ndarray
     """(carriers,) weight of the feature's centre"""
     slope: np.ndarray
-    """(carriers, 3) B [1/m]"""
+    """(carriers, 3) gradient B of the weight in the rest shape [1/m]"""
     matrix: np.ndarray
-    """(3 features, 3) rows of A [m²]"""
+    """(3 features, 3) rows of the matrix A of each feature [m²]"""
 
 
 class Shapes(NamedTuple):
@@ -112,9 +113,10 @@ class Shapes(NamedTuple):
     """(E, 2) the particles at the ends of each sharp edge, or rod of a body without triangles; None if no
     body has any"""
     start: np.ndarray
-    """(3, bodies + 1) where each body's vertices, triangles and edges begin, and the end"""
+    """(3, bodies + 1) index of each body's first vertex, triangle and edge in the arrays above; the last
+    column is their number"""
     radius: np.ndarray
-    """(bodies,) [m] of balls and rods"""
+    """(bodies,) radius of balls and rods [m]"""
     rods: np.ndarray | None
     """(bodies,) whether a body is of rods; None if none is"""
     balls: np.ndarray | None
@@ -128,7 +130,7 @@ class Pairs(NamedTuple):
     """
 
     among: int
-    """how many pairs are of two bodies"""
+    """the number of pairs of two bodies"""
     first: np.ndarray
     """the index of the first body of each pair"""
     second: np.ndarray
@@ -140,15 +142,15 @@ class Pairs(NamedTuple):
     least_reach: float
     """the least Δ of all pairs [m]"""
     parallel: np.ndarray
-    """σ², the square of the sine below which two edges count as parallel [1]"""
+    """the square σ² of the sine below which two edges count as parallel [1]"""
     strength: np.ndarray
-    """c of the barrier [N·m²]"""
+    """the strength c of the barrier [N·m²]"""
     friction: np.ndarray | None
-    """μ [1]; None if no pair has friction"""
+    """the coefficient μ of friction [1]; None if no pair has friction"""
     resistance: Resistance | None
     """the coefficients of rolling and torsional resistance of all pairs; None if all are zero"""
     loss: np.ndarray | None
-    """β of restitution [1]; None if no pair loses any energy by it"""
+    """the loss factor β of restitution [1]; None if no pair loses any energy by it"""
     radius: np.ndarray
     """(bodies,) the radius of the balls or rods of each body [m]; 0 of a body with faces"""
     single: np.ndarray
@@ -156,7 +158,7 @@ class Pairs(NamedTuple):
     shapes: Shapes | None
     """the features of all bodies; None if bodies do not collide"""
     most: int
-    """how many contacts of bodies a copy can have"""
+    """the largest number of contacts of bodies that a copy can have"""
 
 
 NO_ENTRY = -1.0
@@ -180,31 +182,31 @@ class Neighbours(NamedTuple):
     """
 
     origin: Annotated[np.ndarray, of_copies("particles", 3)]
-    """where vertices were when features were listed [m]"""
+    """positions of vertices when features were listed [m]"""
     shift: Annotated[np.ndarray, of_copies("particles", 3)]
-    """displacement since then [m]"""
+    """displacement of vertices since then [m]"""
     moved: Annotated[np.ndarray, of_copies("bodies")]
     """the largest displacement of a vertex, plus what is added for fast bodies [m]"""
     mean_shift: Annotated[np.ndarray, of_copies("bodies", 3)]
     """the mean displacement of vertices [m]"""
     bend: Annotated[np.ndarray, of_copies("bodies")]
-    """the largest difference from it [m]"""
+    """the largest difference of a vertex's displacement from the mean [m]"""
     mean: Annotated[np.ndarray, of_copies("bodies", 3)]
     """the mean velocity of vertices [m/s]"""
     turning: Annotated[np.ndarray, of_copies("bodies")]
-    """the largest difference from it [m/s]"""
+    """the largest difference of a vertex's velocity from the mean [m/s]"""
     low: Annotated[np.ndarray, of_copies("bodies", 3)]
     """lower corners of the boxes around the bodies, when features were listed [m]"""
     high: Annotated[np.ndarray, of_copies("bodies", 3)]
-    """and their upper corners [m]"""
+    """upper corners of these boxes [m]"""
     along: Annotated[np.ndarray, of_copies("particles")]
     """distance of vertices from the other body of a pair, along the line of their centres [m]"""
     listed: Annotated[np.ndarray, of_copies("pairs")]
-    """all features of a pair nearer than this were listed; 0 before the first listing [m]"""
+    """the distance below which all features of a pair were listed [m]; 0 before the first listing"""
     gap: Annotated[np.ndarray, of_copies("pairs")]
-    """no features of the pair were nearer than this when they were listed [m]"""
+    """lower bound of the distances of a pair's features when they were listed [m]"""
     nearest: Annotated[np.ndarray, of_copies("pairs")]
-    """nor are any nearer than this at this node [m]"""
+    """lower bound of these distances at this node [m]"""
     reach: Annotated[np.ndarray, of_copies("pairs")]
     """search distance for contacts at this node [m]"""
     watched: Annotated[np.ndarray, whole("pairs")]
@@ -228,9 +230,9 @@ class Neighbours(NamedTuple):
     vertex: Annotated[np.ndarray, of_copies("V")]
     """list of the vertices of a pair that lie between the two bodies: the first body's come first"""
     vertex_particle: Annotated[np.ndarray, of_copies("V")]
-    """which particles they are"""
+    """the particles at these vertices"""
     point: Annotated[np.ndarray, of_copies("V", 3)]
-    """where they are [m]"""
+    """positions of these vertices [m]"""
     triangle: Annotated[np.ndarray, of_copies("T")]
     """list of the triangles of a pair that lie between both bodies: those of the first body, then of the
     second"""
@@ -263,9 +265,9 @@ class Neighbours(NamedTuple):
     candidate: np.ndarray
     """rows of triangles and edges: first all of them in order, then those near a vertex or an edge"""
     faces: Annotated[np.ndarray, whole("V", 2)]
-    """the range in ``candidate`` of each vertex's candidates, triangles of the other body"""
+    """first index and end, in ``candidate``, of the triangles of the other body near each vertex"""
     partners: Annotated[np.ndarray, whole("E", 2)]
-    """the range in ``candidate`` of the second body's edges near each edge of the first"""
+    """first index and end, in ``candidate``, of the second body's edges near each edge of the first"""
     crossed: Annotated[np.ndarray, of_copies("most")]
     """list of the rows of edges of one body that cross edges of the other"""
     crossing: Annotated[np.ndarray, of_copies("most")]
@@ -295,13 +297,13 @@ class Closest(NamedTuple):
     particles: Quad
     """the indices of up to four particles"""
     weights: Quad
-    """w of each: they sum to 0"""
+    """the weights w of these particles [1]: they sum to 0"""
     normal: Vector
-    """n, from the second body to the first"""
+    """the normal n, from the second body to the first"""
     gap: Number
-    """d [m]"""
+    """the gap d [m]"""
     share: Number
-    """Φ of the strength"""
+    """the factor Φ of the strength [1]"""
 
 
 FAR = 1e9
@@ -333,9 +335,9 @@ class Turning(NamedTuple):
     pivot: np.ndarray
     """(bodies,) the index of its only pinned particle; −1 if none or all particles are pinned"""
     lightness: Annotated[np.ndarray, of_copies("bodies")]
-    """1/M [1/kg]; 0 for pinned bodies"""
+    """the inverse mass 1/M of each body [1/kg]; 0 for pinned bodies"""
     point: Annotated[np.ndarray, of_copies("2 bodies", 3)]
-    """the point X of each body at the node [m], then at the end of the step"""
+    """the point X, centre of mass or pin, of each body at the node [m]; then those at the end of the step"""
     turn: Annotated[np.ndarray, of_copies("4 bodies", 3)]
     """the inverse inertia I⁻¹ about the body's point at the node, in two rows: xx, yy, zz, and
     xy, xz, yz [1/(kg·m²)]; then those of all bodies at the end of the step"""
@@ -358,7 +360,7 @@ class ContactRows(NamedTuple):
     pair: Annotated[np.ndarray, whole("rows")]
     """the pair that this contact belongs to, the same in all copies"""
     body: Annotated[np.ndarray, whole("2 rows")]
-    """its first and its second body; −1 for a surface"""
+    """the indices of its first and its second body; −1 for a surface"""
     surface: Annotated[np.ndarray, whole("rows")]
     """the index of the surface; −1 between bodies"""
     feature: Annotated[np.ndarray, whole("rows")]
@@ -372,7 +374,7 @@ class ContactRows(NamedTuple):
     """the index of the particle at a surface if it moves individually; else −1"""
     touching: Annotated[np.ndarray, whole("rows")]
     """the index of the particle at a surface; −1 of round features and between bodies"""
-    late: Annotated[np.ndarray, whole("rows")]
+    at_end: Annotated[np.ndarray, whole("rows")]
     """1 if slip is that of the points which touch at the end of the step, else 0"""
     tilts: Annotated[np.ndarray, whole("rows")]
     """1 if the torque of friction has to be cancelled, see `springgym.dynamics.contact.friction`,
@@ -393,14 +395,14 @@ class ContactRows(NamedTuple):
     share: Annotated[np.ndarray, of_copies("rows")]
     """the factor Φ, 0 to 1, by which the strength c is multiplied where edges meet"""
     place: Annotated[np.ndarray, of_copies("rows", 3)]
-    """where the contact is [m]"""
+    """the position of the contact [m]"""
     arm: Annotated[np.ndarray, of_copies("4 arms", 3)]
     """arms from the points X of both bodies, if they turn as one, to the contact at the node, and
     to the points that touch at the end of the step [m]"""
     approach: Annotated[np.ndarray, of_copies("rows")]
     """the speed u₀ along the normal before the node [m/s]"""
     gain: Annotated[np.ndarray, of_copies("4 rows")]
-    """w/m [1/kg]"""
+    """the weight of each particle over its mass, w/m [1/kg]"""
     inverse_mass: Annotated[np.ndarray, of_copies("rows")]
     """the inverse mass W along the normal [1/kg]"""
     impulse: Annotated[np.ndarray, of_copies("rows")]
@@ -438,7 +440,7 @@ class Problem(NamedTuple):
     x: Rows
     """(N, 3) positions of all particles at the node, as others see them [m]"""
     before: Rows
-    """velocities before it [m/s], see `springgym.dynamics.contact.movers`"""
+    """velocities before the node [m/s], see `springgym.dynamics.contact.movers`"""
     inverse_mass: Numbers
     """(N,) the inverse masses of the particles [1/kg]"""
     pairs: Pairs
@@ -487,7 +489,10 @@ class Search(NamedTuple):
 
 
 class WarmStart(NamedTuple):
-    """The impulses of contacts at the last node: a hash table for each copy, whose length is a power of 2."""
+    """The impulses of the last node's contacts, from which the solver starts.
+
+    Each copy of the scene has a hash table of 2ⁿ rows.
+    """
 
     pair: np.ndarray
     """(rows,) the index of the contact's pair, plus one; 0 in an empty row"""
@@ -502,7 +507,7 @@ class WarmStart(NamedTuple):
     couple: np.ndarray | None
     """(rows, 3) the angular impulse of the couple [N·m·s]; None if no turning is resisted"""
     in_use: np.ndarray
-    """(1,) 1 if any row of the table is filled, else 0"""
+    """(1,) 1 if the table holds the impulse of any contact, else 0"""
 
 
 class PairTotal(IntEnum):
@@ -510,9 +515,9 @@ class PairTotal(IntEnum):
     `springgym.dynamics.contact.totals.PairReadings`."""
 
     TOUCHING = 0
-    """whether it touches"""
+    """whether the pair touches"""
     IMPULSE = 1
-    """the sum of J [N·s]"""
+    """the sum of the impulses J along normals [N·s]"""
     GAP = 2
     """the least gap [m]"""
     ENERGY = 3
@@ -522,11 +527,11 @@ class PairTotal(IntEnum):
     FRICTION = 5
     """the loss to friction [J]"""
     MISSES = 6
-    """how often a contact was found too late"""
+    """the number of contacts that were found too late"""
     COARSE = 7
-    """how often a contact was too fast to keep its restitution"""
+    """the number of contacts that were too fast to keep their restitution"""
     OVERFLOW = 8
-    """how often a contact had no space"""
+    """the number of contacts that had no space"""
     FASTEST = 9
     """the largest approach speed along the normal of any contact with an impulse [m/s]"""
 
@@ -539,7 +544,7 @@ class Collisions(NamedTuple):
 
     pairs: Pairs
     totals: np.ndarray
-    """(pairs × `PAIR_TOTALS`,)"""
+    """(pairs × `PAIR_TOTALS`,) the totals of each pair, in the order of `PairTotal`"""
     stored: np.ndarray
     """(bodies,) half of the energy in the barriers of each body's pairs [J]"""
     fresh: np.ndarray

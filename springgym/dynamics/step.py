@@ -18,8 +18,9 @@ so that they lose nothing, and do not creep.
 
 A state is that at the end of a step, with positions and velocities of the same time.
 
-Where each particle touches surfaces by itself, contacts do not depend on each other: step 2 is then part of
-step 3, and bodies take their steps one after another (`advance_alone`).
+In scenes where no body collides, rolls or is rigid (`springgym.dynamics.packing.solves_rows`), each particle
+touches surfaces by itself, and bodies do not depend on each other: step 2 is then part of step 3, and bodies
+take their steps one after another (`advance_alone`).
 """
 
 from __future__ import annotations

@@ -20,9 +20,9 @@ class Particles(NamedTuple):
     """Point masses, each array of shape (particles,)."""
 
     mass: Numbers
-    """[kg]"""
+    """the mass [kg]"""
     inverse_mass: Numbers
-    """[1/kg], 0 if pinned"""
+    """the inverse mass [1/kg]; 0 if pinned"""
     free: np.ndarray
     """whether the particle moves freely, i.e. is not pinned"""
 
@@ -33,16 +33,16 @@ class Springs(NamedTuple):
     first: np.ndarray
     second: np.ndarray
     length: np.ndarray
-    """L₀ [m]"""
+    """the rest length L₀ [m]"""
     stiffness: np.ndarray
-    """k [N/m]"""
+    """the stiffness k [N/m]"""
 
 
 class Dampers(NamedTuple):
     """Damping of the springs, in their order, each array of shape (springs,)."""
 
     coefficient: np.ndarray
-    """c [kg/s]"""
+    """the damping coefficient c [kg/s]"""
     half: Decay
     """decay in half a step"""
     whole: Decay
@@ -74,15 +74,16 @@ class Wrench(NamedTuple):
     """
 
     force: np.ndarray
-    """(3,) [N], world"""
+    """(3,) force in world coordinates [N]"""
     torque: np.ndarray
-    """(3,) [N·m], world; if ``axial`` is 0, without its part along the body's third axis"""
+    """(3,) torque in world coordinates [N·m]; if ``axial`` is 0, without its part along the body's third
+    axis"""
     body_torque: np.ndarray
-    """(3,) [N·m] about the body's axes"""
+    """(3,) torque in components along the body's axes [N·m]"""
     markers: np.ndarray
-    """(3,) the particles of the body's `triad`"""
+    """(3,) the three particles that define the body's axes, see `triad`"""
     pivot: int
-    """the pinned particle, or −1 for the centre of mass"""
+    """index of the pinned particle, or −1 for the centre of mass"""
     axial: float
     """1 keeps, 0 removes the part of the world torque along the body's third axis"""
 
@@ -91,9 +92,9 @@ class Thrust(NamedTuple):
     """Forces on named particles."""
 
     particle: np.ndarray
-    """(thrusters,)"""
+    """(thrusters,) index of the particle on which each acts"""
     force: np.ndarray
-    """(thrusters, 3) [N], in the world or, if ``turns``, in the body's `triad`"""
+    """(thrusters, 3) force of each thruster [N], in the world or, if ``turns``, in the body's `triad`"""
     markers: np.ndarray
     turns: bool
 
@@ -102,9 +103,9 @@ class Drive(NamedTuple):
     """A pinned particle that is moved: a trolley."""
 
     particle: int
-    """−1 if no particle of this body is driven"""
+    """index of the driven particle; −1 if no particle of this body is driven"""
     acceleration: np.ndarray
-    """(3,) [m/s²]"""
+    """(3,) acceleration [m/s²]"""
     speed: float
     """largest speed of each component [m/s]"""
 
@@ -113,29 +114,29 @@ class Cycle(NamedTuple):
     """The progress of copies in two cycles."""
 
     every: int
-    """steps of a cycle, even"""
+    """the number of steps of a cycle, even"""
     second: int
-    """the steps after which dampers act in the second of two cycles"""
+    """the number of steps after which dampers act in the second of two cycles"""
     marks: np.ndarray
-    """(1,) the steps taken since the first of two cycles began; at the end of a call 0 or ``every``"""
+    """(1,) the number of steps since the first of two cycles began; at the end of a call 0 or ``every``"""
 
 
 class LastNode(NamedTuple):
     """Data of the last node that dampers need where contact acts: see `springgym.dynamics.methods.node`."""
 
     half_change: np.ndarray
-    """(N, 3) half of the velocity change by contact at the last node [m/s]; first guess at the next node"""
+    """(N, 3) half of the change of velocity by contact in the last step [m/s]: the prediction for the next"""
     sweep: np.ndarray
     """(1,) 0 if the next sweep of dampers comes before the actuators, 1 if after them"""
 
 
 class PaperLaw(NamedTuple):
-    """Constants of the paper's law of contact."""
+    """Constants of McDonald's law of contact, see `springgym.dynamics.forces.paper_contact`."""
 
     damping: float
-    """c_N [kg/s]"""
+    """the damping coefficient c_N [kg/s]"""
     step: float
-    """τ [s]"""
+    """the step τ [s]"""
 
 
 class Terms(NamedTuple):
@@ -145,17 +146,19 @@ class Terms(NamedTuple):
     springs: Springs | None = None
     dampers: Dampers | None = None
     gravity: np.ndarray | None = None
-    """(3,) [m/s²]"""
+    """(3,) acceleration of gravity [m/s²]"""
     wrench: Wrench | None = None
     thrust: Thrust | None = None
     drive: Drive | None = None
     surfaces: Surfaces | None = None
     friction: np.ndarray | None = None
-    """μ of the surfaces [1], (1,)"""
+    """(1,) coefficient of friction μ of the scene's contact [1]; where contacts are solved together,
+    `Pairs.friction` is used instead"""
     loss: np.ndarray | None = None
-    """β of the surfaces [1], (1,)"""
+    """(1,) loss factor β of the scene's contact [1]; where contacts are solved together, `Pairs.loss` is
+    used instead"""
     paper_law: PaperLaw | None = None
-    """the paper's contact"""
+    """constants of McDonald's law of contact, if the scene uses it"""
     last: LastNode | None = None
     """data of the last node, if there are dampers, and surfaces or bodies that collide"""
     cycle: Cycle | None = None

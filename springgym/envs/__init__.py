@@ -1,4 +1,4 @@
-"""The environments, one file each; `springgym.envs.registration` has the table of them."""
+"""The environments: `springgym.envs.tasks` has a file for each, `springgym.envs.registration` their table."""
 
 from __future__ import annotations
 

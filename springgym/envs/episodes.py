@@ -56,7 +56,7 @@ class StartedEpisodes(NamedTuple):
     """Copies whose episodes have begun and must be observed."""
 
     copies: np.ndarray
-    """(k,) their indices"""
+    """(k,) the indices of these copies"""
     parts: list[Part]
     """parts of the batch that hold these copies, and maybe others"""
 
@@ -74,9 +74,9 @@ class Part(NamedTuple):
     elapsed: np.ndarray
     diverged: np.ndarray
     unresolved: np.ndarray
-    """`springgym.simulator.Simulator.unresolved`"""
+    """whether steps cannot resolve contacts of a copy, see `springgym.simulator.Simulator.unresolved`"""
     copies: slice
-    """the range of the copies"""
+    """the indices of these copies in the batch"""
 
 
 STATE = ("goal", "memory", "time", "factors", "elapsed", "held", "balance", "action", "out", "diverged")

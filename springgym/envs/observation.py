@@ -148,9 +148,9 @@ class Columns(NamedTuple):
     entries: np.ndarray
     """(K, 2) particle and axis, positions first, then velocities of the same"""
     per_metre: np.ndarray
-    """(K,) [1/m]"""
+    """(K,) factors of the positions [1/m]"""
     per_speed: np.ndarray
-    """(K,) [s/m]"""
+    """(K,) factors of the velocities [s/m]"""
     about: int
     """index in `ABOUT`"""
     pointed: int | None
@@ -158,7 +158,7 @@ class Columns(NamedTuple):
     measured: np.ndarray | None
     """columns of the rows of measures that are appended, if any are"""
     per_measure: np.ndarray
-    """1 over the scales of these"""
+    """1 over the scales of these measures, in their units"""
     turned: bool | None
     """True or None"""
     goalless: bool

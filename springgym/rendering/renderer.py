@@ -75,7 +75,7 @@ class Renderer:
     def draw(
         self, positions: ArrayLike, marks: Marks | None = None, strain: ArrayLike | None = None
     ) -> NDArray[np.uint8] | None:
-        """Draw one picture.
+        """Draw a picture of the particles at given positions.
 
         Parameters
         ----------

@@ -1108,7 +1108,7 @@ class Simulator:
             self._find_unresolved(first, last)
 
     def _count_overlaps(self, thread: int, first: int, last: int) -> None:
-        """Count the pairs of bodies that overlap in the last reading of blocks."""
+        """Find which pairs of bodies overlap in the positions last read, and count them for each copy."""
         start = first * self.width
         copies = slice(start, min(last * self.width, self.copies))
         overlap = self._shown[copies]

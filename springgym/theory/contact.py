@@ -47,12 +47,12 @@ def energy(height: ArrayLike, strength: float, reach: float) -> Floats:
 
 @checked(weight=not_negative, strength=positive, reach=positive)
 def rest_height(weight: float, strength: float, reach: float) -> float:
-    """Return the height at which the floor supports a weight, Delta / sqrt(1 + m g Delta^2 / c), m.
+    """Return the height at which the floor supports a weight W, Delta / sqrt(1 + W Delta^2 / c), m.
 
     Parameters
     ----------
     weight, strength, reach : float
-        m g on this particle, N; c, N m^2; Delta, m.
+        W on this particle, N; c, N m^2; Delta, m.
     """
     return reach / math.sqrt(1 + weight * reach**2 / strength)
 

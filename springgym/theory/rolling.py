@@ -30,7 +30,7 @@ MOST = 10_000
 """Largest number of steps between two times."""
 
 SHEAR = 1e-3
-"""Largest error of the product of a frame and its transpose, of a motion that the steps resolve."""
+"""Largest entry of |R R^T - 1|, with R the body's rotation matrix. Beyond it, the steps are too long."""
 
 TOGETHER = 1_000_000
 """Largest number of steps from the first to the last time."""

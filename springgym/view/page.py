@@ -29,7 +29,7 @@ FPS = 30.0
 READ_EVERY = 4
 """Frames between two updates of the readings and of the graph's pointer."""
 SAMPLES = 400
-"""Number of points of a curve."""
+"""Largest number of points of a curve in the graphs."""
 BRAND: Color = (43, 92, 150)
 REFIT = 1.25
 """Ratio of distances from which on a changed motion moves the camera."""

@@ -1,7 +1,7 @@
 """The law of friction, Coulomb's cone, and rolling and torsional resistance.
 
-Friction is the tangential impulse j that stops slip, or as much of it as the cone allows, |j| ≤ μ J, with the
-normal impulse J.
+Friction is the tangential impulse j that stops the slip after the node, or as much of it as the cone allows,
+|j| ≤ μ J, with the normal impulse J. The energy lost is −j times the mean of the slips before and after it.
 
 Where a round body touches a surface or another body, a couple q may resist its turning, too: rolling about
 tangents by up to ρ J, and spinning about the normal by up to τ J. ρ and τ are lengths: a yielding contact

@@ -97,12 +97,12 @@ def crosses(k: int, contacts: ContactRows) -> Mask:
 
 
 @compiled
-def slip_of(v: Rows, k: int, late: int, problem: Problem) -> Vector:
-    """Return the slip of contact k [m/s]; ``late`` is as in
+def slip_of(v: Rows, k: int, at_end: int, problem: Problem) -> Vector:
+    """Return the slip of contact k [m/s]; ``at_end`` is as in
     `springgym.dynamics.contact.movers.velocity_between`."""
     contacts = problem.contacts
     n = row(contacts.normal, k)
-    slip = velocity_between(v, k, late, problem)
+    slip = velocity_between(v, k, at_end, problem)
     if number_of(k, contacts.tilts) == 0:
         return slip - dot(slip, n) / dot(n, n) * n
     first = row_of(v, k, 1, contacts)
@@ -141,8 +141,8 @@ def inverse_mass_along(along: Vector, k: int, problem: Problem) -> Number:
     only = contacts.only[k]
     if only >= 0:
         return load(contacts.gain, 4 * k)
-    total = inverse_mass_of(along, contacts.late[k], k, problem, contacts.turning)
-    if contacts.late[k] == 1:
+    total = inverse_mass_of(along, contacts.at_end[k], k, problem, contacts.turning)
+    if contacts.at_end[k] == 1:
         return maximum(total, AWAY * inverse_mass_of(along, 0, k, problem, contacts.turning))
     for m in range(number_of(k, contacts.loose)):
         total = total + load(contacts.weight, 4 * k + m) * load(contacts.gain, 4 * k + m)

@@ -32,7 +32,7 @@ class Grounded(NamedTuple):
     """index among all pairs of this body and the surfaces"""
     body: int
     first: int
-    """its first particle among all"""
+    """index of its first particle among all"""
     x: Rows
     """(N, 3) positions at the node [m]"""
     begin: Way
@@ -86,7 +86,7 @@ def add_row(rows: int, k: int, i: int, e: int, touch: tuple[Vector, Number, Numb
     clear(rows, contacts.tilts)
     contacts.touching[rows] = own.first + i if e < 0 else -1
     contacts.only[rows] = own.first + i if e < 0 else -1
-    contacts.late[rows] = 0 if e < 0 else 1
+    contacts.at_end[rows] = 0 if e < 0 else 1
     set_row(contacts.normal, rows, 0.0 * row(own.x, 0) + n)
     store(contacts.start, rows, start)
     store(contacts.gap, rows, ahead)
@@ -116,7 +116,7 @@ def add_feature(rows: int, e: int, k: int, own: Grounded, rounds: Rounds, turnin
     """Add the contact of round feature ``e`` with surface ``k``, if near; return the number of rows."""
     if turning is not None:
         _, _, _, start = nearest(e, k, own.begin, rounds, own.surfaces)
-        late, _, _, ahead = nearest(e, k, own.end, rounds, own.surfaces)
+        at_end, _, _, ahead = nearest(e, k, own.end, rounds, own.surfaces)
         if any_lane(minimum(start, ahead) < NEAR * own.surfaces.reach):
             here = Way(own.x, None, 0.0)
             point, n, _, _ = nearest(e, k, here, rounds, own.surfaces)
@@ -124,7 +124,7 @@ def add_feature(rows: int, e: int, k: int, own: Grounded, rounds: Rounds, turnin
             place = at(e, point, here, rounds)
             set_row(own.contacts.place, rows, place)
             set_row(own.contacts.arm, 4 * rows, place)
-            set_row(own.contacts.arm, 4 * rows + 2, at(e, late, own.end, rounds))
+            set_row(own.contacts.arm, 4 * rows + 2, at(e, at_end, own.end, rounds))
             rows += 1
     return rows
 
@@ -136,9 +136,9 @@ def shift_arms(k: int, contacts: ContactRows, turning: Turning | None) -> None:
         body = contacts.body[2 * k]
         count_of = turning.turns.size
         set_row(contacts.arm, 4 * k, row(contacts.arm, 4 * k) - row(turning.point, body))
-        if contacts.late[k] == 1:
-            late = row(contacts.arm, 4 * k + 2) - row(turning.point, body + count_of)
-            set_row(contacts.arm, 4 * k + 2, late)
+        if contacts.at_end[k] == 1:
+            at_end = row(contacts.arm, 4 * k + 2) - row(turning.point, body + count_of)
+            set_row(contacts.arm, 4 * k + 2, at_end)
 
 
 @compiled

@@ -83,12 +83,12 @@ def number_of(k: int, numbers: np.ndarray | None) -> int:
 
 @compiled
 def find_inertia(
-    body: int, late: int, x: Rows, mass: Numbers, inverse_mass: Numbers, turning: Turning
+    body: int, at_end: int, x: Rows, mass: Numbers, inverse_mass: Numbers, turning: Turning
 ) -> None:
     """Compute the point, 1/M and I⁻¹ of a body of springs whose particles are at ``x`` (N, 3).
 
-    ``late`` is 0 for the node, and 1 for the end of the step. A pinned body turns about its pivot, if it has
-    one, and else does not move.
+    ``at_end`` is 0 for the node, and 1 for the end of the step. A pinned body turns about its pivot, if it
+    has one, and else does not move.
     """
     count = turning.turns.size
     pivot = turning.pivot[body]
@@ -103,9 +103,9 @@ def find_inertia(
         diagonal = free * diagonal
         across = free * across
     store(turning.lightness, body, free / whole)
-    set_row(turning.point, body + late * count, point)
-    set_row(turning.turn, 2 * (body + late * count), diagonal)
-    set_row(turning.turn, 2 * (body + late * count) + 1, across)
+    set_row(turning.point, body + at_end * count, point)
+    set_row(turning.turn, 2 * (body + at_end * count), diagonal)
+    set_row(turning.turn, 2 * (body + at_end * count) + 1, across)
 
 
 @compiled
@@ -119,26 +119,26 @@ def gather(body: int, out: Rows, x: Rows, v: Rows, mass: Numbers, turning: Turni
 
 
 @compiled
-def turned(body: int, late: int, moment: Vector, turning: Turning) -> Vector:
-    """Return I⁻¹ times a vector, at the node or, if ``late``, at the end of the step."""
-    n = 2 * (body + late * turning.turns.size)
+def turned(body: int, at_end: int, moment: Vector, turning: Turning) -> Vector:
+    """Return I⁻¹ times a vector, at the node or, if ``at_end``, at the end of the step."""
+    n = 2 * (body + at_end * turning.turns.size)
     return multiplied(row(turning.turn, n), row(turning.turn, n + 1), moment)
 
 
 @compiled
-def spin(v: Rows, body: int, late: int, turning: Turning) -> Vector:
+def spin(v: Rows, body: int, at_end: int, turning: Turning) -> Vector:
     """Return ω of a body that turns [rad/s]."""
-    return turned(body, late, row(v, turning.first[body] + 1), turning)
+    return turned(body, at_end, row(v, turning.first[body] + 1), turning)
 
 
 # --- Motion at a contact ----------------------------------------------------------------------------------
 
 
 @compiled
-def velocity_between(v: Rows, k: int, late: int, problem: Problem) -> Vector:
+def velocity_between(v: Rows, k: int, at_end: int, problem: Problem) -> Vector:
     """Return the velocity of the first side of contact k relative to the second [m/s], (3,).
 
-    If ``late`` is 1, it is that of the points which touch at the end of the step.
+    If ``at_end`` is 1, it is that of the points which touch at the end of the step.
     """
     contacts = problem.contacts
     only = contacts.only[k]
@@ -147,29 +147,31 @@ def velocity_between(v: Rows, k: int, late: int, problem: Problem) -> Vector:
     u = 0.0 * row(contacts.normal, k)
     for m in range(number_of(k, contacts.loose)):
         u = plus_scaled(u, load(contacts.weight, 4 * k + m), row_each(v, load(contacts.particle, 4 * k + m)))
-    return plus_turning(u, v, k, late, problem, contacts.turning)
+    return plus_turning(u, v, k, at_end, problem, contacts.turning)
 
 
 @compiled
-def plus_turning(u: Vector, v: Rows, k: int, late: int, problem: Problem, turning: Turning | None) -> Vector:
+def plus_turning(
+    u: Vector, v: Rows, k: int, at_end: int, problem: Problem, turning: Turning | None
+) -> Vector:
     """Add the velocities of the bodies of contact k that turn."""
     if turning is not None:
         contacts = problem.contacts
         for side in range(2):
             body = contacts.body[2 * k + side]
             if turns_as_one(body, turning):
-                arm = row(contacts.arm, 4 * k + 2 * late + side)
-                moves = row(v, turning.first[body]) + cross(spin(v, body, late, turning), arm)
+                arm = row(contacts.arm, 4 * k + 2 * at_end + side)
+                moves = row(v, turning.first[body]) + cross(spin(v, body, at_end, turning), arm)
                 u = u + (moves if side == 0 else -1.0 * moves)
     return u
 
 
 @compiled
-def inverse_mass_of(along: Vector, late: int, k: int, problem: Problem, turning: Turning | None) -> Number:
+def inverse_mass_of(along: Vector, at_end: int, k: int, problem: Problem, turning: Turning | None) -> Number:
     """Return the inverse mass of the bodies of contact k that turn, along a unit vector at the node [1/kg].
 
-    An impulse of 1 changes their relative velocity by this; if ``late`` is 1, that of the points which touch
-    at the end of the step. The result scales with the square of the vector's length.
+    An impulse of 1 changes their relative velocity by this; if ``at_end`` is 1, that of the points which
+    touch at the end of the step. The result scales with the square of the vector's length.
     """
     total = 0.0 * along[0]
     if turning is not None:
@@ -179,8 +181,8 @@ def inverse_mass_of(along: Vector, late: int, k: int, problem: Problem, turning:
             body = contacts.body[2 * k + side]
             if turns_as_one(body, turning):
                 arm = row(contacts.arm, 4 * k + side)
-                there = row(contacts.arm, 4 * k + 2 * late + side)
-                spun = turned(body, late, cross(arm, along), turning)
+                there = row(contacts.arm, 4 * k + 2 * at_end + side)
+                spun = turned(body, at_end, cross(arm, along), turning)
                 total = total + (load(turning.lightness, body) * square + dot(cross(there, along), spun))
     return total
 
@@ -250,7 +252,7 @@ def slip_by_couple(q: Vector, k: int, problem: Problem, turning: Turning | None)
         for side in range(2):
             body = problem.contacts.body[2 * k + side]
             if turns_as_one(body, turning):
-                late = problem.contacts.late[k]
-                arm = row(problem.contacts.arm, 4 * k + 2 * late + side)
-                total = total + cross(turned(body, late, q, turning), arm)
+                at_end = problem.contacts.at_end[k]
+                arm = row(problem.contacts.arm, 4 * k + 2 * at_end + side)
+                total = total + cross(turned(body, at_end, q, turning), arm)
     return total

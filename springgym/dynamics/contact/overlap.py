@@ -29,11 +29,12 @@ class Outlines(NamedTuple):
     """Faces and lines of all bodies, by the numbers of the scene's particles, one body after another."""
 
     faces: np.ndarray
-    """(F, 3)"""
+    """(F, 3) the particles at the corners of each face"""
     lines: np.ndarray
-    """(L, 2) the edges of faces, including flat ones, or the rods of a body without faces"""
+    """(L, 2) the particles at the ends of each edge of faces, including flat ones, or rod of a body without
+    faces"""
     start: np.ndarray
-    """(3, bodies + 1) where each body's faces, lines and particles begin, and the end"""
+    """(3, bodies + 1) index of each body's first face, line and particle; the last column is their number"""
 
 
 def outlines(shapes: Sequence[Shape], starts: np.ndarray) -> Outlines:

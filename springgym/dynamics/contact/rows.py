@@ -56,7 +56,7 @@ def describe(k: int, problem: Problem) -> None:
     contacts.body[2 * k + 1] = b
     contacts.surface[k] = -1
     contacts.only[k] = -1
-    contacts.late[k] = 0
+    contacts.at_end[k] = 0
     contacts.loose[k] = contacts.members[k]
     contacts.tilts[k] = 1
     one = nothing

@@ -124,7 +124,7 @@ def outside(low: Vector, high: Vector, body: int, lists: Neighbours) -> Number:
 
 @compiled
 def find(x: Rows, w: Rows, span: Times, pairs: Pairs, lists: Neighbours, contacts: ContactRows) -> int:
-    """List the contacts of all pairs of bodies, and return the number of rows.
+    """List the contacts of all pairs of bodies, and return their number.
 
     Particles are at ``x`` (N, 3) and reach the node with velocities ``w`` (N, 3); ``span`` is its time.
     """

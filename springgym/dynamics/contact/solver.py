@@ -112,7 +112,7 @@ def prepare(k: int, free: Rows, problem: Problem) -> None:
         before = d - span.lead * u0
     missed = before < low
     add_to(problem.totals, contacts.pair[k], PairTotal.MISSES, select(missed, 1.0 + 0.0 * u0, 0.0))
-    if contacts.late[k] == 1:
+    if contacts.at_end[k] == 1:
         taken = select(before < ROLLED * reach_of(k, problem), TAKEN * reach_of(k, problem), before)
     else:
         taken = maximum(before, low)
@@ -235,7 +235,10 @@ def ends(v: Rows, k: int, problem: Problem) -> tuple[Number, Number]:
 
 @compiled
 def apply_friction(v: Rows, k: int, going: Mask, problem: Problem, mu: Numbers | None) -> None:
-    """Apply friction, and a couple if turning is resisted, against slip and turning in contact k."""
+    """Apply friction, and a couple if turning is resisted, against slip and turning in contact k.
+
+    The limit of friction, μ J, is constant within a call.
+    """
     if mu is not None:
         contacts = problem.contacts
         n = row(contacts.normal, k)
@@ -243,7 +246,7 @@ def apply_friction(v: Rows, k: int, going: Mask, problem: Problem, mu: Numbers |
         limit = load(mu, contacts.pair[k]) * pressed
         friction = row(contacts.friction, k)
         acts = select(going, maximum(limit, dot(friction, friction)), 0.0) > 0.0
-        if any_lane(acts):
+        if any_lane(acts):  # earlier friction may have to be taken back
             resists = resisted(k, contacts, problem.pairs.resistance)
             if resists:
                 begin_to_hold(v, k, limit, acts, problem, problem.pairs.resistance)
@@ -258,7 +261,7 @@ def stop_slip(v: Rows, k: int, limit: Number, acts: Mask, problem: Problem) -> N
     """Apply the friction that stops the slip of contact k, or as much as the ``limit`` allows [N·s]."""
     contacts = problem.contacts
     friction = row(contacts.friction, k)
-    slip = slip_of(v, k, contacts.late[k], problem)
+    slip = slip_of(v, k, contacts.at_end[k], problem)
     along = 1.0 / (sqrt(dot(slip, slip)) + GUARD) * slip
     inverse = inverse_mass_along(along, k, problem)
     change = within_cone(friction - 1.0 / (inverse + GUARD) * slip, limit) - friction
@@ -296,7 +299,7 @@ def begin_to_hold(
         couple = row(contacts.couple, k)
         fresh = select(acts, dot(friction, friction) + dot(couple, couple), 1.0) <= 0.0
         if any_lane(fresh):
-            slip = slip_of(v, k, contacts.late[k], problem)
+            slip = slip_of(v, k, contacts.at_end[k], problem)
             slip = without_rolling(slip, spin_between(v, k, problem, turning), k, problem)
             along = 1.0 / (sqrt(dot(slip, slip)) + GUARD) * slip
             whole = inverse_mass_along(along, k, problem)

@@ -129,7 +129,7 @@ def strength_and_reach(surfaces: Surfaces) -> tuple[Number, Number]:
 
 @compiled
 def from_skin(distance: Number, radius: float | None) -> Number:
-    """Return the gap [m] of a ball whose centre, or of a point that, has a distance from a surface."""
+    """Return the gap [m] to a surface, given the ``distance`` of a ball's centre, or of a point."""
     if radius is not None:
         distance = distance - radius
     return distance

@@ -1,4 +1,4 @@
-"""The energy ledger: the work done on a copy and its losses, by kind.
+"""The energy ledger: the work done on each body, and the energy it loses to dampers, contact and friction.
 
 Kinetic + potential energy − work + damping + contact + friction stays constant, to the integrator's order.
 A ledger of None records nothing and costs nothing.

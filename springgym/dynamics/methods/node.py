@@ -342,7 +342,7 @@ def join(bodies: Bodies, span: Times, problem: Problem, between: int) -> None:
         space.active[first] = True
         if k < between:
             space.active[problem.pairs.second[contacts.pair[k]]] = True
-        elif contacts.late[k] == 1:
+        elif contacts.at_end[k] == 1:
             space.rolls[first] = True
     for body in range(bodies_of(bodies.x)):
         if space.active[body]:
@@ -362,8 +362,8 @@ def join_body(
         ends = space.free[first : first + own.x.shape[0]]
         for i in range(own.x.shape[0]):
             set_row(ends, i, plus_scaled(row(own.x, i), span.out, row(free, i)))
-        for late in range(2 if space.rolls[body] else 1):
-            find_inertia(body, late, own.x if late == 0 else ends, mass, inverse_mass, turning)
+        for at_end in range(2 if space.rolls[body] else 1):
+            find_inertia(body, at_end, own.x if at_end == 0 else ends, mass, inverse_mass, turning)
         gather(body, space.before, own.x, own.v, mass, turning)
         gather(body, space.free, own.x, free, mass, turning)
         for part in range(2):

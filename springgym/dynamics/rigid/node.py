@@ -277,11 +277,11 @@ def arrive(body: int, bodies: Bodies, span: Times) -> None:
 
 
 @compiled
-def set_turn(body: int, late: int, axes: Block, space: Workspace, rigid: Rigid) -> None:
-    """Set I⁻¹ of a body at the node or, if ``late`` is 1, at the end of the step."""
+def set_turn(body: int, at_end: int, axes: Block, space: Workspace, rigid: Rigid) -> None:
+    """Set I⁻¹ of a body at the node or, if ``at_end`` is 1, at the end of the step."""
     turning = space.rows.contacts.turning
     diagonal, across = inverse_inertia(axes, rigid)
-    n = 2 * (body + late * turning.turns.size)
+    n = 2 * (body + at_end * turning.turns.size)
     set_row(turning.turn, n, diagonal)
     set_row(turning.turn, n + 1, across)
 

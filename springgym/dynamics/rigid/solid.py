@@ -17,13 +17,13 @@ class State(NamedTuple):
     """The state of a rigid body: where it is and how it moves."""
 
     q: Vector
-    """the rotation from the body's orientation when the call began"""
+    """the quaternion of the rotation from the body's orientation when the call began"""
     momentum: Vector
     """angular momentum about the body's point, in body coordinates [kg·m²/s]"""
     position: Vector
-    """of that point, the pin or the centre of mass [m]"""
+    """position of that point, the pin or the centre of mass [m]"""
     velocity: Vector
-    """[m/s]"""
+    """velocity of that point [m/s]"""
 
 
 class Rigid(NamedTuple):
@@ -32,13 +32,13 @@ class Rigid(NamedTuple):
     shape: np.ndarray
     """(N, 3) particles in principal axes, from the pin or the centre of mass [m]"""
     moments: np.ndarray
-    """(3,) [kg·m²]"""
+    """(3,) the principal moments of inertia [kg·m²]"""
     triad: np.ndarray
     """(3, 3) rows: the body's `triad` in principal axes"""
     markers: np.ndarray
     """(3,) the particles of that triad"""
     pivot: int
-    """the pinned particle, or −1"""
+    """index of the pinned particle, or −1"""
     moves: bool
     """whether any particle is free"""
     turns: bool
@@ -52,15 +52,15 @@ class Solid(NamedTuple):
 
     rigid: Rigid
     asymmetry: Numbers
-    """1/I₂ − 1/I₁ [1/(kg·m²)], (1,), or None"""
+    """(1,) the asymmetry 1/I₂ − 1/I₁ [1/(kg·m²)], or None"""
     axes: Block
-    """the principal axes in world coordinates where `State.q` is the identity"""
+    """the principal axes in world coordinates, in the orientation for which the quaternion `State.q` is 1"""
     centre: Vector
     """position of the centre of mass in body coordinates [m]"""
     total: Number
-    """mass [kg]"""
+    """the mass [kg]"""
     lightness: Number
-    """1/mass [1/kg]; 0 for a pinned body"""
+    """the inverse mass [1/kg]; 0 for a pinned body"""
     terms: Terms
     """the forces, surfaces and actuators of the body"""
 

@@ -196,7 +196,7 @@ class SpringDuel(Task, kernels=(evaluate, observe_features)):
     checks_starts = False
     parameters = np.array([float(FIRST)])
     others = np.array([float(SECOND)])
-    """`parameters` for the second player"""
+    """the value of `parameters` with which the functions see the game as the second player"""
     limits = np.full(2, FORCE)
 
     def __init__(

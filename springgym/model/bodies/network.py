@@ -114,7 +114,8 @@ class Response(NamedTuple):
     spun: np.ndarray
     """(3, S) 2 e²/I, e the elongation under unit ω: −∂s/∂k"""
     moved: np.ndarray
-    """(3, N, 3) displacements under unit ω about each axis, from the centre of mass"""
+    """(3, N, 3) displacements [m] of the particles by the centrifugal force of a spin of 1 rad/s about each
+    axis, relative to the centre of mass"""
 
 
 def response(network: Network, stiffness: np.ndarray, axes: np.ndarray) -> Response:

@@ -110,7 +110,7 @@ def precession_gap(
 
 @lru_cache(maxsize=32)
 def _gap(of: ByValue, pin: int, pull: float, tilt: float, spin: float, rigid: float) -> float:
-    """Compute the `precession_gap` of a top whose rigid twin precesses at the rate ``rigid`` [rad/s]."""
+    """Compute by what share a spring top precesses more slowly than a rigid one of rate ``rigid`` [rad/s]."""
     body = of.body
     own = axes(body.positions, body.markers)
     up = np.array([-np.sin(tilt), 0.0, np.cos(tilt)])  # in axes whose third is that of the top

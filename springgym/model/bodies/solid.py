@@ -87,7 +87,8 @@ class Unit(NamedTuple):
     stretch_ratios: np.ndarray
     """(3,) as ``frequency_ratio``, of the springs over those of the solid"""
     moved: np.ndarray
-    """(3, N, 3) displacements of the particles under unit ω about each axis, from the centre of mass"""
+    """(3, N, 3) displacements [m] of the particles by the centrifugal force of a spin of 1 rad/s about each
+    axis, relative to the centre of mass"""
 
 
 # --- Shapes -----------------------------------------------------------------------------------------
