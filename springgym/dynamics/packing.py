@@ -97,7 +97,7 @@ class Options(NamedTuple):
 
     method: Integrator
     step: float
-    """[s]"""
+    """time of a step, h [s]"""
     every: int
     """steps of a cycle, see `springgym.dynamics.forces.cycle`; 1 without cycles"""
     varying: frozenset[str]

@@ -57,9 +57,9 @@ class Start(NamedTuple):
     """The start of an episode, or of k episodes, with arrays of shape (k, …)."""
 
     positions: np.ndarray
-    """(N, 3) [m]"""
+    """(N, 3) positions of the particles [m]"""
     velocities: np.ndarray
-    """(N, 3) [m/s]"""
+    """(N, 3) velocities of the particles [m/s]"""
     goal: Sequence[Any] | np.ndarray = ()
     """the goal of this episode, of length `Task.goal_size`"""
 

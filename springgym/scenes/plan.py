@@ -99,7 +99,7 @@ class Plan:
     stretched: bool
     """whether it starts in the shape of a steady motion under its weight"""
     duration: float
-    """[s]"""
+    """duration of the motion [s]"""
     interval: float
     """time between recorded states [s]"""
     integrator: str

@@ -37,13 +37,13 @@ class Recording:
     """description of the simulator"""
     integrator: Integrator
     step: float
-    """[s]"""
+    """time of a step [s]"""
     times: np.ndarray
-    """(T,) [s], from 0"""
+    """(T,) times of the states [s], from 0"""
     positions: np.ndarray
-    """(T, N, 3) [m]"""
+    """(T, N, 3) positions of the particles [m]"""
     velocities: np.ndarray
-    """(T, N, 3) [m/s]"""
+    """(T, N, 3) velocities of the particles [m/s]"""
     measures: Measures
     """measures of all bodies together, of shape (T,) or (T, 3)"""
     bodies: tuple[Measures, ...]

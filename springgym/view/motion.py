@@ -26,7 +26,7 @@ class Arrows(NamedTuple):
     """An arrow at each of T times of a motion."""
 
     origins: np.ndarray
-    """(T, 3) [m]"""
+    """(T, 3) points at which the arrow begins [m]"""
     vectors: np.ndarray
     """(T, 3) arrows as drawn [m]; zero where there is none"""
     color: Color
@@ -36,7 +36,7 @@ class Touches(NamedTuple):
     """The contacts of a motion, drawn as arrows: at most K at each of T times."""
 
     points: np.ndarray
-    """(T, K, 3) [m]; NaN where there is none"""
+    """(T, K, 3) points of contact [m]; NaN where there is none"""
     vectors: np.ndarray
     """(T, K, 3) arrows of the force on the first body, as drawn [m]"""
     mutual: np.ndarray
@@ -49,9 +49,9 @@ class Motion:
 
     title: str
     times: np.ndarray
-    """(T,) [s], from 0"""
+    """(T,) times of the states [s], from 0"""
     positions: np.ndarray
-    """(T, N, 3) [m]"""
+    """(T, N, 3) positions of the particles [m]"""
     look: Look
     scenery: Scenery
     lengths: np.ndarray

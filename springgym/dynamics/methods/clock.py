@@ -17,7 +17,7 @@ class Clock(NamedTuple):
     """The times of all copies, and the step by which they advance."""
 
     time: np.ndarray
-    """(copies,) [s]"""
+    """(copies,) time of each copy [s]"""
     step: float
     """h [s]"""
     width: int

@@ -23,9 +23,9 @@ class Envelope(NamedTuple):
     """A matrix: block (i, j) with j ≤ i in ``lower``, (j, i) with j < i in ``upper``, at ``start[i]`` + j."""
 
     first: np.ndarray
-    """(N,)"""
+    """(N,) the column j of the first block of each row i"""
     start: np.ndarray
-    """(N,)"""
+    """(N,) for each row i, the index of its block of column j, minus j"""
     lower: np.ndarray
     """(3 × blocks, 3): the rows of the blocks one after the other"""
     upper: np.ndarray

@@ -26,7 +26,7 @@ class Elastic(ReadOnly):
     shape: str
     """description of the shape"""
     mass: float
-    """[kg]"""
+    """mass [kg]"""
     centre: np.ndarray
     """(3,) centre of mass [m]"""
     inertia: np.ndarray
@@ -77,9 +77,9 @@ class Cable:
 
     material: Material
     diameter: float
-    """[m]"""
+    """diameter [m]"""
     length: float
-    """[m]"""
+    """length [m]"""
     load: float
     """mass of the weight at its end [kg]"""
 

@@ -113,7 +113,7 @@ class StretchedShapes:
     """The `relative_equilibrium` shapes of a body for all spins up to ``fastest`` about one axis."""
 
     fastest: float
-    """[rad/s]"""
+    """the largest spin [rad/s]"""
     coefficients: np.ndarray
     """(5, N, 3), of the powers 4 … 0 of (spin/fastest)²"""
 

@@ -19,9 +19,9 @@ class InitialState(NamedTuple):
     """The positions and velocities of a body at the start."""
 
     positions: np.ndarray
-    """(N, 3) [m]"""
+    """(N, 3) positions of the particles [m]"""
     velocities: np.ndarray
-    """(N, 3) [m/s]"""
+    """(N, 3) velocities of the particles [m/s]"""
 
 
 @refusing_unknown

@@ -26,11 +26,11 @@ class Network(NamedTuple):
     """Particles and springs of a body, of unit density and in any unit of length."""
 
     positions: np.ndarray
-    """(N, 3)"""
+    """(N, 3) positions of the particles"""
     masses: np.ndarray
-    """(N,)"""
+    """(N,) masses of the particles"""
     springs: np.ndarray
-    """(S, 2)"""
+    """(S, 2) the particles at the ends of each spring"""
 
 
 # --- Masses -----------------------------------------------------------------------------------------
@@ -114,8 +114,8 @@ class Response(NamedTuple):
     spun: np.ndarray
     """(3, S) 2 e²/I, e the elongation under unit ω: −∂s/∂k"""
     moved: np.ndarray
-    """(3, N, 3) displacements [m] of the particles by the centrifugal force of a spin of 1 rad/s about each
-    axis, relative to the centre of mass"""
+    """(3, N, 3) displacements of the particles by the centrifugal force of a spin ω = 1 about each axis,
+    relative to the centre of mass"""
 
 
 def response(network: Network, stiffness: np.ndarray, axes: np.ndarray) -> Response:

@@ -79,7 +79,7 @@ class Unit(NamedTuple):
 
     network: Network
     stiffness: np.ndarray
-    """(S,)"""
+    """(S,) stiffness of each spring"""
     solid: theory.ElasticSolid
     axes: np.ndarray
     """(3, 3) axes of spin, columns"""
@@ -87,8 +87,8 @@ class Unit(NamedTuple):
     stretch_ratios: np.ndarray
     """(3,) as ``frequency_ratio``, of the springs over those of the solid"""
     moved: np.ndarray
-    """(3, N, 3) displacements [m] of the particles by the centrifugal force of a spin of 1 rad/s about each
-    axis, relative to the centre of mass"""
+    """(3, N, 3) displacements of the particles by the centrifugal force of a spin ω = 1 about each axis,
+    relative to the centre of mass"""
 
 
 # --- Shapes -----------------------------------------------------------------------------------------

@@ -34,7 +34,7 @@ class Found(NamedTuple):
     members: np.ndarray
     """(F, 1) or (F, 2) their particles"""
     apart: np.ndarray
-    """(k, F) [m], less the radii"""
+    """(k, F) distances of the features from the other body, less the radii [m]"""
     through: bool = False
     """whether these are only the depths of edges through faces"""
 

@@ -28,7 +28,7 @@ class Shape(NamedTuple):
     edges: np.ndarray
     """(E, 2) its sharp edges, or the rods of a body without faces: its springs"""
     radius: float
-    """[m] of balls around the vertices and of rods; 0 for a closed surface"""
+    """radius of balls around the vertices and of rods [m]; 0 for a closed surface"""
     lines: np.ndarray
     """(L, 2) all edges of the triangles, flat ones included"""
     turns: bool = False

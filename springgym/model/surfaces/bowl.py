@@ -21,9 +21,9 @@ class Bowls(NamedTuple):
     """The bowls of a scene, for compiled code."""
 
     centre: np.ndarray
-    """(bowls, 3) [m]"""
+    """(bowls, 3) centre of each bowl [m]"""
     radius: np.ndarray
-    """(bowls,) [m]"""
+    """(bowls,) radius of each bowl [m]"""
 
     @staticmethod
     @compiled

@@ -25,7 +25,7 @@ class Pipes(NamedTuple):
     axis: np.ndarray
     """(pipes, 3) unit vectors of the axis"""
     radius: np.ndarray
-    """(pipes,) [m]"""
+    """(pipes,) radius of each pipe [m]"""
 
     @staticmethod
     @compiled

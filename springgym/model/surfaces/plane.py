@@ -25,7 +25,7 @@ class Planes(NamedTuple):
     normal: np.ndarray
     """(planes, 3) unit vectors"""
     offset: np.ndarray
-    """(planes,) [m]"""
+    """(planes,) offset of each plane along its normal [m]"""
 
     @staticmethod
     def flat() -> bool:
