@@ -112,7 +112,7 @@ def needed(plan: Plan, wanted: float, implicit: Sequence[str] = ("tr_bdf2",), du
     ValueError
         If the plan is of several bodies or no heavy top, or it has no steady precession.
     """
-    steady = _asked(plan)
+    steady = steady_of(plan)
     scene = plan.scene
 
     def tried(dynamics: str, integrator: str, factor: float = 1.0, step: float | None = None) -> Model:
@@ -142,7 +142,7 @@ def needed(plan: Plan, wanted: float, implicit: Sequence[str] = ("tr_bdf2",), du
     return Need(steady, wanted, sorted(models, key=lambda model: model.cost))
 
 
-def _asked(plan: Plan) -> Steady:
+def steady_of(plan: Plan) -> Steady:
     """Return the steady precession of the top of a plan."""
     scene = plan.scene
     if len(scene.bodies) > 1:

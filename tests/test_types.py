@@ -12,7 +12,7 @@ import pytest
 
 import springgym
 from springgym.envs import options
-from springgym.envs.base import SpringEnv, _Common
+from springgym.envs.base import Common, SpringEnv
 from springgym.envs.registration import ENVIRONMENTS
 from springgym.envs.scene import SceneOptions, SceneTask, make_scene_env
 from springgym.envs.tasks.duel import OPPONENTS
@@ -27,7 +27,7 @@ def keywords(function):
 
 
 def test_every_environment_declares_what_it_takes():
-    common = keywords(SpringEnv.__init__) | keywords(_Common._make) - {"copies"} | keywords(options.Settings)
+    common = keywords(SpringEnv.__init__) | keywords(Common._make) - {"copies"} | keywords(options.Settings)
     assert set(get_type_hints(options.EnvOptions)) == common | {"observation"}
     for row in ENVIRONMENTS:
         module = import_module(f"springgym.envs.tasks.{row.module}")

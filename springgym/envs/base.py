@@ -44,7 +44,7 @@ class Stateful:
         raise NotImplementedError
 
 
-class _Common(Stateful):
+class Common(Stateful):
     """Common part of single and batch environments. Use by one thread at a time, see `Guard`."""
 
     _guard: Guard
@@ -70,7 +70,7 @@ class _Common(Stateful):
         self._guard = Guard()
         kind = type(self)
         settings = Settings(**{name: options.pop(name) for name in Settings._fields if name in options})
-        refuse_unknown(kind.__name__, options, self.task_type, Settings, _Common._make, kind.__init__)
+        refuse_unknown(kind.__name__, options, self.task_type, Settings, Common._make, kind.__init__)
         task = self.task_type(**options)
         given = arguments(self.task_type, options)
         given = {name: value for name, value in given.items() if name not in ("body", "scene")}
@@ -177,7 +177,7 @@ class _Common(Stateful):
         return {**vars(self), "_canvases": []}  # renderers are not copied
 
 
-class SingleEnv(_Common):
+class SingleEnv(Common):
     """An environment of one copy, for one agent or several: its state, random generator and pictures."""
 
     also_stored: ClassVar[Mapping[str, Sequence[str]]] = {}
@@ -363,10 +363,10 @@ class SpringEnv(SingleEnv, gym.Env[np.ndarray, np.ndarray]):
         return _of_copy(self.episodes.to_user_observation(seen), 0)
 
     def _info(self) -> dict[str, Any]:
-        return _plain(self.episodes.info_arrays())
+        return plain_numbers(self.episodes.info_arrays())
 
 
-class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
+class SpringVectorEnv(Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     """A batch of copies, stepped in one call; results are bit-identical to those of single environments.
 
     A concrete class has `gymnasium.vector.VectorEnv` among its own bases, see `SpringEnv`.
@@ -674,7 +674,7 @@ def get_state(env: object, copies: ArrayLike | None = None) -> dict[str, Any]:
     ValueError
         If there are no such copies.
     """
-    own = _own(env)
+    own = holder(env)
     return dict(own.get_state(*_named(own, copies)))
 
 
@@ -704,7 +704,7 @@ def set_state(env: Any, state: Mapping[str, Any], copies: ArrayLike | None = Non
         If the state does not fit this environment, see `SingleEnv.set_state`, or there are no such copies.
         Nothing changes then.
     """
-    own = _own(env)
+    own = holder(env)
     unready = own._unready
     where = _named(own, copies)
     own.set_state(state, *where)
@@ -717,10 +717,10 @@ def set_state(env: Any, state: Mapping[str, Any], copies: ArrayLike | None = Non
         env = env.env
 
 
-def _own(env: object) -> Any:
+def holder(env: object) -> Any:
     """Return the springgym object inside the wrappers, which holds the state."""
     own = getattr(env, "unwrapped", env)
-    if not isinstance(own, _Common):  # those of Stable-Baselines3 have a monitor, whose counts are state
+    if not isinstance(own, Common):  # those of Stable-Baselines3 have a monitor, whose counts are state
         own = env
         while not isinstance(own, Stateful) and hasattr(own, "venv"):
             own = own.venv
@@ -810,6 +810,6 @@ def _add(infos: dict[str, Any], values: Mapping[str, Any], mask: np.ndarray) -> 
         infos[f"_{name}"] = own
 
 
-def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
+def plain_numbers(values: Mapping[str, Any]) -> dict[str, Any]:
     """Return the values of a single copy as plain Python numbers."""
-    return {k: v.item() if v.__class__ is np.ndarray else _plain(v) for k, v in values.items()}
+    return {k: v.item() if v.__class__ is np.ndarray else plain_numbers(v) for k, v in values.items()}

@@ -11,7 +11,7 @@ from gymnasium import spaces
 from springgym.checks import chosen, suggestion, whole
 from springgym.core.extras import missing
 from springgym.core.guard import guarded
-from springgym.envs.base import SingleEnv, SpringEnv, _plain, frame_rate
+from springgym.envs.base import SingleEnv, SpringEnv, frame_rate, plain_numbers
 from springgym.envs.options import Observation, SimulationOptions, mapping
 from springgym.envs.registration import register
 from springgym.envs.task import SUCCESS
@@ -194,7 +194,7 @@ class ParallelDuel(SingleEnv, ParallelEnv):
         return out
 
     def _infos(self, out: np.ndarray) -> dict[str, dict[str, Any]]:
-        always = _plain(self.episodes.info_arrays())
+        always = plain_numbers(self.episodes.info_arrays())
         return {
             name: always
             | {"is_success": bool(out[n, SUCCESS] > 0)}

@@ -28,7 +28,7 @@ try:
 except ImportError as error:
     raise ImportError(missing("springgym.envs.sb3", "Stable-Baselines3", "agents")) from error
 
-from springgym.envs.base import SpringVectorEnv, Stateful, _own, get_state, set_state
+from springgym.envs.base import SpringVectorEnv, Stateful, get_state, holder, set_state
 from springgym.envs.options import mapping
 from springgym.envs.starts import spawn_seeds
 from springgym.model.identity import check_array, check_keys
@@ -138,7 +138,7 @@ class SB3VecEnv(Stateful, VecEnv):
 
     @property
     def _unready(self) -> str:
-        return _own(self.vector_env)._unready
+        return holder(self.vector_env)._unready
 
     def get_state(self) -> dict[str, Any]:
         """Return the state of the vector environment, see `springgym.get_state`."""
@@ -198,7 +198,7 @@ class Monitor(Stateful, VecMonitor):
 
     @property
     def _unready(self) -> str:
-        return _own(self.venv)._unready
+        return holder(self.venv)._unready
 
     def get_state(self) -> dict[str, Any]:
         """Return the state of the vector environment, and the counts of the monitor."""

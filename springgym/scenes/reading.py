@@ -290,7 +290,7 @@ def _standing(
     """Read a body with its pins and its start at ``path`` of a file."""
     made = _body(tree, (*path, "body"))
     given: dict[str, Any] = {"body": made, "pinned": _pinned(tree, (*path, "pinned"), made, pinned), **world}
-    begun = _started(**given) if start is None else build(_started, tree, (*path, "start"), **given)
+    begun = started(**given) if start is None else build(started, tree, (*path, "start"), **given)
     _refuse_beside_end(tree, (*path, "start"))
     _known_checks(tree, (*path, "checks"), checks)
     try:
@@ -466,7 +466,7 @@ class _Beginning(NamedTuple):
     stretched: bool
 
 
-def _started(
+def started(
     body: Body,
     pinned: tuple[int, ...],
     gravity: Vector,

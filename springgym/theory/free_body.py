@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from springgym.checks import number
-from springgym.theory._elliptic import Jacobi, complete_k, incomplete_f, jacobi, third_kind
 from springgym.theory.checking import (
     ANY,
     FRAMES,
@@ -30,6 +29,7 @@ from springgym.theory.checking import (
     principal_moments,
     rotations,
 )
+from springgym.theory.elliptic import Jacobi, complete_k, incomplete_f, jacobi, third_kind
 from springgym.theory.frames import Floats, euler_zxz
 
 

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from springgym.checks import number
-from springgym.theory._elliptic import complete_k, incomplete_f, jacobi
 from springgym.theory.checking import ANY, between, checked, inside, numbers, positive
+from springgym.theory.elliptic import complete_k, incomplete_f, jacobi
 from springgym.theory.frames import Floats
 
 

@@ -24,7 +24,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from springgym.checks import TINY, number
-from springgym.theory._elliptic import complete_k, incomplete_f, jacobi, third_kind
 from springgym.theory.checking import (
     ANY,
     FRAMES,
@@ -38,6 +37,7 @@ from springgym.theory.checking import (
     positive,
     rotations,
 )
+from springgym.theory.elliptic import complete_k, incomplete_f, jacobi, third_kind
 from springgym.theory.frames import Floats, euler_zxz
 
 

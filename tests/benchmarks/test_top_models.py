@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from benchmarks.top_models import _asked, main, needed
+from benchmarks.top_models import main, needed, steady_of
 from springgym.scenes import load, names
 from tests.params import slow_but
 
@@ -40,7 +40,7 @@ def test_less_than_the_gap_rules_the_rigid_top_out():
 def test_a_scene_is_a_top_or_is_refused_for_what_it_is(name):
     why = ""
     try:
-        assert np.isfinite(_asked(load(name))).all()
+        assert np.isfinite(steady_of(load(name))).all()
     except ValueError as error:
         why = str(error)
     assert re.search(r"^$|is not a heavy top: |no steady precession|has \d+ bodies; it must have one", why)

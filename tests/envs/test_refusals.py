@@ -18,7 +18,7 @@ import springgym
 from springgym.dynamics.measures import MeasuresOfBodies
 from springgym.dynamics.stepping import MOST_STEPS
 from springgym.envs import tolerance
-from springgym.envs.base import SpringEnv, SpringVectorEnv, _Common
+from springgym.envs.base import Common, SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Situation
 from springgym.envs.options import Settings
 from springgym.envs.registration import ALL_IDS
@@ -47,7 +47,7 @@ REFUSED = (TypeError, ValueError, gym.error.Error, NotImplementedError)
 def arguments(kind: type[SpringEnv] | type[SpringVectorEnv]) -> list[str]:
     """Names of all the arguments a class takes."""
     found: list[str] = []
-    for function in (kind.__init__, _Common._make, Settings, kind.task_type):
+    for function in (kind.__init__, Common._make, Settings, kind.task_type):
         found += [
             p.name
             for p in inspect.signature(function).parameters.values()

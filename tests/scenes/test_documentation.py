@@ -10,7 +10,7 @@ from springgym.model.surfaces import Contact
 from springgym.scenes import load
 from springgym.scenes.checks import CHECKS
 from springgym.scenes.plots import PLOTS
-from springgym.scenes.reading import KINDS, SURFACES, _started
+from springgym.scenes.reading import KINDS, SURFACES, started
 
 PAGE = (Path(__file__).parents[2] / "docs" / "scenes.md").read_text()
 WORDS = set(re.findall(r"\w+", PAGE))
@@ -26,5 +26,5 @@ def test_example_reads(tmp_path):
 
 def test_every_name_is_explained():
     given = {"body", "pinned", "gravity", "surfaces", "contact"}
-    keys = {key for made in (_started, Contact) for key in inspect.signature(made).parameters}
+    keys = {key for made in (started, Contact) for key in inspect.signature(made).parameters}
     assert {"paper_damping", *(keys - given), *CHECKS, *PLOTS, *KINDS, *SURFACES} <= WORDS
