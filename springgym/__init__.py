@@ -1,4 +1,12 @@
-"""Gymnasium environments built on a fast mass-spring simulator with error estimates."""
+"""Gymnasium environments built on a fast mass-spring simulator with error estimates.
+
+`gymnasium.make` makes the registered environments. These names can be imported from here:
+
+- `Scene`, `Body` and `Placed` describe bodies and what acts on them, and `Simulator` moves them;
+- `make_scene_env` makes an environment of a scene;
+- `get_state` and `set_state` save and restore an environment;
+- `load_agent` loads a published agent.
+"""
 
 from __future__ import annotations
 
@@ -40,6 +48,10 @@ __all__ = [
     "register",
     "set_state",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
 
 
 if not TYPE_CHECKING:  # for type checkers, every name would exist

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import re
 from collections.abc import Iterator
@@ -18,6 +19,13 @@ DOCS = Path(__file__).parents[1] / "docs"
 MODULES = re.findall(r"^   (springgym[\w.]*)$", (DOCS / "api.md").read_text(encoding="utf-8"), re.MULTILINE)
 
 pytestmark = pytest.mark.filterwarnings("ignore:The mapping interface")  # Sphinx's own extensions use it
+
+
+GATHERS = {"springgym"}
+"""Lists names of other modules, whose pages describe them."""
+
+NOT_FOR_USERS = {"springgym.core.compiler.numba_private"}
+"""Lists what it takes from Numba."""
 
 
 @pytest.fixture(scope="module")
@@ -76,6 +84,60 @@ def test_no_docstring_is_torn_at_its_colon(app: Any) -> None:
         assert not any(line.startswith(":type:") for line in lines), name
         assert lines[0].replace("\\", "").startswith(begins.split("`")[0].replace("\\", "")), name
     assert found > 30
+
+
+def parsed() -> dict[str, ast.Module]:
+    """The syntax trees of springgym's files, by the names of the modules."""
+    files = sorted((DOCS.parent / "springgym").rglob("*.py"))
+    names = [".".join(path.relative_to(DOCS.parent).with_suffix("").parts) for path in files]
+    trees = [ast.parse(path.read_text(encoding="utf-8")) for path in files]
+    return dict(zip([name.removesuffix(".__init__") for name in names], trees, strict=True))
+
+
+def listed(tree: ast.Module) -> list[str] | None:
+    """What ``__all__`` of a module lists."""
+    for node in tree.body:
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__":
+            return ast.literal_eval(node.value)  # type: ignore[no-any-return]
+    return None
+
+
+def imported(tree: ast.Module) -> dict[str, tuple[str, str]]:
+    """The module and the name there of each name that a module imports."""
+    return {
+        alias.asname or alias.name: (node.module or "", alias.name)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+
+
+def test_the_reference_has_the_modules_that_list_their_names() -> None:
+    having = {name for name, tree in parsed().items() if listed(tree) is not None}
+    assert sorted(MODULES) == sorted(having - NOT_FOR_USERS)
+
+
+def test_a_public_name_stands_once() -> None:
+    """In one ``__all__``: where it is defined, or in that of the package that users import it from."""
+    trees = parsed()
+    origins = {name: imported(tree) for name, tree in trees.items()}
+    stands: dict[tuple[str, str], str] = {}
+    for module in sorted({*MODULES} - GATHERS):
+        public = listed(trees[module])
+        assert public
+        for name in public:
+            assert hasattr(importlib.import_module(module), name), f"{module}.{name}"
+            assert not name.startswith("_"), f"{module}.{name}"
+            home = (module, name)
+            while home[1] in origins.get(home[0], {}):
+                home = origins[home[0]][home[1]]
+            assert stands.setdefault(home, module) == module, f"{home} is in {stands[home]} and in {module}"
+
+
+def test_dir_shows_the_names_that_users_import() -> None:
+    for package in (springgym, springgym.scenes):
+        assert {*package.__all__} <= {*dir(package)}
+    assert all(f"`{name}`" in (springgym.__doc__ or "") for name in springgym._PUBLIC)
 
 
 def test_the_first_page_of_the_reference_has_the_names_that_users_import(app: Any) -> None:

@@ -18,8 +18,8 @@ from springgym.cli import INTERRUPTED, check_new, whole_file
 from springgym.dynamics.contact.totals import PairReadings
 from springgym.dynamics.methods import METHODS
 from springgym.model.scene import MOST_LISTED
-from springgym.scenes.checks import NOT_COVERED, Check, check, fitting
-from springgym.scenes.checks.basis import two_figures
+from springgym.scenes.checks import Check, check, fitting
+from springgym.scenes.checks.basis import NOT_COVERED, two_figures
 from springgym.scenes.plan import LEAST, Plan
 from springgym.scenes.reading import document, load
 from springgym.scenes.reading import names as scene_names

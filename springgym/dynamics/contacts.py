@@ -15,6 +15,19 @@ from springgym.dynamics.terms import Terms
 from springgym.model.scene import Scene
 from springgym.model.surfaces import by_kind, gradients, scales
 
+__all__ = [
+    "LEAST_IMPULSE",
+    "NO_INDEX",
+    "Contacts",
+    "PairSums",
+    "SteppedBlock",
+    "of_block",
+    "padded",
+    "pair_sums",
+    "refusal",
+    "sum_pairs",
+]
+
 NO_INDEX = -1
 """Index where there is no body, surface or contact."""
 

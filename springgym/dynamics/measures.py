@@ -33,6 +33,22 @@ from springgym.dynamics.methods.record import Phase
 from springgym.dynamics.records import Collisions
 from springgym.dynamics.terms import Terms
 
+__all__ = [
+    "AT",
+    "COLUMNS",
+    "FIELDS",
+    "Markers",
+    "Measures",
+    "MeasuresOfBodies",
+    "Reading",
+    "Readout",
+    "plus_stored",
+    "read",
+    "read_bodies",
+    "view",
+    "write_copies",
+]
+
 
 class Measures(NamedTuple):
     """Measures of all copies, for a body or for all bodies together; scalars (copies,), vectors (copies, 3).

@@ -50,6 +50,35 @@ from springgym.model.scene import DriveActuator, Scene
 from springgym.model.surfaces import Contact, PaperContact, by_kind, coupled, loss_factor, packed_kind, scales
 from springgym.model.surfaces.contact import RESISTANCES
 
+__all__ = [
+    "PARAMETERS",
+    "Options",
+    "Packed",
+    "Parameter",
+    "actuators",
+    "coarse_from",
+    "decays",
+    "derive",
+    "derive_pairs",
+    "has_nodes",
+    "in_order",
+    "node_workspace",
+    "pack",
+    "pack_pairs",
+    "renew",
+    "reset_flags",
+    "rigid_workspace",
+    "row_space",
+    "shadow_difference",
+    "shape",
+    "sizes",
+    "solves_rows",
+    "values",
+    "varies",
+    "vary",
+    "workspaces",
+]
+
 
 class Parameter(NamedTuple):
     """A physical parameter that may differ from copy to copy, with its least and largest value."""

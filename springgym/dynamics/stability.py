@@ -14,6 +14,33 @@ from springgym.dynamics.methods.record import Integrator
 from springgym.model.bodies.elasticity import spring_force_and_jacobian
 from springgym.model.scene import Scene
 
+__all__ = [
+    "DECAY",
+    "FINE_TURN",
+    "LONGEST",
+    "LONGEST_CYCLE",
+    "REFUSED",
+    "RIGID",
+    "RINGING",
+    "SAFETY",
+    "SAMPLE",
+    "SWEEP",
+    "TURN",
+    "VARIED",
+    "Vibrations",
+    "cycles_harmless",
+    "cycles_in",
+    "damps_each_step",
+    "highest_decay_rate",
+    "highest_frequency",
+    "is_unstable",
+    "largest_step",
+    "steps_in",
+    "usual_step",
+    "varied",
+    "vibrations",
+]
+
 SAFETY = 0.7
 """Largest default step, as a fraction of the stability limit. Stretch and rotation may raise the frequencies
 of a body. The error of these steps is smaller than the difference between springs and a rigid body."""

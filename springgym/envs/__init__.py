@@ -10,6 +10,8 @@ from springgym.lazy import submodule
 if TYPE_CHECKING:
     from springgym.envs.players import ParallelDuel, ParallelOptions
 
+__all__ = ["parallel"]
+
 
 if not TYPE_CHECKING:  # for type checkers, every name would exist
 

@@ -19,6 +19,21 @@ from gymnasium import spaces
 
 from springgym.checks import unreadable
 
+__all__ = [
+    "LARGEST",
+    "LAYERS",
+    "MOST",
+    "SEEN",
+    "STATISTICS",
+    "Algorithm",
+    "Network",
+    "Policy",
+    "acts",
+    "alone",
+    "joined",
+    "load_policy",
+]
+
 Policy = Callable[[Any], np.ndarray]
 """Maps observations (n, …) to actions (n, …). Observations with goals are a dict of such arrays."""
 

@@ -7,6 +7,8 @@ import numpy as np
 from springgym.rendering import Arrow
 from springgym.rendering.look import RED, Point
 
+__all__ = ["ARC", "across", "torque_arrow"]
+
 ARC = 3.0
 """Angle of the arrow of a torque of 1 [rad]."""
 

@@ -26,6 +26,17 @@ from springgym.envs.tolerance import SAFETY, Choice, chosen_for
 from springgym.model.identity import check_array, check_keys
 from springgym.rendering import Renderer
 
+__all__ = [
+    "OF_ONE",
+    "SingleEnv",
+    "SpringEnv",
+    "SpringVectorEnv",
+    "Stateful",
+    "frame_rate",
+    "get_state",
+    "set_state",
+]
+
 
 class Stateful:
     """An object with a state that `get_state` returns and `set_state` restores."""

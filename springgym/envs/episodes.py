@@ -34,6 +34,25 @@ from springgym.model.scene import squared_lengths
 from springgym.rendering import Marks
 from springgym.simulator import STRAIN_LIMIT, Simulator, copies_in, most_copies
 
+__all__ = [
+    "ALWAYS_FINITE",
+    "BROKEN_OFF",
+    "CLEARED",
+    "NOT_BEGUN",
+    "OF_PAIRS",
+    "SPARSE",
+    "STATE",
+    "Episodes",
+    "OptionsProbe",
+    "Part",
+    "StartedEpisodes",
+    "Step",
+    "advance_clocks",
+    "clip_and_scale",
+    "finish_step",
+    "plan_of",
+]
+
 SPARSE = -1
 """Value for the number of the reward's terms, with which the reward is 1 if the aim is met."""
 

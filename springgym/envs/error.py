@@ -15,6 +15,8 @@ import numpy as np
 from springgym.model.bodies.distances import largest_distances
 from springgym.simulator import Simulator
 
+__all__ = ["FINER", "StepError"]
+
 FINER = 2
 """Number of steps of the second simulator in a step of the first."""
 

@@ -16,6 +16,8 @@ from gymnasium import spaces
 from springgym.checks import TINY, array, instance, number, shown, whole
 from springgym.core.compiler.decorators import kernel
 
+__all__ = ["BOUND", "GoalTolerance", "Goals", "bound", "checked_tolerances", "mark_reached"]
+
 BOUND = 100.0
 """Bound to which goals are clipped, in SI units. An achieved goal at or beyond it reaches no goal."""
 

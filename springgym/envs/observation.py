@@ -19,6 +19,23 @@ from springgym.checks import TINY, instance, number, readings, refusing_unknown,
 from springgym.core.compiler.decorators import compiled, kernel
 from springgym.dynamics import measures
 
+__all__ = [
+    "BOUND",
+    "Columns",
+    "Entry",
+    "ObservedParticles",
+    "Situation",
+    "along",
+    "bound",
+    "clip",
+    "columns",
+    "observe_particles",
+    "point_to",
+    "values",
+    "write_goal",
+    "write_measures",
+]
+
 BOUND = 10.0
 """Bound to which observations of order one are clipped, so that their space is finite."""
 

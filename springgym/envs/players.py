@@ -22,6 +22,8 @@ try:
 except ImportError as error:
     raise ImportError(missing("springgym.envs.parallel", "PettingZoo", "pettingzoo")) from error
 
+__all__ = ["OPTIONS", "ParallelDuel", "ParallelOptions", "PlayerOptions", "registered"]
+
 register()  # again, now that PettingZoo is imported
 
 AGENTS = ("first", "second")

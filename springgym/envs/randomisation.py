@@ -14,6 +14,19 @@ from springgym.envs.options import mapping
 from springgym.model.scene import GRAVITY, Scene
 from springgym.model.surfaces import Contact
 
+__all__ = [
+    "NOMINAL",
+    "OF_SPRINGS",
+    "RANDOMIZABLE",
+    "Ranges",
+    "checked_ranges",
+    "drawn",
+    "parameters",
+    "stretched",
+    "varying",
+    "weight_of",
+]
+
 RANDOMIZABLE = ("masses", "stiffness", "damping", "scale", "gravity", "friction", "restitution", "actuator")
 """Parameters for which `randomize` accepts a range of factors, if the scene has them."""
 

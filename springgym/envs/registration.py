@@ -13,6 +13,19 @@ from gymnasium.envs.registration import EnvSpec
 
 from springgym.checks import instance
 
+__all__ = [
+    "PARALLEL",
+    "REASONS",
+    "Row",
+    "Tier",
+    "UnknownEnvironment",
+    "Variant",
+    "find",
+    "nearest_id",
+    "register",
+    "spec_of",
+]
+
 Tier = Literal["easy", "medium", "hard", "very hard", "sparse"]
 """The difficulty of a task. Linear control solves "easy". PPO solves "medium" with the
 hyperparameters of the package, and most of "hard". PPO does not solve "very hard", though it can be solved.

@@ -33,6 +33,18 @@ from springgym.rendering.look import RED
 from springgym.scenes import film
 from springgym.simulator import STRAIN_LIMIT
 
+__all__ = [
+    "RESERVED",
+    "ActuatorLimit",
+    "ArrayFunction",
+    "MetricsFunction",
+    "SceneEnv",
+    "SceneOptions",
+    "SceneTask",
+    "SceneVectorEnv",
+    "make_scene_env",
+]
+
 WRENCH = ("force", "torque", "body_torque")
 ArrayFunction = Callable[[MeasuresOfBodies, Situation], np.ndarray]
 """A function of measures and situation that returns an array of numbers or bools for all copies."""

@@ -19,6 +19,23 @@ from springgym.model.bodies import Body
 from springgym.model.bodies.equilibrium import StretchedShapes
 from springgym.model.bodies.rotations import cross, turned
 
+__all__ = [
+    "EQUAL",
+    "MOST",
+    "above_bowl",
+    "any_rotation",
+    "direction",
+    "headed",
+    "lean",
+    "principal_axes",
+    "spawn_seeds",
+    "standing",
+    "tilted",
+    "turn_of",
+    "uniform",
+    "varied_top",
+]
+
 MOST = 10**8
 """Largest number of seeds that are drawn at once."""
 

@@ -27,6 +27,8 @@ from springgym.model.scene import Scene
 from springgym.rendering import Camera, Look, Marks, Scenery
 from springgym.scenes import film
 
+__all__ = ["SUCCESS", "TERMINATED", "Drawn", "Factors", "ResetOptions", "Start", "Task", "at_rest", "level"]
+
 KEYWORD = inspect.Parameter.KEYWORD_ONLY
 
 SUCCESS = -2

@@ -22,6 +22,18 @@ from springgym.envs.episodes import Episodes, plan_of
 from springgym.envs.options import Settings
 from springgym.envs.task import Task
 
+__all__ = [
+    "CLOSE",
+    "FINEST",
+    "HIGHER",
+    "SAFETY",
+    "TRIALS",
+    "Choice",
+    "chosen_for",
+    "fewest_steps",
+    "largest_error",
+]
+
 EPISODES = 16
 PERIODS = 50
 

@@ -17,6 +17,8 @@ from springgym.envs.registration import nearest_id, spec_of
 from springgym.envs.scripts import AGENTS
 from springgym.scenes.strict_yaml import YamlError, build, read_json, read_yaml
 
+__all__ = ["PUBLISHED", "Agent", "Trained", "checksum", "load_agent", "published"]
+
 PUBLISHED = AGENTS / "trained"
 """Folder of published agents, one folder per environment, written by ``agents/studies/publish.py``."""
 

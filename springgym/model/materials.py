@@ -12,6 +12,17 @@ import numpy as np
 from springgym.checks import TINY, instance, number, refusing_unknown, shown
 from springgym.theory import solid
 
+__all__ = [
+    "LEAST_POISSON",
+    "MATERIALS",
+    "MODULI",
+    "MOST_POISSON",
+    "SOFTEST",
+    "Grain",
+    "Material",
+    "material_of",
+]
+
 MODULI = ("young_r", "young_t", "shear_lr", "shear_lt", "shear_rt")
 """Fields of `Grain` that are moduli [Pa]."""
 

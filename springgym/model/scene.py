@@ -34,6 +34,21 @@ from springgym.model.records import ReadOnly, read_only
 from springgym.model.surfaces import Contact, PaperContact, Surface, check_heights, check_surfaces, scales
 from springgym.model.surfaces.contact import NEAREST, RESISTANCES, without_resistance
 
+__all__ = [
+    "MOST_BODIES",
+    "MOST_LISTED",
+    "MOST_SURFACES",
+    "OF_A_BODY",
+    "OWN",
+    "DriveActuator",
+    "Placed",
+    "Scene",
+    "ThrustActuator",
+    "WrenchActuator",
+    "squared_lengths",
+    "too_short",
+]
+
 GRAVITY = (0.0, 0.0, -9.81)
 
 MOST_SURFACES = 100

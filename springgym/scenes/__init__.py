@@ -16,6 +16,10 @@ if TYPE_CHECKING:
 __all__ = ["Plan", "load", "names"]
 
 
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
 def __getattr__(name: str) -> Any:
     if name in __all__:
         return getattr(submodule(__name__, "plan" if name == "Plan" else "reading"), name)

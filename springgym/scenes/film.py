@@ -25,6 +25,38 @@ from springgym.rendering.video import RATES
 from springgym.scenes.plan import SPEEDS
 from springgym.scenes.recording import Progress, Recording
 
+__all__ = [
+    "BALLS",
+    "CALM",
+    "CAP",
+    "COLUMNS",
+    "FAR",
+    "FLAT",
+    "GIF_FPS",
+    "PILL",
+    "ROWS",
+    "SLOWEST",
+    "THIN",
+    "TURN_A_FRAME",
+    "UNEVEN",
+    "camera",
+    "frames",
+    "globe",
+    "look",
+    "poses",
+    "round_up",
+    "save_film",
+    "scenery",
+    "strain_scale",
+    "strains",
+    "strobe",
+    "surfaces",
+    "told",
+    "turning",
+    "visible_speed",
+    "way",
+]
+
 PIXELS = (640, 640)
 FPS = 50.0
 SLOWEST = 1e-6

@@ -12,6 +12,8 @@ from springgym.dynamics.methods import integrator
 from springgym.model.scene import Scene
 from springgym.model.surfaces import PaperContact
 
+__all__ = ["LEAST", "OF_ONE_BODY", "RULES", "SPEEDS", "View", "check_plot", "refuse_twice"]
+
 Vector = tuple[float, float, float]
 Plot = Literal["top", "pendulum", "rope", "drop", "slide", "rotation", "ringing", "bodies"]
 
@@ -109,7 +111,7 @@ class Plan:
     """the particle whose path is drawn"""
     plot: Plot
     checks: tuple[str, ...]
-    """names in `springgym.scenes.checks.CHECKS`"""
+    """names in `springgym.scenes.checks.basis.CHECKS`"""
     view: View
     contacts: bool = False
     """whether contacts are recorded, as a check needs them"""

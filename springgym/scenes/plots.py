@@ -38,6 +38,20 @@ try:
 except ImportError as error:
     raise ImportError(missing("a plot", "matplotlib", "plot")) from error
 
+__all__ = [
+    "FINER",
+    "SMALL",
+    "bodies",
+    "draw",
+    "drop",
+    "pendulum",
+    "ringing",
+    "rope",
+    "rotation",
+    "slide",
+    "top",
+]
+
 TRACE = "#e45e2c"
 CENTRE = "#343c4c"
 OTHER = "#8b98a9"

@@ -22,11 +22,14 @@ from springgym.model.collisions import Collisions, Pair
 from springgym.model.collisions.meeting import ALL
 from springgym.model.scene import GRAVITY, Placed, Scene
 from springgym.model.surfaces import SURFACES, Contact, PaperContact, Plane, Surface, floor, heights, resting
-from springgym.scenes.checks import CHECKS, TOUCHING, of_all
+from springgym.scenes.checks import of_all
+from springgym.scenes.checks.basis import CHECKS, TOUCHING
 from springgym.scenes.plan import RULES, Plan, Plot, Vector, View, check_plot, refuse_twice
 from springgym.scenes.strict_yaml import Tree, YamlError, build, changed, fit, read_yaml
 from springgym.theory.rope import catenary
 from springgym.theory.top import steady_precession
+
+__all__ = ["ALONG", "BESIDE_END", "MADE", "document", "read"]
 
 Changes = Mapping[tuple[str, ...], Any]
 

@@ -18,6 +18,8 @@ from springgym.dynamics.stepping import DYNAMICS
 from springgym.scenes.plan import Plan
 from springgym.simulator import SimulationDivergedError, Simulator
 
+__all__ = ["MOST_BYTES", "MOST_STEPS", "Progress", "Recording", "contacts_of", "record", "rigid_twin"]
+
 Progress = Callable[[Iterable[Any]], Iterable[Any]]
 """A function that wraps an iterator, to show progress."""
 

@@ -63,6 +63,32 @@ from springgym.model.resolution import (
 from springgym.model.scene import Scene
 from springgym.model.surfaces import Contact, PaperContact
 
+__all__ = [
+    "AT_ONCE",
+    "COARSE",
+    "FEWEST",
+    "FOLLOWING",
+    "GOES_FORWARD",
+    "MARKS",
+    "MAY_DIVERGE",
+    "MOST_PARTICLES",
+    "MOST_THREADS",
+    "NEIGHBOURS",
+    "OF_A_STEP",
+    "PAPER_SETTINGS",
+    "PAPER_STEP",
+    "STRAINED",
+    "STRAIN_LIMIT",
+    "UNRESOLVED",
+    "WORTH_A_THREAD",
+    "PrecisionWarning",
+    "SimulationDivergedError",
+    "Simulator",
+    "UnresolvedContactError",
+    "copies_in",
+    "most_copies",
+]
+
 STRAIN_LIMIT = 0.5
 """Largest strain of a spring for which the model holds."""
 

@@ -15,6 +15,19 @@ from springgym.checks import number
 from springgym.theory.checking import ANY, between, checked, not_negative, positive, positives
 from springgym.theory.frames import Floats
 
+__all__ = [
+    "apex",
+    "energy",
+    "force",
+    "holds",
+    "rebound",
+    "rest_height",
+    "slope_acceleration",
+    "stopping_distance",
+    "turning_point",
+    "unchecked_force",
+]
+
 
 @checked(height=positives(*ANY), strength=positive, reach=positive)
 def force(height: ArrayLike, strength: float, reach: float) -> Floats:

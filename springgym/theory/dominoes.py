@@ -30,6 +30,8 @@ import numpy as np
 from springgym.theory.checking import between, checked, count, filled, not_negative, numbers, positive
 from springgym.theory.frames import Floats
 
+__all__ = ["MOST", "NEAR", "PARTS", "impacts", "leaning", "speed", "weights"]
+
 PARTS = 40
 """Number of Runge-Kutta steps from impact to impact; even."""
 

@@ -7,6 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from springgym.theory.checking import ANY, FRAMES, VECTORS, checked, fit, numbers, rotations
 
+__all__ = ["carry", "euler_zxz"]
+
 Floats = NDArray[np.float64]
 
 

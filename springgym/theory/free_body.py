@@ -32,6 +32,8 @@ from springgym.theory.checking import (
 from springgym.theory.elliptic import Jacobi, complete_k, incomplete_f, jacobi, third_kind
 from springgym.theory.frames import Floats, euler_zxz
 
+__all__ = ["FreeMotion", "corner_box_inertia", "flip_interval", "growth_rate", "motion"]
+
 
 @checked(omega_body=numbers(*VECTORS), omega_world=numbers(*VECTORS), attitude=rotations(*FRAMES))
 class FreeMotion(NamedTuple):

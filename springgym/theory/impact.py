@@ -31,6 +31,8 @@ from springgym.theory.checking import (
 from springgym.theory.contact import unchecked_force
 from springgym.theory.frames import Floats
 
+__all__ = ["RADIANS", "STIFFEST", "Impact", "impact"]
+
 RADIANS = 0.02
 """Angle by which the fastest vibration advances in a step [rad]."""
 

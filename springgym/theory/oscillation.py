@@ -11,6 +11,8 @@ from springgym.checks import number
 from springgym.theory.checking import ANY, checked, not_negative, numbers, positive
 from springgym.theory.frames import Floats
 
+__all__ = ["damped", "implicit_euler_spin", "spun_pair", "spun_pair_length"]
+
 
 @checked(mass=positive, damping=not_negative, stiffness=positive, x=number, v=number, t=numbers(*ANY))
 def damped(

@@ -19,6 +19,8 @@ from springgym.theory.checking import ANY, between, checked, inside, numbers, po
 from springgym.theory.elliptic import complete_k, incomplete_f, jacobi
 from springgym.theory.frames import Floats
 
+__all__ = ["CornerCube", "cube_on_vertex", "motion", "period", "small_period"]
+
 
 @checked(i1=positive, i3=positive, length=positive, mgl=positive)
 @dataclass(frozen=True)

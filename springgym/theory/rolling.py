@@ -26,6 +26,25 @@ from springgym.theory.checking import (
 )
 from springgym.theory.frames import Floats
 
+__all__ = [
+    "MOST",
+    "SHEAR",
+    "TOGETHER",
+    "acceleration",
+    "after_skidding",
+    "after_struck",
+    "disk_rate",
+    "egg_rise",
+    "jellett",
+    "needed_friction",
+    "off_a_wall",
+    "resisted_acceleration",
+    "resisted_spin",
+    "resisted_way",
+    "rolling_ellipsoid",
+    "turntable_rate",
+]
+
 MOST = 10_000
 """Largest number of steps between two times."""
 

@@ -20,6 +20,19 @@ from springgym.checks import TINY, array, number, shown
 from springgym.theory.checking import checked, filled, not_negative, numbers, positive, positives
 from springgym.theory.frames import Floats
 
+__all__ = [
+    "FIRMEST",
+    "Catenary",
+    "Modes",
+    "bounce_modes",
+    "cable_bounce",
+    "cable_stretch",
+    "catenary",
+    "stretched_lengths",
+    "swing_modes",
+    "tensions",
+]
+
 FIRMEST = 1e100
 """Largest tension for which a catenary is sought [N]."""
 

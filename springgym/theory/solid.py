@@ -44,6 +44,23 @@ from springgym.theory.checking import (
 )
 from springgym.theory.frames import Floats
 
+__all__ = [
+    "CHUNK",
+    "DEGREE",
+    "MOST",
+    "PAIRS",
+    "ElasticSolid",
+    "Rule",
+    "ball_rule",
+    "box_rule",
+    "cone_rule",
+    "cylinder_rule",
+    "elastic_solid",
+    "isotropic",
+    "orthotropic",
+    "polyhedron_rule",
+]
+
 DEGREE = 8
 """Lowest frequencies are within 5e-4 of those of degree 12, for cube, bar, plate and cones."""
 

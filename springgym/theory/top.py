@@ -40,6 +40,23 @@ from springgym.theory.checking import (
 from springgym.theory.elliptic import complete_k, incomplete_f, jacobi, third_kind
 from springgym.theory.frames import Floats, euler_zxz
 
+__all__ = [
+    "Constants",
+    "HeavyTop",
+    "TopMotion",
+    "TopState",
+    "cone_top_inertia",
+    "constants",
+    "cubic",
+    "effective_potential",
+    "motion",
+    "nutation_frequency",
+    "nutation_period",
+    "sleeping_threshold",
+    "steady_precession",
+    "turning_points",
+]
+
 
 @checked(i1=positive, i3=positive, mgl=positive)
 @dataclass(frozen=True)

@@ -12,7 +12,6 @@ from springgym.cli.simulate import table
 from springgym.model.bodies import start
 from springgym.scenes import load, names
 from springgym.scenes.checks import (
-    CHECKS,
     Check,
     billiards,
     check,
@@ -26,7 +25,7 @@ from springgym.scenes.checks import (
     together,
     tops,
 )
-from springgym.scenes.checks.basis import applies, within
+from springgym.scenes.checks.basis import CHECKS, applies, within
 from springgym.scenes.recording import record
 from tests.params import slow_unless
 from tests.scenes.conftest import marked, recorded

@@ -8,7 +8,7 @@ import pytest
 
 from springgym.model.surfaces import Contact
 from springgym.scenes import load
-from springgym.scenes.checks import CHECKS
+from springgym.scenes.checks.basis import CHECKS
 from springgym.scenes.plots import PLOTS
 from springgym.scenes.reading import KINDS, SURFACES, started
 

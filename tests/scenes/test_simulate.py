@@ -27,8 +27,8 @@ from springgym.model.bodies import Body, cube
 from springgym.model.scene import MOST_LISTED, Placed, Scene
 from springgym.rendering.look import INK
 from springgym.scenes import load, names, plots
-from springgym.scenes.checks import CHECKS, Check
-from springgym.scenes.checks.basis import within
+from springgym.scenes.checks import Check
+from springgym.scenes.checks.basis import CHECKS, within
 from springgym.scenes.film import (
     camera,
     frames,

@@ -25,6 +25,28 @@ from springgym.dynamics.records import Rounds
 from springgym.dynamics.terms import Dampers, Particles, Terms
 from springgym.model.own_forces import add_own_forces, own_energy
 
+__all__ = [
+    "accelerate",
+    "accelerate_and_damp",
+    "act",
+    "actuate",
+    "barriers_energy",
+    "derivative",
+    "divide_and_kick",
+    "divide_by_mass",
+    "drift",
+    "gravity_energy",
+    "kick",
+    "kick_and_drift",
+    "kick_through",
+    "paired",
+    "potential_energy",
+    "relax",
+    "set_forces",
+    "set_weights",
+    "stored_energy",
+]
+
 
 @compiled
 def accelerate(x: Rows, a: Rows, direction: Rows, terms: Terms) -> None:

@@ -23,6 +23,8 @@ from springgym.dynamics.step import Bodies, advance_together
 from springgym.dynamics.terms import Terms
 from springgym.lazy import submodule
 
+__all__ = ["TAKEN", "advance_all", "advance_each", "advance_kernel", "integrator", "kernel_of", "register"]
+
 METHODS = (
     "verlet",
     "symplectic_euler",

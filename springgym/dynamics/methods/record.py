@@ -19,6 +19,8 @@ from springgym.dynamics.methods.envelope import envelope
 from springgym.model.scene import Scene
 from springgym.model.surfaces import PaperContact
 
+__all__ = ["Control", "Integrator", "Phase", "StepCount", "no_node", "refusal", "workspace"]
+
 
 @dataclass(frozen=True)
 class Integrator:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from springgym.checks import instance, shown, suggestion
 from springgym.model.scene import Scene
 from springgym.scenes.checks import billiards, contact, free, rolling, solids, swings, together, tops  # noqa: F401  (they fill CHECKS)
-from springgym.scenes.checks.basis import CHECKS, NEEDS, NOT_COVERED, TOGETHER, TOUCHING, Check
+from springgym.scenes.checks.basis import CHECKS, NEEDS, TOGETHER, Check
 from springgym.scenes.plan import Plan
 from springgym.scenes.recording import Recording
 
@@ -70,4 +70,4 @@ def check(recording: Recording) -> list[Check]:
     return found
 
 
-__all__ = ["CHECKS", "NOT_COVERED", "TOUCHING", "Check", "check", "fitting", "of_all"]
+__all__ = ["Check", "check", "fitting", "of_all"]

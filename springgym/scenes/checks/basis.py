@@ -22,6 +22,24 @@ from springgym.checks import (
 from springgym.scenes.plan import Plan
 from springgym.scenes.recording import Recording
 
+__all__ = [
+    "CHECKS",
+    "NEEDS",
+    "NOT_COVERED",
+    "TOGETHER",
+    "TOUCHING",
+    "applies",
+    "crossings",
+    "gravity",
+    "peaks",
+    "period",
+    "slack",
+    "spread",
+    "turning_rate",
+    "two_figures",
+    "within",
+]
+
 NOT_COVERED = "not covered"
 """The verdict where the error of theory may exceed the tolerance."""
 
