@@ -129,8 +129,8 @@ def test_a_public_name_stands_once() -> None:
             assert hasattr(importlib.import_module(module), name), f"{module}.{name}"
             assert not name.startswith("_"), f"{module}.{name}"
             home = (module, name)
-            while home[1] in origins.get(home[0], {}):
-                home = origins[home[0]][home[1]]
+            while (origin := origins.get(home[0], {}).get(home[1], home)) != home:
+                home = origin
             assert stands.setdefault(home, module) == module, f"{home} is in {stands[home]} and in {module}"
 
 
