@@ -20,7 +20,7 @@ Plot = Literal["top", "pendulum", "rope", "drop", "slide", "rotation", "ringing"
 OF_ONE_BODY = ("top", "rope", "ringing")
 """Names of the plots that can only show a scene of one body."""
 
-LEAST = {"duration": 1e-6, "interval": 1e-9, "step": 1e-9}
+LEAST = {"duration": 1e-7, "interval": 1e-9, "step": 1e-9}
 """Least times of a run [s]: in a shorter one, no motion would be visible in a plot or a film."""
 
 

@@ -516,6 +516,7 @@ def test_copies_are_single_ones_and_calls_of_any_length_are_one(dynamics: str) -
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:a contact of copy:springgym.simulator.PrecisionWarning")  # in both alike
 @pytest.mark.parametrize("dynamics", ["springs", "rigid"])
 @pytest.mark.parametrize("mover", ["ball", "capsule", "disk", "cube"])
 def test_scenes_without_collisions_compute_the_same(mover: str, dynamics: str) -> None:

@@ -318,7 +318,7 @@ def test_papers_method_is_one_switch(monkeypatch, capsys):
     plan = seen[0]
     assert (plan.integrator, plan.step) == ("rk4", 5e-4)
     assert plan.scene.contact == plan.paper
-    assert "rk4, step 0.0005" in capsys.readouterr().out
+    assert "rk4, step 0.5 ms" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
