@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -130,6 +129,13 @@ def changed(scene: str, change: Change, folder: Path) -> Plan:
     return load(str(path))
 
 
+class Counting(Simulator):
+    """A simulator that goes on, and counts what is too fast for its step."""
+
+    def __init__(self, *given: Any, **named: Any) -> None:
+        super().__init__(*given, unresolved="count", **named)
+
+
 def after(scene: str, name: str, change: Change, folder: Path) -> list[Check]:
     """Return what a check says of a scene with a change."""
     plan = changed(scene, change, folder)
@@ -140,8 +146,7 @@ def after(scene: str, name: str, change: Change, folder: Path) -> list[Check]:
         else replace(plan, checks=(), parts=parts)
     )
     fitting(plan)
-    # what is too fast for the step goes on, and is counted
-    with mock.patch.object(recording, "Simulator", partial(Simulator, unresolved="count")):
+    with mock.patch.object(recording, "Simulator", Counting):
         return check(recording.record(plan))
 
 
