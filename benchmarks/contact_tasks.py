@@ -249,7 +249,7 @@ class MuJoCoPlay:
             self.mujoco.mj_setState(self.model, data, state, self.kind)
 
     def state(self, data: Any) -> np.ndarray:
-        """Return all of a copy on which its steps depend."""
+        """Return the state of a copy from which its next steps follow."""
         state = np.zeros(self.mujoco.mj_stateSize(self.model, self.kind))
         self.mujoco.mj_getState(self.model, data, state, self.kind)
         return state

@@ -146,7 +146,8 @@ def test_how_bodies_meet_varies_copy_by_copy() -> None:
         one = Stepped(scene.with_(contact=Contact(friction=mu[n], restitution=e[n])), copies=1).simulator
         one.place(x[n], v[n])
         one.advance(900)
-        alone, among = one.pairs(), many.pairs()
+        alone = one.pairs()
+        among = many.pairs()
         assert np.array_equal(one.positions[0], many.positions[n]), n
         assert np.array_equal(one.velocities[0], many.velocities[n]), n
         for name in set(PairReadings._fields) - {"coarse_contacts"}:  # of the scene's restitution
